@@ -116,7 +116,8 @@ class VehicleModel:
 
         Columns axis, term, unit, value (nan where the run gives none), standard_error,
         low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
-        figures of the vehicle), verdict, determined.
+        figures of the vehicle), low_total and high_total (95 % by both together), verdict,
+        determined.
         """
         nothing = [np.nan, np.nan]
         rows = [
@@ -134,6 +135,9 @@ class VehicleModel:
                         item.interval_95_assumed or nothing,
                         strict=True,
                     )
+                ),
+                **dict(
+                    zip(("low_total", "high_total"), item.interval_95_total or nothing, strict=True)
                 ),
                 "verdict": item.verdict,
                 "determined": item.determined,

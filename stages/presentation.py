@@ -21,6 +21,13 @@ from auvid.hydro.constants import NORMAL_95
 Block = dict[str, Any]
 Figure = dict[str, Any]
 SHOWN_POINTS = 1200
+NOISE_95 = "± 95 % by noise"
+"""Head of a column with half of the 95 % interval."""
+
+
+def half_95(standard_error: float | None) -> float | None:
+    """Return half of the normal 95 % interval of a standard error; None for none."""
+    return None if standard_error is None else NORMAL_95 * standard_error
 
 
 def section(

@@ -223,6 +223,10 @@ class CoefficientEntry(Model):
     """Ends of the 95 % interval by assumed figures of the vehicle, of their standard
     deviations `vehicle.spreads`; no longer dive makes it smaller. null where none is given.
     """
+    interval_95_total: list[float] | None = None
+    """Ends of the 95 % interval by noise and assumed figures together, which are
+    independent; null where there is no standard error.
+    """
     assumed_shifts: dict[str, float]
     """Assumed figure -> what one standard deviation of it moves the value by."""
     inseparable_from: list[str]

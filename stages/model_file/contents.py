@@ -30,6 +30,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.model_file import dynamics_of, fitted_change
 from auvid.stages.base import Document
 from auvid.stages.model_use import recommendation, usable_for, use_words
@@ -178,7 +179,8 @@ def frames(origin: str) -> FramesEntry:
 
 def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry:
     value, error = item.value, item.standard_error
-    assumed = float(np.sqrt(sum(shift**2 for shift in item.assumed_shifts.values())))
+    assumed = total_error(0.0, item.assumed_shifts)
+    total = None if error is None else total_error(error, item.assumed_shifts)
     return CoefficientEntry.model_validate(
         {
             "symbol": str(Unknown(axis, item.term)),
@@ -194,6 +196,7 @@ def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry
             "standard_error": error,
             "interval_95": _interval(value, error),
             "interval_95_assumed": _interval(value, assumed if item.assumed_shifts else None),
+            "interval_95_total": _interval(value, total),
             "assumed_shifts": item.assumed_shifts,
             "inseparable_from": item.inseparable_from or [],
             "turns_without": item.turns_without or [],

@@ -7,7 +7,17 @@ from typing import Any
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard
-from auvid.stages.presentation import Block, equation, remark, section, table, text
+from auvid.hydro.constants import NORMAL_95
+from auvid.stages.presentation import (
+    NOISE_95,
+    Block,
+    equation,
+    half_95,
+    remark,
+    section,
+    table,
+    text,
+)
 
 NORMAL = 1.3
 """Normalised errors beyond this, or below its inverse, are named."""
@@ -55,9 +65,9 @@ def _coefficients(first: ModelCard, card: ModelCard) -> Block:
                     axis,
                     item.term,
                     item.value,
-                    item.standard_error,
+                    half_95(item.standard_error),
                     old.value,
-                    old.standard_error,
+                    half_95(old.standard_error),
                     item.unit,
                     f"{verdict}{partners}",
                 ]
@@ -66,14 +76,14 @@ def _coefficients(first: ModelCard, card: ModelCard) -> Block:
         "axis",
         "term",
         "value",
-        "standard error",
+        NOISE_95,
         f"{first.method}: value",
-        "standard error there",
+        f"{NOISE_95} there",
         "unit",
         "verdict",
     ]
     note = (
-        "Standard errors are the larger of those for white and for coloured errors. Constant"
+        "Intervals are the larger of those for white and for coloured errors. Constant"
         " forces that an unsteady force with a long memory can take over have wide ones."
     )
     return table(f"{card.title}: {card.n_bar} terms", heads, rows, note=note)
@@ -88,11 +98,12 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
     )
     if fit.lag is not None:
         error = fit.lag.standard_error_s
-        spread = "" if error is None else f" +- {error:.2g}"
+        spread = "" if error is None else f" +- {NORMAL_95 * error:.2g} (95 %)"
         words += f" Lag of the actuators: {fit.lag.value_s:.3g}{spread} s, {fit.lag.verdict}."
     for item in card.inertia:
         words += (
-            f" Inertia of {item.name}: {item.value:.3g} +- {item.standard_error:.2g} {item.unit},"
+            f" Inertia of {item.name}: {item.value:.3g} +- {NORMAL_95 * item.standard_error:.2g}"
+            f" (95 %) {item.unit},"
             f" {item.verdict} (vehicle file {item.in_vehicle_file:.3g})"
         )
         words += (

@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.models import MODELS, model_named
 from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.presentation import equation, remark, section, table
+from auvid.stages.presentation import NOISE_95, equation, half_95, remark, section, table
 from auvid.stages.synthesise.error_choice import MOST_SAMPLES
 from auvid.stages.synthesise.model_card import excitation_word
 
@@ -80,24 +81,28 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
             verdict = f"inseparable from {', '.join(partners)}" if partners else item.verdict
             if item.turns_without:
                 verdict += f"; its sign turns without {', '.join(item.turns_without)}"
-            row = [axis, item.term, item.value, item.standard_error, item.unit]
+            row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
             rows.append(
                 [
                     *row,
                     *(
-                        [shift_words(item.assumed_shifts, item.standard_error or 0.0)]
+                        [
+                            shift_words(
+                                item.assumed_shifts, item.standard_error or 0.0, factor=NORMAL_95
+                            )
+                        ]
                         if card.spreads
                         else []
                     ),
                     verdict,
                 ]
             )
-    budget = ["by assumed figures"] if card.spreads else []
-    heads = ["axis", "term", "value", "standard error", "unit", *budget, "verdict"]
+    budget = ["± 95 % by assumed figures"] if card.spreads else []
+    heads = ["axis", "term", "value", NOISE_95, "unit", *budget, "verdict"]
     title = f"{card.title}: {card.n_bar} terms, {card.identified} identified" + (
         ", with a prior" if card.prior is not None else ""
     )
-    note = "Standard errors allow for coloured residuals (Newey-West)"
+    note = "Intervals allow for coloured residuals (Newey-West)"
     if card.method == "error function":
         note = (
             f"Least is {ERROR_TEXT[card.error_function]}, weights {card.weights}, minimiser"
@@ -125,8 +130,8 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
         note += " There is one training leg: whether signs hold without it is not tested."
     if card.spreads:
         note += (
-            " By assumed figures: how far one standard deviation of each moves the value, beside"
-            " the standard error; the vehicle file states them (spreads)."
+            " By assumed figures: how far each, within its 95 %, moves the value, beside noise; the"
+            " vehicle file states them (spreads)."
         )
     elif card.assumed:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
@@ -136,12 +141,12 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
     blocks += [_prior_remark(card, prior) for prior in card.measured_priors]
     blocks += _limit_blocks(card)
     sums = [
-        [axis, item.reading, item.standard_error]
+        [axis, item.reading, half_95(item.standard_error)]
         for axis, part in card.axes.items()
         for item in part.combinations
     ]
     if sums:
-        heads = ["axis", "combination of coefficients: value", "standard error"]
+        heads = ["axis", "combination of coefficients: value", NOISE_95]
         blocks.append(
             table(
                 f"{card.title}: what the data determine of inseparable terms",
@@ -195,7 +200,7 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
             [
                 item.name,
                 item.value,
-                item.standard_error,
+                half_95(item.standard_error),
                 item.in_vehicle_file,
                 item.unit,
                 item.lag_s,
@@ -212,7 +217,7 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
         columns: list[str | tuple[str, str]] = [
             "derivative",
             "inertia",
-            "standard error",
+            NOISE_95,
             "in the vehicle file",
             "unit",
             ("lag beside it", "s"),

@@ -38,13 +38,24 @@ def shift_words(shifts: Mapping[str, float], standard_error: float, *, factor: f
     are left out.
 
     >>> shift_words({"mass": 0.01, "thrust": 11.6}, 0.9)
-    '± 11.6 scale of the thrust curve'
+    'scale of the thrust curve ± 11.6'
     """
     order = sorted(shifts.items(), key=lambda pair: -pair[1])
     least = 0.1 * max(order[0][1], standard_error) if order else 0.0
     return ", ".join(
-        f"± {factor * shift:.3g} {FIGURES[name]}" for name, shift in order if shift >= least
+        f"{FIGURES[name]} ± {factor * shift:.3g}" for name, shift in order if shift >= least
     )
+
+
+def total_error(standard_error: float, shifts: Mapping[str, float]) -> float:
+    """Return the standard error by noise and assumed figures together.
+
+    sqrt(s^2 + sum of shifts^2): assumed figures err independently of each other.
+
+    >>> total_error(3.0, {"thrust": 4.0})
+    5.0
+    """
+    return float(np.sqrt(standard_error**2 + sum(shift**2 for shift in shifts.values())))
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ def answer_text(summary: Summary) -> str:
     if summary.identified:
         lines += [
             "",
-            "identified (95 % by noise; beside it by assumed figures of the vehicle):",
+            "identified (± is 95 %, by noise and assumed figures of the vehicle together):",
         ]
         for entry in summary.identified:
             lines += _item(entry.label, "; ".join(entry.figures))

@@ -8,18 +8,16 @@ import numpy as np
 
 from auvid.data_schemas.documents.model import Quantity, assumed_quantities
 from auvid.data_schemas.documents.vehicle import VehicleDocument
-from auvid.data_schemas.records.models import AxisCard, ModelCard, VelocityRange
+from auvid.data_schemas.records.models import AxisCard, ModelCard, TermCard, VelocityRange
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
-from auvid.hydro.identification.regression.assumed_figures import shift_words
+from auvid.hydro.identification.regression.assumed_figures import shift_words, total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.stages.number_format import (
     estimate,
-    fixed,
-    places_of_error,
     printed_unit,
     significant,
     true_minus,
@@ -41,19 +39,17 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
 
     Damping per axis where a term in that axis's own velocity is identified.
 
-    Standard errors are those of the model card; what assumed figures of the vehicle add
-    stands beside them.
+    Each ± is half of the 95 % interval, by noise and assumed figures of the vehicle
+    together; what either adds stands in brackets.
     """
     entries = [
         CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))
         for axis, part in card.axes.items()
         if (lines := _damping(axis, part))
     ]
-    single = [(axis, *item) for axis, part in card.axes.items() for item in _identified(part)]
+    single = [(axis, item) for axis, part in card.axes.items() for item in _identified(part)]
     constant = [
-        _figure(f"{axis}", value, error, _unit(axis, CONSTANT))
-        for axis, term, value, error in single
-        if term == CONSTANT
+        _figure(axis, item, _unit(axis, CONSTANT)) for axis, item in single if item.term == CONSTANT
     ]
     if constant:
         entries.append(
@@ -64,9 +60,9 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
             )
         )
     crossed = [
-        breaks_symmetry(axis, term)
-        for axis, term, _, _ in single
-        if term != CONSTANT and not _own(axis, term)
+        breaks_symmetry(axis, item.term)
+        for axis, item in single
+        if item.term != CONSTANT and not _own(axis, item.term)
     ]
     if crossed:
         words = f"{len(crossed)} identified, in Models and coefficients"
@@ -79,10 +75,10 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
         CoefficientLine(
             f"{AXIS_WORDS[item.name[0]]} inertia",
             (
-                _figure(
+                _within(
                     f"{INERTIA[item.name[0]]} - {item.name}",
                     item.value,
-                    item.standard_error,
+                    NORMAL_95 * item.standard_error,
                     printed_unit(item.unit),
                 ),
             ),
@@ -111,10 +107,9 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
     Determined sums of such terms are included.
     """
     lines = [
-        _figure(_symbol(axis, term), value, error, _unit(axis, term), interval=True)
-        + _by_assumed_figures(part, term)
-        for term, value, error in _identified(part)
-        if _own(axis, term)
+        _figure(_symbol(axis, item.term), item, _unit(axis, item.term))
+        for item in _identified(part)
+        if _own(axis, item.term)
     ]
     for item in part.combinations:
         error = item.standard_error
@@ -130,28 +125,15 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
                     for term, weight in item.weights.items()
                 )
                 lines.append(
-                    _figure(
-                        name.replace("+ -1 ", "− "),
-                        item.value,
-                        error,
-                        units.pop(),
-                        interval=True,
-                    )
+                    _within(name.replace("+ -1 ", "− "), item.value, NORMAL_95 * error, units.pop())
                 )
     return tuple(lines)
 
 
-def _by_assumed_figures(part: AxisCard, term: str) -> str:
-    """Return what assumed figures of the vehicle add to the interval of a term."""
-    item = next(item for item in part.terms if item.term == term)
-    words = shift_words(item.assumed_shifts, item.standard_error or 0.0, factor=NORMAL_95)
-    return f", and {words} (assumed, 95 %)" if words else ""
-
-
-def _identified(part: AxisCard) -> list[tuple[str, float, float]]:
-    """Return term, value and standard error of the identified coefficients."""
+def _identified(part: AxisCard) -> list[TermCard]:
+    """Return the identified coefficients."""
     return [
-        (item.term, item.value, item.standard_error)
+        item
         for item in part.terms
         if item.verdict == IDENTIFIED and item.value is not None and item.standard_error
     ]
@@ -175,18 +157,22 @@ def _unit(axis: str, term: str) -> str:
     return printed_unit(coefficient_unit(axis, term))
 
 
-def _figure(symbol: str, value: float, error: float, unit: str, *, interval: bool = False) -> str:
-    """Return an estimate with standard error, unit and interval as text.
+def _figure(symbol: str, item: TermCard, unit: str) -> str:
+    """Return a coefficient within its 95 % interval, and what the interval is made of.
 
-    `X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)`.
+    `X_u = −58 ± 23 N s/m (noise ± 1.4, scale of the thrust curve ± 22.9)`.
     """
-    words = f"{symbol} = {estimate(value, error)} {unit}"
-    if interval:
-        low, high = (
-            fixed(value + side * NORMAL_95 * error, places_of_error(error)) for side in (-1, 1)
-        )
-        words += f" (95 %: {low} to {high})"
-    return true_minus(words)
+    value, error = item.value or 0.0, item.standard_error or 0.0
+    words = _within(symbol, value, NORMAL_95 * total_error(error, item.assumed_shifts), unit)
+    shifts = shift_words(item.assumed_shifts, error, factor=NORMAL_95)
+    if shifts:
+        words += f" (noise ± {NORMAL_95 * error:.2g}, {shifts})"
+    return words
+
+
+def _within(symbol: str, value: float, half: float, unit: str) -> str:
+    """Return a value and half of its interval with the unit: `K = 0.16 ± 0.05 N m`."""
+    return true_minus(f"{symbol} = {estimate(value, half)} {unit}")
 
 
 def assumed_words(vehicle: VehicleDocument) -> tuple[int, str]:

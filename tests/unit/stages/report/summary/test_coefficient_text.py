@@ -45,10 +45,10 @@ def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard
 @pytest.mark.parametrize(
     ("axis", "name", "value", "error", "words"),
     [
-        ("X", "u", -57.551, 0.8695, "X_u = −57.6 ± 0.9 N s/m (95 %: −59.3 to −55.8)"),
-        ("X", "u*|u|", -103.2, 13.6, "X_u|u| = −103 ± 14 N s²/m² (95 %: −130 to −77)"),
-        ("N", "r", -0.2, 0.0123, "N_r = −0.200 ± 0.012 N m s/rad (95 %: −0.224 to −0.176)"),
-        ("N", "r*|r|", 1.5, 0.3, "N_r|r| = 1.5 ± 0.3 N m s²/rad² (95 %: 0.9 to 2.1)"),
+        ("X", "u", -57.551, 0.8695, "X_u = −57.6 ± 1.7 N s/m"),
+        ("X", "u*|u|", -103.2, 13.6, "X_u|u| = −103 ± 27 N s²/m²"),
+        ("N", "r", -0.2, 0.0123, "N_r = −0.20 ± 0.02 N m s/rad"),
+        ("N", "r*|r|", 1.5, 0.3, "N_r|r| = 1.5 ± 0.6 N m s²/rad²"),
     ],
 )
 def test_damping_has_unit_and_interval(
@@ -61,6 +61,15 @@ def test_damping_has_unit_and_interval(
         found.note
         == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs"
         " went."
+    )
+
+
+def test_assumed_figures_widen_the_interval_and_stand_beside_noise() -> None:
+    """Half of it is 1.96 sqrt(.7^2 + 11.7^2) = 23.0."""
+    item = term("u", -57.9, 0.7).model_copy(update={"assumed_shifts": {"thrust": 11.7}})
+    (found,) = findings(card(X=[item]))
+    assert found.figures == (
+        "X_u = −58 ± 23 N s/m (noise ± 1.4, scale of the thrust curve ± 22.9)",
     )
 
 
@@ -78,7 +87,7 @@ def test_determined_sum_of_inseparable_terms_counts_as_damping() -> None:
     none = {"weights": {"u*u": 1.0, "u*|u|": 1.0}, "value": 1.0, "standard_error": 4.72}
     mixed = {"weights": {"u": 1.0, "v": 1.0}, "value": -88.83, "standard_error": 4.72}
     (found,) = findings(card([one, none, mixed]))
-    assert found.figures == ("X_u + X_|u| = −89 ± 5 N s/m (95 %: −98 to −80)",)
+    assert found.figures == ("X_u + X_|u| = −89 ± 9 N s/m",)
 
 
 def test_constant_forces_and_couplings_stand_apart() -> None:
@@ -90,7 +99,7 @@ def test_constant_forces_and_couplings_stand_apart() -> None:
         )
     )
     assert [item.label for item in found] == ["constant force per axis", "couplings"]
-    assert found[0].figures == ("Z = −4.48 ± 0.07 N",)
+    assert found[0].figures == ("Z = −4.48 ± 0.13 N",)
     assert found[1].figures == ("3 identified, in Models and coefficients",)
     assert found[1].note.startswith("2 of them a hull symmetric to port and starboard cannot have")
 
