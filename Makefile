@@ -12,7 +12,7 @@ TEST := $(VENV)/.test-installed
 TYPING := build/typing/auvid
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
-.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test test-all lint typing format declarations lock bench agreement clean twin circle fuzz
+.PHONY: help setup demo campaign report inspect diff gallery reproduce regress test test-all lint typing format declarations docs lock bench agreement clean twin circle fuzz
 
 help:
 	@echo "make setup                set up .venv for working on auvid: run, test, lint"
@@ -33,7 +33,8 @@ help:
 	@echo "make format               write all code in the one format"
 	@echo "make bench                benchmarks: figures and ratios as JSON"
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
-	@echo "make declarations         write params.yaml, dvc.yaml, docs/equations.md and model_file.md from the code"
+	@echo "make declarations         write params.yaml, dvc.yaml and the reference pages of docs/ from the code"
+	@echo "make docs                 build the site of the documents into build/docs"
 	@echo "make lock                 pin the dependencies: one set for running, one for testing"
 	@echo "make clean                remove results and caches, not .venv"
 
@@ -140,7 +141,13 @@ format: $(TEST)
 declarations: $(RUN)
 	python -m auvid.pipeline.execution.generate_dvc
 	python tools/equations.py
-	python tools/model_file.py
+	python tools/reference.py
+
+# Warnings are errors: links, anchors and pages that are in no list of contents.
+docs: $(TEST)
+	@sphinx-build --quiet --fail-on-warning --jobs auto --doctree-dir build/docs_cache docs build/docs
+	@python tools/check_site.py build/docs
+	@echo "$(CURDIR)/build/docs/index.html"
 
 COMPILE = uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-annotate --no-emit-index-url --no-emit-find-links --quiet

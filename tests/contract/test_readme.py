@@ -1,5 +1,5 @@
-"""README.md is true: its commands exist, its documents pass their schemas and run, its
-figures are those of the golden tables.
+"""README.md is true: its figures are those of the golden tables, and a campaign of own
+CSV files runs as its document says.
 """
 
 from __future__ import annotations
@@ -11,77 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from auvid.pipeline import cli
-from auvid.pipeline.campaigns.yaml_files import load_yaml
+from tests.support.documents import blocks, commands, documents
 
 ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SHELL = re.findall(r"^ {4}((?:auvid|make|\.) .*?)(?:  +#.*)?$", README, re.MULTILINE) + re.findall(
-    r"`((?:auvid|make) [^`]+)`", README
-)
-YAML = re.findall(r"```yaml\n(.*?)```", README, re.DOTALL)
-
-
-def yaml_block(first: str) -> str:
-    return next(block for block in YAML if first in block)
+README = documents()["README.md"]
+OWN_CSV = documents()["docs/howto/own_csv.md"]
 
 
 def test_commands_are_found_in_the_text() -> None:
-    assert {
-        "make demo",
-        "make test",
-        "make bench",
-        "auvid run example",
-        "auvid check dive.BIN",
-    } <= set(SHELL)
-
-
-@pytest.mark.parametrize("line", sorted({line for line in SHELL if line.startswith("make ")}))
-def test_make_targets_exist(line: str) -> None:
-    target = line.split()[1]
-    assert re.search(rf"^{re.escape(target)}:", (ROOT / "Makefile").read_text(), re.MULTILINE), (
-        target
-    )
-
-
-@pytest.mark.parametrize("line", sorted({line for line in SHELL if line.startswith("auvid ")}))
-def test_commands_and_options_exist(line: str) -> None:
-    _, command, *words = line.split()
-    result = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "200"})
-    assert result.exit_code == 0, line
-    for option in (word for word in words if word.startswith("--")):
-        assert option in result.output, line
-
-
-@pytest.mark.parametrize("option", ["--until", "--engine", "--strict"])
-def test_options_of_run_in_the_text_exist(option: str) -> None:
-    assert option in README
-    assert option in CliRunner().invoke(cli.app, ["run", "--help"], env={"COLUMNS": "200"}).output
-
-
-def test_links_lead_somewhere() -> None:
-    local = [
-        target for target in re.findall(r"\]\(([^)]+)\)", README) if not target.startswith("http")
-    ]
-    assert local
-    assert [target for target in local if not (ROOT / target).exists()] == []
-
-
-DOCUMENTS = [
-    ("kind: identification", "campaign"),
-    ("stream: attitude", "column_map"),
-    ("kind: bench", "campaign"),
-    ("radius_ceiling", "apparatus"),
-]
-
-
-@pytest.mark.parametrize(("first", "schema"), DOCUMENTS)
-def test_documents_pass_their_schemas(first: str, schema: str, tmp_path: Path) -> None:
-    path = tmp_path / "document.yaml"
-    path.write_text(yaml_block(first), encoding="utf-8")
-    load_yaml(path).check(schema)
+    assert {"make demo", "make test", "auvid check dive.BIN"} <= {
+        command.line for command in commands("README.md")
+    }
 
 
 def test_figures_of_the_demo_are_those_of_the_golden_tables() -> None:
@@ -108,17 +50,15 @@ def test_figures_of_the_demo_are_those_of_the_golden_tables() -> None:
 def test_own_csv_campaign_runs_as_described(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The column map of README on a small log with those columns, in a new workspace,
-    up to the fused state.
+    """The column map of docs/howto/own_csv.md on a small log with those columns, up to the
+    fused state.
     """
     folder = tmp_path / "workspace"
     assert auvid(monkeypatch, "new", str(folder)) == 0
     campaign = folder / "campaigns" / "mine"
     (campaign / "logs").mkdir(parents=True)
     (campaign / "columns").mkdir()
-    (campaign / "columns" / "dive.yaml").write_text(
-        yaml_block("stream: attitude"), encoding="utf-8"
-    )
+    (campaign / "columns" / "dive.yaml").write_text(blocks(OWN_CSV, "yaml")[0], encoding="utf-8")
     (campaign / "logs" / "dive.csv").write_text(own_log(), encoding="utf-8")
     manifest = (
         "kind: identification\nvehicle: example_rov\nlogs:\n  - {id: dive, file: logs/dive.csv,"
@@ -137,7 +77,7 @@ def test_own_csv_campaign_runs_as_described(
 
 
 def own_log() -> str:
-    """40 s at 10 Hz in the columns, units and frames of README's column map."""
+    """40 s at 10 Hz in the columns, units and frames of that column map."""
     t = np.arange(400) / 10.0
     yaw = 20.0 * np.sin(0.3 * t)
     columns = {

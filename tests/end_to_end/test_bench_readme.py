@@ -1,4 +1,4 @@
-"""The bench of README: its manifest and apparatus as they stand there, on DataFlash
+"""The bench of docs/bench.md: its manifest and apparatus as they stand there, on DataFlash
 logs of pendulums and a tank run.
 """
 
@@ -23,7 +23,7 @@ from tests.support.pictures import assert_pictured
 
 ROOT = Path(__file__).parents[2]
 BLOCKS = re.findall(
-    r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+    r"```yaml\n(.*?)```", (ROOT / "docs/bench.md").read_text(encoding="utf-8"), re.DOTALL
 )
 TRUTH = {
     "X_udot": -87.0,

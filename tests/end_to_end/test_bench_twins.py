@@ -144,6 +144,6 @@ def test_documents_of_the_campaigns_agree(name: str) -> None:
             f"{kinds['method']} of {kinds.total()} test the method ({kinds['method']} met)",
             *(f"{kinds[kind]} {SHOWS[kind]} ({kinds[kind]} met)" for kind in list(SHOWS)[1:]),
         ]
-        readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-        assert f"bounds: {', '.join(words)}" in readme
+        page = " ".join((ROOT / "docs/howto/twin.md").read_text(encoding="utf-8").split())
+        assert f"bounds: {', '.join(words)}" in page
         assert listed == {f"A{number}" for number in range(1, 31)}

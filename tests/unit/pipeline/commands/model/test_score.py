@@ -1,4 +1,4 @@
-"""`auvid score`: published sets on the dive of a run, as README prints them."""
+"""`auvid score`: published sets on the dive of a run, as its document prints them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 
 from auvid.pipeline import cli
 
-README = (Path(__file__).resolve().parents[5] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).resolve().parents[5]
+PAGE = (ROOT / "docs/howto/published_sets.md").read_text(encoding="utf-8")
 DIVE = "bluerov2_dvl"
 
 
@@ -38,14 +39,14 @@ def printed_rows(text: str) -> dict[str, list[float]]:
     return {name: [float(cell) for cell in cells.split()] for name, cells in rows}
 
 
-def test_readme_has_what_the_command_prints(dive: Path) -> None:
+def test_document_has_what_the_command_prints(dive: Path) -> None:
     result = CliRunner().invoke(
         cli.app, ["score", DIVE, "--with", "bluerov2_*"], env={"COLUMNS": "200"}
     )
     assert result.exit_code == 0, result.output
-    ours, readme = printed_rows(result.output), printed_rows(README)
-    assert set(ours) == set(readme)
-    for name, cells in readme.items():
+    ours, page = printed_rows(result.output), printed_rows(PAGE)
+    assert set(ours) == set(page)
+    for name, cells in page.items():
         # Two figures are printed: one unit of the last.
         assert ours[name] == pytest.approx(cells, rel=0.11), name
     assert "Nearest: BlueROV2 Heavy, von Benzon et al. 2022." in result.output
