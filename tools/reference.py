@@ -56,7 +56,7 @@ DOCUMENTS: Mapping[str, tuple[str, str]] = {
 PARTS = {"schema", "model_file"}
 """Documents with a page of their own elsewhere."""
 COMMAND_GROUPS: Mapping[str, tuple[str, ...]] = {
-    "Every day": ("run", "check", "report", "inspect", "new"),
+    "Every day": ("run", "check", "report", "inspect", "new campaign", "new workspace"),
     "Compare": ("diff", "history", "regress"),
     "Use a model": ("export", "score", "coefficients"),
     "Twins and published tables": ("simulate", "reproduce"),
@@ -221,10 +221,8 @@ def model_file_page() -> str:
 
 def commands_page() -> str:
     """Return the page of the command line, from its signatures."""
-    group = typer.main.get_command(app)
-    commands: Mapping[str, Any] = {
-        name: command for name, command in group.commands.items() if not command.hidden
-    }
+    group: Any = typer.main.get_command(app)
+    commands = command_tree()
     placed = {name for names in COMMAND_GROUPS.values() for name in names}
     groups = {
         title: [name for name in names if name in commands]
@@ -257,13 +255,30 @@ def commands_page() -> str:
     return "\n".join(parts)
 
 
+def command_tree() -> dict[str, Any]:
+    """Return every command that help lists by its words, as `new campaign`."""
+    group: Any = typer.main.get_command(app)
+    tree: dict[str, Any] = {}
+    for name, command in group.commands.items():
+        parts = getattr(command, "commands", None)
+        inner = (
+            {f"{name} {part}": each for part, each in parts.items()} if parts else {name: command}
+        )
+        tree |= {words: each for words, each in inner.items() if not each.hidden}
+    return tree
+
+
 def _plain(text: str) -> str:
     """Return help text without the marks of rich and of click."""
     return re.sub(r"\[/?(?:bold|dim|italic)\]", "", text.replace("\b", "")).strip()
 
 
 def _command(name: str, command: Any) -> str:
-    arguments = [item for item in command.params if item.param_type_name == "argument"]
+    arguments = [
+        item
+        for item in command.params
+        if item.param_type_name == "argument" and not getattr(item, "hidden", False)
+    ]
     words = " ".join(
         (item.metavar or item.name.upper()) if item.required else f"[{item.metavar or item.name}]"
         for item in arguments
