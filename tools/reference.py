@@ -201,7 +201,7 @@ from auvid.pipeline.store.model_files import read_model
 from auvid.hydro.model_file import forces, inertia, vehicle_of
 
 model = read_model(path)
-M = inertia(model)              # (6, 6), rigid body and added mass
+M = inertia(model)  # (6, 6), rigid body and added mass
 parts = forces(model, nu, eta)  # coriolis, viscous, restoring, (n, 6) each
 nu_dot = (parts.viscous + parts.restoring + tau - parts.coriolis) @ inv(M).T
 ```
