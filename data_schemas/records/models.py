@@ -120,6 +120,8 @@ class MeasuredPriorCard(Model):
     """Its results or its model card."""
     means: dict[str, dict[str, float]]
     """Per axis, term -> mean in SI."""
+    lower: list[list[float]]
+    """Rows of the lower triangle of their covariance in SI, in the order of `means`."""
 
 
 class VelocityRange(Model):

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
@@ -26,9 +26,11 @@ from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
     damping,
     dissipation_cuts,
+    flown_reach,
     linear_dissipation,
     positive_inertia,
 )
+from auvid.hydro.identification.constrained.priors import NormalPrior
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
 from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
 from auvid.hydro.identification.maximum_likelihood.likelihood import NoiseModel
@@ -38,7 +40,6 @@ from auvid.hydro.identification.maximum_likelihood.parameters import (
     UnknownParameters,
 )
 from auvid.hydro.identification.maximum_likelihood.records import LegRecord, rough_sd
-from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.verdicts import INSEPARABLE
 
 ESTIMATORS = ("filter_error", "output_error")
@@ -119,17 +120,17 @@ class CardUnknowns:
 
     @property
     def prior(self) -> ParameterPrior | None:
-        """Return the card's prior on its coefficients; None for none."""
-        if self.card.prior is None:
+        """Return the card's priors on its coefficients as one; None for none."""
+        own, parts = self.card.prior, [_measured(item) for item in self.card.measured_priors]
+        if own is not None:
+            spread = own.relative_sd
+            parts.append(NormalPrior.relative(own.source, own.means, relative_sd=spread))
+        used = [part for item in parts if (part := item.of(self.unknowns)).unknowns]
+        if not used:
             return None
-        mean, precision = np.zeros(len(self.unknowns)), np.zeros(len(self.unknowns))
-        for axis, row in self.card.prior.means.items():
-            for term, value in row.items():
-                if Unknown(axis, term) in self.unknowns:
-                    place = self.unknowns.index(Unknown(axis, term))
-                    mean[place] = value
-                    precision[place] = (self.card.prior.relative_sd * value) ** -2.0
-        return ParameterPrior(mean, np.diag(precision))
+        rows = np.vstack([part.rows(self.unknowns) for part in used])
+        mean = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=None)[0]
+        return ParameterPrior(mean, rows[:, :-1].T @ rows[:, :-1])
 
     def noise(self, legs: Sequence[LegRecord]) -> NoiseModel:
         """Return sensors as their samples scatter, and the force that the card left."""
@@ -162,10 +163,8 @@ class CardUnknowns:
             if all(u.term in VELOCITIES for u in viscous):
                 cuts.append(linear_dissipation(self.unknowns))
             else:
-                flown = {name: self.card.conditions[name] for name in VELOCITIES}
-                high = np.array(
-                    [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
-                )
+                flown = {n: (span.low, span.high) for n, span in self.card.conditions.items()}
+                high = flown_reach(flown)
                 cuts.append(dissipation_cuts(self.unknowns, -high, high))
         if self.inertia:
             rows.append(added_mass_bounds(self.unknowns, self.vehicle.added_mass))
@@ -204,6 +203,16 @@ class SensorFit:
     def covariance(self) -> Array:
         """Return the covariance (k, k) of physical values, nan where one is fixed."""
         return self.estimate.covariance * np.outer(self.problem.signs, self.problem.signs)
+
+
+def _measured(item: MeasuredPriorCard) -> NormalPrior:
+    """Return the prior of another measurement."""
+    values = {Unknown(axis, t): mean for axis, row in item.means.items() for t, mean in row.items()}
+    covariance = np.zeros((len(values),) * 2)
+    for i, row in enumerate(item.lower):
+        covariance[i, : i + 1] = covariance[: i + 1, i] = row
+    mean = np.array(list(values.values()))
+    return NormalPrior(item.source, tuple(values), mean, covariance)
 
 
 def fit_card(

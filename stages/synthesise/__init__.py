@@ -69,6 +69,7 @@ from auvid.stages.synthesise.within_limits import (
     DAMPING,
     PhysicalLimits,
     normal_priors,
+    refuse_pushing_priors,
     within_limits,
 )
 
@@ -200,6 +201,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inputs.priors,
         {m.name: viscous_equations(m) for m in declared if m.name not in published},
     )
+    refuse_pushing_priors(params.damping, prior, sources)
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(

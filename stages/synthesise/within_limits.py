@@ -26,10 +26,11 @@ from auvid.data_schemas.records.models import (
     TermCard,
 )
 from auvid.data_schemas.records.priors import PriorSourcesRecord
-from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.models import ViscousModel
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
@@ -43,11 +44,8 @@ from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_withi
 from auvid.hydro.identification.constrained.inertia import inertia_against_lag
 from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
-    damping,
-    dissipation,
-    dissipation_cuts,
-    envelope,
-    linear_dissipation,
+    damping_limits,
+    flown_reach,
     positive_inertia,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
@@ -57,7 +55,6 @@ from auvid.hydro.identification.constrained.statuses import (
     CoefficientStatus,
     statuses,
 )
-from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
@@ -167,23 +164,8 @@ def _physics(
     unknowns: Sequence[Unknown], card: ModelCard, limits: PhysicalLimits, vehicle: Vehicle
 ) -> tuple[list[InequalityRows], list[Cuts]]:
     """Return the limits as rows, and as cuts that are made while solving."""
-    rows: list[InequalityRows] = []
-    cuts: list[Cuts] = []
-    if limits.damping != "free":
-        rows.append(damping(unknowns))
-    if limits.damping == "dissipative":
-        viscous = [u for u in unknowns if u.term in BASIS_TERMS]
-        if all(u.term in VELOCITIES for u in viscous):
-            # Of linear terms the power has one sign in every direction or at none.
-            cuts.append(linear_dissipation(unknowns))
-        else:
-            # Alike in both directions: a hull is not to gain energy astern either.
-            flown = {name: card.conditions[name] for name in VELOCITIES}
-            high = np.array(
-                [max(abs(v.low), abs(v.high), THRESHOLDS[name]) for name, v in flown.items()]
-            )
-            rows.append(dissipation(unknowns, envelope(-high, high)))
-            cuts.append(dissipation_cuts(unknowns, -high, high))
+    flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
+    rows, cuts = damping_limits(unknowns, limits.damping, flown_reach(flown))
     if limits.inertia:
         rows.append(added_mass_bounds(unknowns, vehicle.added_mass))
         cuts.append(positive_inertia(unknowns, vehicle.mass_matrix))
@@ -237,9 +219,42 @@ def normal_priors(
     return tuple(priors)
 
 
+def refuse_pushing_priors(damping: str, prior: Prior, sources: Sequence[NormalPrior]) -> None:
+    """Raise `CampaignError` for a prior of damping that pushes, where damping may not."""
+    if damping == "free":
+        return
+    all_sources = [
+        (
+            "stages.synthesise.prior",
+            NormalPrior.relative(prior.source, prior.means, relative_sd=prior.relative_sd),
+        ),
+        *((f"priors[{index}]", item) for index, item in enumerate(sources)),
+    ]
+    for field, item in all_sources:
+        for unknown, mean, variance in zip(
+            item.unknowns, item.mean.tolist(), np.diag(item.covariance).tolist(), strict=True
+        ):
+            own = OWN_VELOCITY[unknown.axis]
+            if unknown.term in (own, f"{own}*|{own}|") and mean > NORMAL_95 * np.sqrt(variance):
+                raise CampaignError(
+                    "a prior and the limits on damping contradict each other",
+                    field=field,
+                    value=f"{unknown} = {mean:.3g} +- {NORMAL_95 * np.sqrt(variance):.2g} (95 %)",
+                    allowed=f"0 and less: damping is {damping}",
+                    remedy="Damping has a negative sign here: check that of the source, leave the"
+                    " prior out, or set stages.synthesise.damping: free.",
+                )
+
+
 def _measured_card(used: NormalPrior) -> MeasuredPriorCard:
     source, _, file = used.source.partition(": ")
-    return MeasuredPriorCard.model_validate({"source": source, "file": file, "means": _means(used)})
+    means = _means(used)
+    order = [used.unknowns.index(Unknown(axis, t)) for axis, row in means.items() for t in row]
+    covariance = used.covariance[np.ix_(order, order)].tolist()
+    lower = [row[: i + 1] for i, row in enumerate(covariance)]
+    return MeasuredPriorCard.model_validate(
+        {"source": source, "file": file, "means": means, "lower": lower}
+    )
 
 
 def _means(used: NormalPrior) -> dict[str, dict[str, float]]:

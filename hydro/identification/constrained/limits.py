@@ -23,6 +23,7 @@ from auvid.hydro.identification.constrained.equations import (
     Unknown,
     inertia_pattern,
 )
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
 
 NEGATIVE = 1e-11
 """An eigenvalue of a scaled matrix counts as negative below minus this."""
@@ -156,6 +157,15 @@ def damping_limits(
     high = np.asarray(reach, dtype=np.float64)
     rows = [damping(unknowns), dissipation(unknowns, envelope(-high, high))]
     return rows, [dissipation_cuts(unknowns, -high, high)]
+
+
+def flown_reach(flown: Mapping[str, tuple[float, float]]) -> Array:
+    """Return the largest velocity either way (6,) of flown ranges [m/s, rad/s].
+
+    flown: velocity -> lowest, highest. Alike in both directions, as a hull is not to gain
+    energy astern either; none is narrower than the threshold of excitation.
+    """
+    return np.array([max(abs(flown[v][0]), abs(flown[v][1]), THRESHOLDS[v]) for v in VELOCITIES])
 
 
 def positive_inertia(

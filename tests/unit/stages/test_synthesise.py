@@ -887,6 +887,19 @@ def test_a_prior_of_another_measurement_speaks_where_the_data_are_silent(kind: s
     ]
 
 
+@pytest.mark.parametrize(("value", "sd", "refused"), [(0.5, 0.1, True), (0.5, 0.4, False)])
+def test_a_prior_of_damping_that_pushes_contradicts_the_limits(
+    value: float, sd: float, refused: bool
+) -> None:
+    source = a_prior("bench", "K", "p", value, sd)
+    if not refused:
+        assert with_priors(source).measured_priors[0].lower == [[pytest.approx(sd**2)]]
+        return
+    with pytest.raises(CampaignError, match="contradict each other") as error:
+        with_priors(source)
+    assert (error.value.field, error.value.value) == ("priors[0]", "K_p = 0.5 +- 0.2 (95 %)")
+
+
 def test_a_prior_on_no_fitted_coefficient_is_refused() -> None:
     with pytest.raises(CampaignError, match="no fitted structure") as refused:
         with_priors(a_prior("bench", "K", "q", -3.0, 0.2), models=("diagonal",))

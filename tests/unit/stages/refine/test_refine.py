@@ -13,18 +13,21 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.records.models import MeasuredPriorCard
 from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
 from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
 from auvid.stages import fuse, refine, resample, residual, synthesise
 from auvid.stages.base import collection
 from auvid.stages.columns import ACCELEROMETER, forces
 from auvid.stages.refine import fitting
+from auvid.stages.refine.fitting import CardUnknowns
 from auvid.stages.validate import Predictor
 from tests.support.motions import log_document, shipped_vehicle
 
@@ -198,6 +201,28 @@ def test_limits_prior_and_inertia_of_the_card_hold(limited: refine.Inputs) -> No
     assert inertia.lag_s == card.likelihood.lag.value_s
     assert inertia.correlation == card.likelihood.lag.correlations["N_rdot"]
     assert card.prior == limited.model_card["symmetric"].prior
+
+
+def test_priors_of_other_measurements_weigh_with_their_covariance(limited: refine.Inputs) -> None:
+    """Beside the vehicle file's: precisions add up, the mean is the weighted one."""
+    card = limited.model_card["symmetric"]
+    measured = MeasuredPriorCard(
+        source="bench",
+        file="bench.json",
+        means={"K": {"p": -3.0}, "Y": {"v": -90.0}},
+        lower=[[0.04], [0.1, 9.0]],
+    )
+    own = CardUnknowns(card, VEHICLE, lag=True)
+    both = CardUnknowns(card.model_copy(update={"measured_priors": [measured]}), VEHICLE, lag=True)
+    assert own.prior is not None
+    assert both.prior is not None
+    places = [own.unknowns.index(Unknown(axis, term)) for axis, term in (("K", "p"), ("Y", "v"))]
+    cell = np.ix_(places, places)
+    added = np.linalg.inv([[0.04, 0.1], [0.1, 9.0]])
+    precision = own.prior.precision[cell] + added
+    np.testing.assert_allclose(both.prior.precision[cell], precision, rtol=1e-9)
+    right = own.prior.precision[cell] @ own.prior.mean[places] + added @ [-3.0, -90.0]
+    np.testing.assert_allclose(both.prior.mean[places], np.linalg.solve(precision, right))
 
 
 def test_each_leg_is_predicted_from_the_others(twin: refine.Inputs) -> None:
