@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import groupby
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from auvid.data_schemas.errors import PipelineError, SchemaError, nearest, raise_faults
 from auvid.data_schemas.schemas import Field, schema
@@ -158,7 +158,7 @@ def _column_faults(values: pa.ChunkedArray, column: Field, where: object) -> lis
     if not column.nullable:
         empty = values.null_count
         if column.dtype.startswith("float"):
-            empty += pc.sum(pc.is_nan(values)).as_py() or 0
+            empty += int(np.isnan(numbers(values)).sum()) - values.null_count
         if empty:
             return [
                 SchemaError(
@@ -222,6 +222,25 @@ def matrix(table: pa.Table, names: Sequence[str]) -> npt.NDArray[np.float64]:
         values[:, index] = numbers(table[name])
     values.flags.writeable = False
     return values
+
+
+def split_by(table: pa.Table, name: str) -> dict[Any, pa.Table]:
+    """Return the rows of each value of a column, by value, in their order.
+
+    For long tables, whose rows of one value follow one another. (Filters of pyarrow do
+    the same but import pandas.)
+
+    >>> parts = split_by(pa.table({"model": ["a", "a", "b"], "n": [1, 2, 3]}), "model")
+    >>> {value: part["n"].to_pylist() for value, part in parts.items()}
+    {'a': [1, 2], 'b': [3]}
+    """
+    parts: dict[Any, list[pa.Table]] = {}
+    place = 0
+    for value, same in groupby(table[name].to_pylist()):
+        rows = sum(1 for _ in same)
+        parts.setdefault(value, []).append(table.slice(place, rows))
+        place += rows
+    return {value: pa.concat_tables(some) for value, some in parts.items()}
 
 
 def has_columns(table: pa.Table, names: Sequence[str]) -> bool:

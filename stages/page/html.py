@@ -46,7 +46,7 @@ from auvid.stages.page.colours import (
 )
 from auvid.stages.page.equations import mathml
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
-from auvid.stages.page.svg_plots import lay_out
+from auvid.stages.page.pictures.svg_plots import lay_out
 
 VERDICTS = {
     "identified": "good",
@@ -130,15 +130,18 @@ def render(
     summary: Summary,
     sections: Mapping[str, Document],
     log_of: Mapping[str, str] = NO_LOGS,
+    pictures: Sequence[Markup] = (),
 ) -> bytes:
     """Return the whole page as UTF-8.
 
     `sections` is keyed `stage/item`; `notes` are the manifest's remarks on the data.
 
+    `pictures` stand on the first screen.
+
     `log_of` (segment -> log) is given where a campaign has several logs: their clocks
     differ, so only plots of one log zoom together.
     """
-    script = _text("plots.js") + _text("page.js")
+    script = _text("pictures/plots.js") + _text("page.js")
     page = _environment().get_template("page.html.j2")
     preferred = [model.name for model in summary.models]
     if summary.recommended:
@@ -150,9 +153,10 @@ def render(
         subtitle=subtitle,
         notes=notes,
         summary=summary,
+        pictures=pictures,
         axis_words=AXIS_WORDS,
         chapters=arrange(sections),
-        style=Markup(_text("style.css") + inks(colours)),
+        style=Markup(_text("style.css") + _text("pictures/pictures.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         lay_out=lambda block, item: lay_out(

@@ -21,6 +21,7 @@ from auvid.stages.base import Collection, Document, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.html import render
+from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.report.summary.figure_summary import summarise_results
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
@@ -94,6 +95,9 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
         content.summary,
         content.sections,
         log_of,
+        first_pictures(
+            inputs.tables, inputs.fused or {}, content.segments, content.logs, content.summary
+        ),
     )
 
 

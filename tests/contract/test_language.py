@@ -59,7 +59,7 @@ LATER_NOT_YET: frozenset[str] = frozenset(
         "stages/ingest/streams/ulog.py",
         "stages/page/colours.py",
         "stages/page/html.py",
-        "stages/page/svg_plots.py",
+        "stages/page/pictures/svg_plots.py",
         "stages/refine/legs.py",
         "stages/report/difference/recording.py",
         "stages/report/recording/blueprint.py",

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 from auvid.hydro.arrays import Array
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import AXIS_INKS, ROLES, Ink, ink
+from auvid.stages.report.clock import make_clock
 from auvid.stages.report.difference.signals import FORCE, MODEL, Pair, Side, Signals
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,
@@ -22,7 +23,6 @@ from auvid.stages.report.recording.blueprint import (
     outer,
     time_plot,
 )
-from auvid.stages.report.recording.recording import make_clock
 from auvid.stages.report.recording.rerun_stream import Recording
 
 FIRST, SECOND = ROLES["first"], ROLES["second"]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +19,7 @@ import rerun as rr
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.data_schemas.tables import column, has_columns, matrix
+from auvid.data_schemas.tables import has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
 from auvid.stages.number_format import visible
@@ -36,7 +35,8 @@ from auvid.stages.page.colours import (
     roles_of,
 )
 from auvid.stages.page.first_screen import Summary
-from auvid.stages.page.svg_plots import telling_range
+from auvid.stages.page.pictures.svg_plots import telling_range
+from auvid.stages.report.clock import Clock, make_clock
 from auvid.stages.report.recording.blueprint import (
     LEFT_OUT,
     LoggedSeries,
@@ -51,63 +51,11 @@ from auvid.stages.report.recording.path import send_paths
 from auvid.stages.report.recording.rerun_stream import Recording
 from auvid.stages.report.recording.text import markdown, stage_texts
 
-LOG_GAP_S = 10.0
 MODELS_SHOWN = 3
 TABLES_KEPT = 4
 BAND = 2.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Where each log and segment stands on the recording's timeline, in seconds."""
-
-    segments: Mapping[str, float]
-    logs: Mapping[str, float]
-    boot_s: Mapping[str, float]
-
-    def seconds(self, name: str, table: pa.Table) -> Array | None:
-        """Return the times (n,) of a table stored under `stage/item/port`.
-
-        None if it has no clock or belongs to no log.
-
-        A table with `t_s` that belongs to no segment (a bench leg, a closed-loop run)
-        keeps its own seconds.
-        """
-        parts = name.split("/")
-        log = next((part for part in parts if part in self.logs), None)
-        if "time_us" in table.column_names and log is not None:
-            return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])
-        segment = next((part for part in parts if part in self.segments), None)
-        if "t_s" in table.column_names:
-            return np.asarray(
-                column(table, "t_s") + (self.segments[segment] if segment is not None else 0.0)
-            )
-        return None
-
-
-def log_seconds(log: LogInfo) -> float:
-    """Length of a log from its first to its last time-stamped record."""
-    return float(log.end_us - log.start_us) * 1e-6
-
-
-def make_clock(segments: Mapping[str, SegmentRecord], logs: Mapping[str, LogInfo]) -> Clock:
-    """Return the clock of logs one after the other, `LOG_GAP_S` apart.
-
-    A segment starts at its place in its log.
-    """
-    starts, place = {}, 0.0
-    for name, log in logs.items():
-        starts[name] = place
-        place += log_seconds(log) + LOG_GAP_S
-    return Clock(
-        segments={
-            name: starts.get(item.log, 0.0) + item.leg_start_s for name, item in segments.items()
-        },
-        logs=starts,
-        boot_s={name: log.start_us * 1e-6 for name, log in logs.items()},
-    )
 
 
 def record(

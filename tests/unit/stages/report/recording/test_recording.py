@@ -17,8 +17,9 @@ from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.columns import VELOCITY, force_columns
 from auvid.stages.report import Params, collect, render_recording, run
+from auvid.stages.report.clock import make_clock
 from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
-from auvid.stages.report.recording.recording import _settled, _values, find_table, make_clock
+from auvid.stages.report.recording.recording import _settled, _values, find_table
 from auvid.stages.report.recording.rerun_stream import quaternions
 from auvid.stages.report.recording.text import markdown
 from auvid.stages.report.summary.model_summary import summarise

@@ -12,7 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid.stages.page.svg_plots import PANEL_STEPS, X_STEPS, Y_STEPS, Line, Plot, lay_out, ticks
+from auvid.stages.page.pictures.svg_plots import (
+    PANEL_STEPS,
+    X_STEPS,
+    Y_STEPS,
+    Line,
+    Plot,
+    lay_out,
+    ticks,
+)
 from auvid.stages.presentation import panel, plot, series
 
 Array = npt.NDArray[np.float64]

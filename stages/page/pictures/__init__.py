@@ -1,0 +1,1 @@
+"""Drawings of the page: plots that zoom, and the pictures of the first screen."""

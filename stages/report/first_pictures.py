@@ -1,0 +1,340 @@
+"""The pictures of the first screen, from the tables that the stages gave.
+
+A dive and its answer where legs were identified; else the signals of the bench and what
+was fitted, or the flights of a controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow as pa
+from markupsafe import Markup
+
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.tables import column, has_columns, matrix, split_by
+from auvid.hydro.arrays import AXES, Array
+from auvid.stages.columns import AXIS_UNITS, FINS, POSITION, force_columns
+from auvid.stages.page.first_screen import AXIS_WORDS, Summary
+from auvid.stages.page.pictures.answer_picture import ForceCloud, answer_picture, cloud_picture
+from auvid.stages.page.pictures.dive_picture import (
+    ActuatorUse,
+    DrawnLeg,
+    dive_picture,
+    track_picture,
+)
+from auvid.stages.page.pictures.drawing import Curve, CurveRow, Span
+from auvid.stages.page.pictures.signal_picture import signal_picture
+from auvid.stages.report.clock import Clock, make_clock
+
+Tables = Mapping[str, pa.Table]
+DEGREES = 180.0 / np.pi
+RUN_ROWS = {
+    "u_m_s": ("surge u", "m/s", 1.0),
+    "v_m_s": ("sway v", "m/s", 1.0),
+    "w_m_s": ("heave w", "m/s", 1.0),
+    "r_rad_s": ("yaw rate r", "°/s", DEGREES),
+}
+"""Quantities of the free run on the first screen: name, unit, factor."""
+DAMPING = ("linear", "quadratic", "linear_and_quadratic")
+MOST_ROWS = 4
+FLIGHTS = 3
+
+
+def first_pictures(
+    tables: Tables,
+    fused: Tables,
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
+    summary: Summary,
+) -> tuple[Markup, ...]:
+    """Return the pictures that this kind of campaign has, at most two."""
+    if fused and segments:
+        clock = make_clock(segments, logs)
+        pictures = [_dive(tables, fused, segments, logs, clock)]
+        answer = _answer(tables, fused, segments, summary, clock)
+        return (*pictures, answer) if answer else tuple(pictures)
+    by_port = {name: name.split("/") for name in tables}
+    channels = [name for name, parts in by_port.items() if parts[-1] == "channel_run"]
+    swings = [name for name, parts in by_port.items() if parts[-1] in ("decays", "swings")]
+    flights = [name for name, parts in by_port.items() if "flights" in parts]
+    made: list[Markup] = []
+    if channels:
+        made += _channels({name.split("/")[-2]: tables[name] for name in channels})
+    if swings:
+        made += _swings({name: tables[name] for name in swings})
+    if flights:
+        made += _flights(tables, flights)
+    return tuple(made[:2])
+
+
+def _dive(
+    tables: Tables,
+    fused: Tables,
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
+    clock: Clock,
+) -> Markup:
+    legs, controls = [], []
+    for name, item in segments.items():
+        if name in fused:
+            start = clock.segments[name]
+            table = fused[name]
+            legs.append(
+                DrawnLeg(name, item.use, column(table, "t_s") + start, matrix(table, POSITION))
+            )
+            controls.append((start, tables.get(f"residual/{name}/controls")))
+    depths, modes = [], []
+    for name in logs:
+        depth, mode = tables.get(f"ingest/{name}/depth"), tables.get(f"ingest/{name}/mode")
+        if (
+            depth is not None
+            and (times := clock.seconds(f"ingest/{name}/depth", depth)) is not None
+        ):
+            depths.append(
+                (np.append(times, times[-1:]), np.append(column(depth, "depth_m"), np.nan))
+            )
+        if mode is not None and (times := clock.seconds(f"ingest/{name}/mode", mode)) is not None:
+            modes += zip(times.tolist(), map(str, mode["mode"].to_pylist()), strict=True)
+    times = [leg.t_s[[0, -1]] for leg in legs] + [time[[0, -1]] for time, _ in depths if time.size]
+    everything = np.concatenate(times)
+    return dive_picture(
+        legs,
+        depth=_joined(depths) if depths else None,
+        modes=sorted(modes),
+        actuators=_actuators(controls),
+        span=(float(everything.min()), float(everything.max())),
+        clock=_clock_words(logs),
+    )
+
+
+def _clock_words(logs: Mapping[str, LogInfo]) -> str:
+    return "time in s" if len(logs) < 2 else f"time in s, {len(logs)} logs one after the other"
+
+
+def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
+    times, values = zip(*parts, strict=True)
+    return np.concatenate(times), np.concatenate(values)
+
+
+def _actuators(controls: list[tuple[float, pa.Table | None]]) -> list[ActuatorUse]:
+    """Return what every actuator did over the legs; thrusters, propeller and fins."""
+    known = [table for _, table in controls if table is not None]
+    names = list(dict.fromkeys(name for table in known for name in table.column_names))
+    uses = []
+    for name in names:
+        label, unit, factor = _actuator(name)
+        if not label:
+            continue
+        parts = [
+            (column(table, "t_s") + start, factor * column(table, name))
+            if table is not None and has_columns(table, (name,))
+            else (np.zeros(0), np.zeros(0))
+            for start, table in controls
+        ]
+        uses.append(ActuatorUse(label, unit, *zip(*parts, strict=True)))
+    return uses
+
+
+def _actuator(name: str) -> tuple[str, str, float]:
+    """Return label, unit and factor of a column of `controls`; empty for no actuator.
+
+    >>> _actuator("thruster_3_N"), _actuator("level_speed_m_s")
+    (('3', 'N', 1.0), ('', '', 1.0))
+    """
+    if name.startswith("thruster_"):
+        return name.removeprefix("thruster_").removesuffix("_N"), "N", 1.0
+    if name == "propeller_rev_s":
+        return "prop", "rev/s", 1.0
+    if name in FINS:
+        return f"fin {name.split('_')[1]}", "°", DEGREES
+    return "", "", 1.0
+
+
+def _answer(
+    tables: Tables,
+    fused: Tables,
+    segments: Mapping[str, SegmentRecord],
+    summary: Summary,
+    clock: Clock,
+) -> Markup | None:
+    """Return the picture of the recommended model, else of the first one judged."""
+    model = next((m for m in summary.models if m.name == summary.recommended), None)
+    if model is None:
+        if not summary.models:
+            return None
+        model = summary.models[0]
+    on_validation = summary.judged_on == "validation"
+    legs = [
+        name
+        for name, item in segments.items()
+        if item.use == summary.judged_on
+        and f"validate/predictions/{name}" in tables
+        and f"residual/{name}/residual" in tables
+    ]
+    if not legs:
+        return None
+    measured, predicted = [], []
+    for name in legs:
+        table = split_by(tables[f"validate/predictions/{name}"], "model")[model.name]
+        measured.append(matrix(tables[f"residual/{name}/residual"], force_columns("tau_bar")))
+        predicted.append(matrix(table, force_columns("tau")))
+    force, answer = np.vstack(measured), np.vstack(predicted)
+    clouds = []
+    for i, axis in enumerate(AXES):
+        merit = model.axes[axis]
+        ratio = merit.validation if on_validation else merit.training
+        clouds.append(
+            ForceCloud(
+                f"{axis} {AXIS_WORDS[axis]}", AXIS_UNITS[axis], force[:, i], answer[:, i], ratio
+            )
+        )
+    flown = [name for name in legs if f"validate/simulated_motion/{name}" in tables]
+    rows, span = _run_rows(tables, fused, flown, model.name, clock)
+    title = model.title if summary.recommended else f"{model.title} (not recommended)"
+    return answer_picture(
+        title,
+        model.name,
+        clouds,
+        rows,
+        judged_on=summary.judged_on,
+        span=span,
+        clock="time in s, validation legs one after the other" if len(flown) > 1 else "time in s",
+    )
+
+
+def _run_rows(
+    tables: Tables, fused: Tables, legs: list[str], model: str, clock: Clock
+) -> tuple[list[CurveRow], Span]:
+    """Return rows of the free run over what was measured, the legs joined together."""
+    measured: dict[str, list[tuple[Array, Array]]] = {name: [] for name in RUN_ROWS}
+    flown: dict[str, list[tuple[Array, Array]]] = {name: [] for name in RUN_ROWS}
+    first, place = (clock.segments[legs[0]] if len(legs) == 1 else 0.0), 0.0
+    for leg in legs:
+        run, truth = tables[f"validate/simulated_motion/{leg}"], fused[leg]
+        times, own = column(run, "t_s"), column(truth, "t_s")
+        for name, (_, _, factor) in RUN_ROWS.items():
+            flown[name].append((times + first + place, factor * column(run, name)))
+            measured[name].append(
+                (
+                    np.append(own, own[-1]) + first + place,
+                    np.append(factor * column(truth, name), np.nan),
+                )
+            )
+        place += float(own[-1])
+    if not legs:
+        return [], (0.0, 1.0)
+    rows = []
+    for name, (label, unit, _) in RUN_ROWS.items():
+        curves = (
+            Curve("measured", *_joined(measured[name])),
+            Curve(model, *_joined(flown[name])),
+        )
+        rows.append(CurveRow(label, unit, curves))
+    return rows, (first, first + place)
+
+
+def _channels(runs: Tables) -> tuple[Markup, ...]:
+    """Return what single-channel runs measured, with the damping model that fits best."""
+    rows: list[tuple[CurveRow, Span]] = []
+    clouds = []
+    for leg, table in list(runs.items())[:MOST_ROWS]:
+        times, measured = column(table, "t_s"), column(table, "measured")
+        best = _closest(table, measured, {name: name for name in DAMPING})
+        simulated = column(table, best)
+        curves = (Curve("measured", times, measured), Curve("predicted", times, simulated))
+        span = (float(times[0]), float(times[-1]))
+        label = f"{leg}: {best.replace('_', ' ')} damping"
+        rows.append((CurveRow(label, "", curves), span))
+        clouds.append(ForceCloud(leg, "", measured, simulated))
+    return _bench_pictures("Measured and simulated", "runs", len(runs), rows, clouds)
+
+
+def _bench_pictures(
+    title: str,
+    what: str,
+    count: int,
+    rows: list[tuple[CurveRow, Span]],
+    clouds: list[ForceCloud],
+) -> tuple[Markup, ...]:
+    """Return signals over time with their fits, and fitted against measured."""
+    note = f"first {len(rows)} of {count} {what}" if count > len(rows) else ""
+    entries = [("measured", "measured"), ("simulated", "predicted")]
+    return (
+        signal_picture(title, note, rows, entries),
+        cloud_picture("Simulated (up) against measured (across)", note, clouds),
+    )
+
+
+def _closest(table: pa.Table, measured: Array, columns: Mapping[str, str]) -> str:
+    """Return which of the simulated columns is nearest the measured one by RMS."""
+    errors = {
+        name: float(np.nanmean(np.square(column(table, source) - measured)))
+        for name, source in columns.items()
+        if has_columns(table, (source,)) and np.isfinite(column(table, source)).any()
+    }
+    return min(errors, key=errors.__getitem__)
+
+
+def _swings(recorded: Tables) -> tuple[Markup, ...]:
+    """Return decays and swings over time with their fits, the first of the recordings."""
+    rows: list[tuple[CurveRow, Span]] = []
+    clouds, count = [], 0
+    for name in sorted(recorded, key=lambda name: not name.endswith("decays")):
+        is_decay = name.endswith("decays")
+        for recording, part in split_by(recorded[name], "recording").items():
+            count += 1
+            if len(rows) == MOST_ROWS:
+                continue
+            times = column(part, "t_s")
+            measured = DEGREES * column(
+                part, "theta_measured_rad" if is_decay else "rate_measured_rad_s"
+            )
+            if is_decay:
+                columns = {n: f"theta_{n}_rad" for n in DAMPING}
+                best = _closest(part, measured / DEGREES, columns)
+                fitted = DEGREES * column(part, columns[best])
+                label, unit = f"{recording}: angle, {best.replace('_', ' ')} damping", "°"
+            else:
+                fitted = DEGREES * column(part, "rate_fitted_rad_s")
+                label, unit = f"{recording}: rate of the swing", "°/s"
+            curves = (Curve("measured", times, measured), Curve("predicted", times, fitted))
+            rows.append((CurveRow(label, unit, curves), (float(times[0]), float(times[-1]))))
+            clouds.append(ForceCloud(recording, unit, measured, fitted))
+    return _bench_pictures("Decays and swings", "recordings", count, rows, clouds)
+
+
+def _flights(tables: Tables, names: list[str]) -> tuple[Markup, ...]:
+    """Return depth and distance from the desired place of one trajectory's flights.
+
+    Beside them their tracks from above. Flights of the first trajectory, the first few.
+    """
+    first = names[0].split("/")[-1].partition("-")[0]
+    desired = tuple(f"desired_{name}" for name in POSITION)
+    chosen = [name for name in names if name.split("/")[-1].partition("-")[0] == first]
+    errors, depths, entries, tracks = [], [], [("desired", "desired")], []
+    for place, name in enumerate(chosen[:FLIGHTS]):
+        table = tables[name]
+        if not has_columns(table, (*POSITION, *desired)):
+            return ()
+        flight = name.split("/")[-1].partition("-")[2]
+        times, flown, wanted = column(table, "t_s"), matrix(table, POSITION), matrix(table, desired)
+        errors.append(Curve(flight, times, np.linalg.norm(flown - wanted, axis=1)))
+        if place == 0:
+            depths.append(Curve("desired", times, wanted[:, 2]))
+            tracks.append(DrawnLeg("desired", "desired", times, wanted))
+        depths.append(Curve(flight, times, flown[:, 2]))
+        tracks.append(DrawnLeg(flight.replace("_", " "), flight, times, flown))
+        entries.append((flight.replace("_", " "), flight))
+    span = (0.0, float(max(curve.x[-1] for curve in errors)))
+    rows = [
+        (CurveRow("depth", "m", tuple(depths), downwards=True, height="tall"), span),
+        (CurveRow("distance from the desired place", "m", tuple(errors), height="tall"), span),
+    ]
+    note = f"first {len(errors)} of {len(chosen)} flights" if len(chosen) > len(errors) else ""
+    return (
+        track_picture(f"Track of {first}", tracks),
+        signal_picture(f"Flights of {first}", note, rows, entries),
+    )
