@@ -33,6 +33,8 @@ from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, rai
 
 Item = Literal["log", "leg", "segment", "campaign"]
 Document = Mapping[str, Any]
+FileWriter = Callable[[str], None]
+"""What a stage gives in place of the bytes of a large file: saves it where it is told."""
 I = TypeVar("I")
 P = TypeVar("P")
 O = TypeVar("O")

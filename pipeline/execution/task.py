@@ -5,10 +5,11 @@ Runs in any process and never raises.
 
 from __future__ import annotations
 
+import hashlib
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,8 @@ from typing import Any
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
-from auvid.pipeline.store.artefacts import encode
+from auvid.pipeline.store.artefacts import in_pieces
 from auvid.pipeline.store.atomic_files import REMEDIES, refusal, write_atomically
-from auvid.pipeline.store.file_hashes import hash_bytes
 from auvid.pipeline.store.fingerprints import as_document
 from auvid.pipeline.store.manifest import Hashes, Record
 from auvid.pipeline.store.package_versions import package_versions
@@ -114,10 +114,16 @@ def _write(task: Task, port: Port, results: Any, written: list[Path]) -> Hashes 
     result, where = getattr(results, port.name), f"output '{port.name}'"
 
     def put(artefact: Any, key: str | None, name: str) -> str:
-        content = encode(artefact, port.schema, file=name)
+        digest = hashlib.sha256()
+
+        def hashed_pieces() -> Iterator[bytes]:
+            for piece in in_pieces(artefact, port.schema, file=name):
+                digest.update(piece)
+                yield piece
+
         written.append(task.folder / port.path(task.item, key))
-        write_atomically(written[-1], content)
-        return hash_bytes(content)
+        write_atomically(written[-1], hashed_pieces())
+        return digest.hexdigest()
 
     if not port.many:
         return None if result is None else put(result, None, where)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import check_table
 from auvid.pipeline.store.atomic_files import readable
 from auvid.pipeline.store.file_hashes import hash_bytes
+from auvid.pipeline.store.pipes import saved_pieces
 
 LINE = 120
 SCALARS = {float, int, bool, type(None)}
@@ -47,6 +48,14 @@ def encode(artefact: object, name: str, *, file: object) -> bytes:
     if not isinstance(artefact, bytes):
         raise SchemaError("not bytes", file=file, value=type(artefact).__name__)
     return artefact
+
+
+def in_pieces(artefact: object, name: str, *, file: object) -> Iterator[bytes]:
+    """Give the bytes of an artefact; those of a `FileWriter` as it saves them."""
+    if schema(name).kind == "bytes" and callable(artefact):
+        yield from saved_pieces(artefact)
+    else:
+        yield encode(artefact, name, file=file)
 
 
 def load(path: Path, name: str, expected: str | None = None) -> Any:

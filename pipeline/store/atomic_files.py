@@ -61,8 +61,10 @@ def writable(path: Path) -> Iterator[None]:
         raise refusal(fault, "cannot be written", path) from fault
 
 
-def write_atomically(path: Path, content: bytes) -> None:
+def write_atomically(path: Path, content: bytes | Iterator[bytes]) -> None:
     """Write a file so that readers see the old content or the new, never a part.
+
+    Content may come in pieces, of which one is in memory at a time.
 
     A link is replaced, a file keeps its mode. Raises `PipelineError` where the system
     refuses.
@@ -90,13 +92,14 @@ def write_output(path: Path, content: bytes) -> None:
         _write(target, content)
 
 
-def _write(path: Path, content: bytes) -> None:
+def _write(path: Path, content: bytes | Iterator[bytes]) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
     try:
         with part.open("wb") as file:
             if path.is_file() and not path.is_symlink():
                 os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
-            file.write(content)
+            for piece in [content] if isinstance(content, bytes) else content:
+                file.write(piece)
             file.flush()
             os.fsync(file.fileno())
         part.replace(path)

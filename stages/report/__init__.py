@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import pyarrow as pa
 
@@ -17,7 +18,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.base import Collection, Document, Stage, every, param, port
+from auvid.stages.base import Collection, Document, FileWriter, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.html import render
@@ -57,7 +58,7 @@ class Params:
 class Outputs:
     report_html: bytes = port("report_html")
     answer: bytes = port("answer")
-    recording: bytes = port("recording")
+    recording: FileWriter = port("recording")
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     return Outputs(
         report_html=page(inputs, content),
         answer=answer_text(content.summary).encode("utf-8"),
-        recording=render_recording(inputs, params, content),
+        recording=partial(render_recording, inputs, params, content),
     )
 
 
@@ -130,9 +131,15 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
 
 
 def render_recording(
-    inputs: Inputs, params: Params, content: ReportContent, *, preview: bool = False, tab: str = ""
-) -> bytes:
-    """Render the recording, which opens on `tab`.
+    inputs: Inputs,
+    params: Params,
+    content: ReportContent,
+    path: str,
+    *,
+    preview: bool = False,
+    tab: str = "",
+) -> None:
+    """Save the recording to `path`; it opens on `tab`.
 
     A `preview` has its series thinned by minimum and maximum per bin.
     """
@@ -140,7 +147,7 @@ def render_recording(
         record,
     )  # Rerun takes half a second to import, and most commands draw nothing
 
-    return record(
+    record(
         content.title,
         content.summary,
         inputs.views,
@@ -152,6 +159,7 @@ def render_recording(
         content.sections,
         preview=preview,
         tab=tab,
+        path=path,
     )
 
 

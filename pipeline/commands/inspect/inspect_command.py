@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from auvid.data_schemas.errors import CampaignError, LogError, PipelineError, UsageError, nearest
@@ -16,6 +17,7 @@ from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
 from auvid.pipeline.store.atomic_files import write_output
+from auvid.pipeline.store.pipes import saved_pieces
 from auvid.pipeline.terminal import path_from_here, plain
 
 RECORDING = ".rrd"
@@ -114,9 +116,11 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
         from auvid.stages import report
 
         inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
-        return report.render_recording(
-            inputs, task.params, report.collect(inputs), preview=preview, tab=tab
+        content = report.collect(inputs)
+        save = partial(
+            report.render_recording, inputs, task.params, content, preview=preview, tab=tab
         )
+        return b"".join(saved_pieces(save))
 
     if tab:
         return Subject(run.campaign.name, lambda: draw(False), lambda: draw(True))

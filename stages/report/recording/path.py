@@ -39,7 +39,7 @@ def send_paths(
 
     Returns the corners (2, 3) of the box around all in m NED, None for no path.
     """
-    paths = {}
+    paths, forces = {}, {}
     for name, table in fused.items():
         pose = matrix(table, POSE)
         good = np.isfinite(pose).all(axis=1)
@@ -50,12 +50,14 @@ def send_paths(
                 if times.size > 1
                 else 1
             )
-            paths[name] = np.flatnonzero(good)[::stride], times + starts[name], pose
+            chosen = np.flatnonzero(good)[::stride]
+            force = _force(tables, name, times.size)
+            forces[name] = None if force is None else force[chosen]
+            paths[name] = times[chosen] + starts[name], pose[chosen]
     if not paths:
         return None
-    places = np.vstack([pose[chosen, :3] for chosen, _, pose in paths.values()])
+    places = np.vstack([pose[:, :3] for _, pose in paths.values()])
     corners = np.array([places.min(axis=0), places.max(axis=0)])
-    forces = {name: _force(tables, name, paths[name][1].size) for name in paths}
     known = np.concatenate(
         [np.linalg.norm(force, axis=1) for force in forces.values() if force is not None]
         or [np.zeros(0)]
@@ -69,23 +71,23 @@ def send_paths(
         else 0.0
     )
     out.static("path", rr.ViewCoordinates.FRD)
-    for name, (chosen, times, pose) in paths.items():
+    for name, (times, pose) in paths.items():
         use = str(segments[name].use)
         label = str(visible(f"{name} ({use})"))
         part = rr.escape_entity_path_part(name)
         out.static(
             f"path/{part}",
-            rr.LineStrips3D([pose[chosen, :3]], colors=[ROLES[use].rgb], labels=[label]),
+            rr.LineStrips3D([pose[:, :3]], colors=[ROLES[use].rgb], labels=[label]),
         )
-        out.body("path/vehicle", times[chosen], pose[chosen])
+        out.body("path/vehicle", times, pose)
         force = forces[name]
         if force is not None and scale > 0:
             _send_forces(
                 out,
                 f"path/{part}/forces",
-                times[chosen],
-                pose[chosen],
-                scale * np.nan_to_num(force[chosen]),
+                times,
+                pose,
+                scale * np.nan_to_num(force),
             )
     out.static(
         "path/vehicle/body",

@@ -71,13 +71,16 @@ def record(
     *,
     preview: bool = False,
     tab: str = "",
-) -> bytes:
-    """The recording as .rrd bytes, which opens on `tab` (see `whole_view`).
+    path: str,
+) -> None:
+    """Save the recording to `path`; it opens on `tab` (see `whole_view`).
+
+    One group of series is in memory at a time.
 
     `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab
     per stage.
     """
-    out = Recording(title, preview=preview)
+    out = Recording(title, preview=preview, path=path)
     clock = make_clock(segments, logs)
     load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
@@ -100,7 +103,7 @@ def record(
         raise
     if left_out:
         out.document(LEFT_OUT, left_out)
-    return out.finish(blueprint)
+    out.finish(blueprint)
 
 
 def _preferred(summary: Summary) -> list[str]:
@@ -148,6 +151,7 @@ def _send_groups(
             ]
         )
         out.series(entity, times, values)
+        out.stream.flush()
         is_drawn = _drawn_at_first(bundle, preferred)
         drawn = _settled(bundle, values)[:, is_drawn]
         limits = telling_range(

@@ -28,33 +28,35 @@ AXIS_LENGTH_M = 0.6
 
 
 class Recording:
-    """One recording in memory.
+    """One recording, in memory or saved to `path` as it comes.
 
     `preview`: series are thinned by minimum and maximum per bin, for pictures and for
     slow machines.
     """
 
-    def __init__(self, title: str, *, preview: bool = False) -> None:
+    def __init__(self, title: str, *, preview: bool = False, path: str | None = None) -> None:
         self.stream = rr.RecordingStream(
             "auvid", recording_id=key(title) or "campaign", send_properties=False
         )
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
         self.preview = preview
-        self._sink = rr.binary_stream(recording=self.stream)
+        self._sink = rr.binary_stream(recording=self.stream) if path is None else None
+        if path is not None:
+            self.stream.save(path)
         self.stream.send_recording_name(str(visible(title)))
 
     def finish(self, blueprint: Any) -> bytes:
-        """The recording with its blueprint as .rrd bytes."""
+        """End the recording with its blueprint; what is in memory is given as .rrd bytes."""
         self.stream.send_blueprint(blueprint)
-        self.stream.flush()
-        data: bytes = self._sink.read(flush=True) or b""
-        return data
+        return self.discard()
 
-    def discard(self) -> None:
-        """Discard what was sent; else Rerun warns of it at the end of the program."""
+    def discard(self) -> bytes:
+        """End the recording; else Rerun warns of what was sent at the end of the program."""
         self.stream.flush()
-        self._sink.read(flush=True)
+        data = self._sink.read(flush=True) if self._sink else None
+        self.stream.disconnect()
+        return data or b""
 
     def static(self, entity: str, value: Any) -> None:
         """Send one static value in a chunk of its own.

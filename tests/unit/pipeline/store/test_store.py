@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from auvid.data_schemas.errors import PipelineError, SchemaError
+from auvid.data_schemas.errors import DataError, PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
@@ -34,6 +34,7 @@ from auvid.pipeline.store.atomic_files import (
 from auvid.pipeline.store.file_hashes import FileHashes, hash_value
 from auvid.pipeline.store.fingerprints import stage_code
 from auvid.pipeline.store.import_closure import import_closure
+from auvid.pipeline.store.pipes import saved_pieces
 from auvid.stages import KINDS, STAGES
 from tests.support import toy_stages
 
@@ -363,3 +364,40 @@ def test_artefact_paths_of_the_real_graph_are_distinct() -> None:
             for port in graph.outputs
         ]
         assert len(set(paths)) == len(paths)
+
+
+def test_what_is_saved_comes_out_in_pieces_while_it_is_written() -> None:
+    sizes = []
+
+    def save(path: str) -> None:
+        with open(path, "wb", buffering=0) as file:
+            for _ in range(40):
+                sizes.append(file.write(b"x" * 100_000))
+
+    pieces = saved_pieces(save)
+    first = next(pieces)
+    assert sum(sizes) < 1_000_000  # the pipe holds the writer back
+    assert len(first) + sum(map(len, pieces)) == 4_000_000
+
+
+@pytest.mark.parametrize("opens", [True, False])
+def test_a_fault_of_what_saves_itself_comes_through(tmp_path: Path, opens: bool) -> None:
+    def save(path: str) -> None:
+        if opens:
+            open(path, "wb").close()
+        raise DataError("no such tab")
+
+    with pytest.raises(DataError, match="no such tab"):
+        write_atomically(tmp_path / "out", saved_pieces(save))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_ends_what_saves_itself() -> None:
+    def save(path: str) -> None:
+        with open(path, "wb", buffering=0) as file:
+            for _ in range(100):
+                file.write(b"x" * 100_000)
+
+    pieces = saved_pieces(save)
+    next(pieces)
+    pieces.close()

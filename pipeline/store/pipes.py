@@ -1,0 +1,34 @@
+"""Files that save themselves, read through a named pipe while they do."""
+
+from __future__ import annotations
+
+import os
+import select
+import tempfile
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+PIECE_BYTES = 1 << 20
+POLL_S = 0.1
+
+
+def saved_pieces(save: Callable[[str], None]) -> Iterator[bytes]:
+    """Give what `save` writes to a path, in pieces, while it writes.
+
+    The path is a named pipe: nothing piles up in memory or on disk, and a disk that is
+    full is met by whoever writes the pieces. Raises what `save` raises.
+    """
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as writer:
+        path = Path(folder) / "pipe"
+        os.mkfifo(path)
+        with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as pipe:
+            saving = writer.submit(save, str(path))
+            while True:
+                is_over = saving.done()
+                select.select([pipe], [], [], POLL_S)
+                if piece := pipe.read(PIECE_BYTES):
+                    yield piece
+                elif is_over:
+                    break
+        saving.result()
