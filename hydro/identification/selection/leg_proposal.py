@@ -6,7 +6,7 @@ over once.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,7 +30,7 @@ SHARES = (0.3, 0.25, 0.35, 0.2, 0.4)
 """Shares of the moving time that validation may take, the preferred one first."""
 STARTS = 400
 """Places at which a validation block is tried, for each share."""
-LONGEST_CHANNEL_S = 300.0
+LONGEST_CHANNEL_S = 600.0
 """More of one channel hardly narrows its figures and takes long to fit."""
 
 Use = Literal["training", "validation"]
@@ -273,32 +273,45 @@ def _validation_block(sums: _Sums, total: int) -> tuple[int, int]:
 def propose_channel_legs(dives: Sequence[DivePieces], channels: Sequence[str]) -> LegProposal:
     """Return one leg for each channel (u v w p q r), where that one moves most.
 
-    It is the moving stretch, cut at LONGEST_CHANNEL_S, whose sum of squares is largest.
+    It is a moving stretch, cut at LONGEST_CHANNEL_S: one in which the channel moves both
+    ways where there is any, and of these the one with the largest sum of squares.
     """
     legs, lacking = [], {}
     for channel in channels:
-        column, best, leg = VELOCITIES.index(channel), 0.0, None
-        for number, dive in enumerate(dives):
-            if not dive.measured[column]:
-                continue
-            for first, last in moving_spans(dive, (channel,)):
-                sums = _Sums.of([dive], [np.arange(first, last)])
-                width = min(last - first, int(LONGEST_CHANNEL_S / STEP_S))
-                starts = np.arange(last - first - width + 1)
-                energy = sums.square[starts + width, column] - sums.square[starts, column]
-                at = int(np.argmax(energy))
-                excited, both = sums.between(starts[at : at + 1], starts[at : at + 1] + width)
-                if excited[0, column] and energy[at] > best:
-                    best = float(energy[at])
-                    span = (first + at) * STEP_S, (first + at + width) * STEP_S
-                    names = _names(excited[0]), _names(both[0])
-                    leg = ProposedLeg(number, *span, "training", *names, channel)
-        if leg is not None:
+        column = VELOCITIES.index(channel)
+        stretches = [
+            stretch
+            for number, dive in enumerate(dives)
+            if dive.measured[column]
+            for stretch in _channel_stretches(number, dive, channel)
+        ]
+        if stretches:
+            _, leg = max(
+                stretches, key=lambda stretch: (channel in stretch[1].both_ways, stretch[0])
+            )
             legs.append(leg)
             if channel not in leg.both_ways:
                 lacking[channel] = "moves one way only"
     axes = tuple(str(leg.channel) for leg in legs)
     return LegProposal(tuple(legs), axes, {"training": lacking})
+
+
+def _channel_stretches(
+    number: int, dive: DivePieces, channel: str
+) -> Iterator[tuple[float, ProposedLeg]]:
+    """Yield a leg for each stretch of a dive in which a channel moves, and its energy."""
+    column = VELOCITIES.index(channel)
+    for first, last in moving_spans(dive, (channel,)):
+        sums = _Sums.of([dive], [np.arange(first, last)])
+        width = min(last - first, int(LONGEST_CHANNEL_S / STEP_S))
+        starts = np.arange(last - first - width + 1)
+        energy = sums.square[starts + width, column] - sums.square[starts, column]
+        excited, both = sums.between(starts, starts + width)
+        at = int(np.lexsort((energy, both[:, column]))[-1])
+        if excited[at, column]:
+            span = (first + at) * STEP_S, (first + at + width) * STEP_S
+            names = _names(excited[at]), _names(both[at])
+            yield float(energy[at]), ProposedLeg(number, *span, "training", *names, channel)
 
 
 def _names(mask: Mask) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from auvid.pipeline.commands.new.campaign_text import (
     WrittenFile,
     campaign_text,
 )
-from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal
+from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal, way_on
 from auvid.pipeline.commands.new.log_survey import SurveyedLog, survey
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice, choose_vehicle
 from auvid.pipeline.store.atomic_files import write_atomically
@@ -69,9 +69,9 @@ def new_campaign(
             place = _free(f"logs/{item.path.name}", sources)
             sources[place] = item.path
             columns = None
-            if item.columns is not None:
+            if item.draft is not None:
                 columns = f"columns/{Path(place).stem}.yaml"
-                texts[columns] = item.columns
+                texts[columns] = item.draft.text()
             written[key].append(WrittenFile(place, columns))
     legs = proposal(feed, list(checks.values()))
     content = CampaignContent(
@@ -132,11 +132,12 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
     refused: list[str] = []
     for log in surveyed:
         if log.page.health is None:
-            refused.append(f"{log.name}: {log.page.refused}")
+            refused.append(f"{log.page.refused}".rstrip("."))
             continue
         feed, reasons = feed_of(log.page)
         if feed is None:
-            refused.append(f"{log.name}: " + "".join(f"\n  {reason}" for reason in reasons))
+            lines = [*reasons, f"way on: {way_on(log.page)}"]
+            refused.append(f"{log.name}:" + "".join(f"\n  {line}" for line in lines))
         else:
             feeds.append((log, feed))
     if not feeds:
@@ -144,12 +145,12 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
             "no campaign can be written from "
             + ("this log" if len(surveyed) == 1 else "these logs")
             + "".join(f"\n{item}" for item in refused),
-            remedy=_routes(surveyed),
+            remedy=f"auvid check {surveyed[0].files[0].path} shows what is there.",
         )
     kinds = [feed.kind for _, feed in feeds]
     kind = "identification" if "identification" in kinds else kinds[0]
     kept = [(log, feed) for log, feed in feeds if feed.kind == kind]
-    left_out = [item.replace("\n  ", " ") for item in refused]
+    left_out = [" ".join(item.split()) for item in refused]
     left_out += [
         f"{log.name}: feeds only kind {feed.kind}" for log, feed in feeds if feed.kind != kind
     ]
@@ -161,16 +162,6 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
     return merged, [log for log, _ in kept], left_out
 
 
-def _routes(surveyed: Sequence[SurveyedLog]) -> str:
-    """Return which route exists for logs that feed nothing."""
-    name = surveyed[0].name
-    return (
-        "A force model needs attitude, depth, velocity (a DVL, or an aided navigation filter) and"
-        " commands of one dive under water, armed and driven for 20 s; a single channel needs its"
-        f" motion and its commands. auvid check {name} shows what is there."
-    )
-
-
 def _free(place: str, taken: Mapping[str, Path]) -> str:
     path, number = Path(place), 1
     while place in taken:
@@ -180,7 +171,7 @@ def _free(place: str, taken: Mapping[str, Path]) -> str:
 
 
 def _title(logs: Mapping[str, SurveyedLog]) -> str:
-    names = [log.files[0].path.name for log in logs.values()]
+    names = [log.name for log in logs.values()]
     health = next(iter(logs.values())).page.health or {}
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     return f"{health.get('vehicle') or 'Vehicle not named'}, {names[0]}{more}"

@@ -104,6 +104,8 @@ def _leg_comment(content: CampaignContent) -> list[str]:
         " every sensor there. Take out what the model does not hold: a taut tether, walls, the"
         " bottom, cargo."
     )
+    if content.kind == "bench":
+        text += " Each channel is fitted alone: best where the others rest."
     lines = _comment(text)
     for use, axes in content.proposal.lacking.items():
         for how in dict.fromkeys(axes.values()):

@@ -132,6 +132,39 @@ def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[Feed | None,
     return None, reasons
 
 
+def way_on(page: LogPage) -> str:
+    """Return what would make a log feed a campaign, for one that feeds none.
+
+    Empty where the refusal of the log says it already.
+    """
+    if page.health is None:
+        return ""
+    log = checked(page)
+    acting = activity(log) if log.has("actuators") else None
+    if log.under_water is False:
+        return (
+            f"auvid models bodies under water; this is the log of {log.info.vehicle or 'another'}"
+        )
+    if not log.has("actuators"):
+        return (
+            "name all CSV files of the dive in one call (--from imu.csv dvl.csv outputs.csv), they"
+            " become one log; without commands nothing tells forces"
+            if page.health["formats"] == ["CSV"]
+            else "log what drives the vehicle (docs/streams.md): without it nothing tells forces"
+        )
+    if acting is None or not acting.any() or driven_s(log) < SHORTEST_DRIVEN_S:
+        return (
+            f"log a dive in which it is armed and driven for {SHORTEST_DRIVEN_S:g} s and more,"
+            " both ways in every axis of interest"
+        )
+    if not log.has("velocity"):
+        return (
+            "a force model needs a velocity log (DVL) or an aided navigation filter; a single"
+            " channel needs heave driven and seen by depth, or yaw by a gyro (docs/bench.md)"
+        )
+    return "log a dive under water that moves both ways in every axis of interest, for a minute"
+
+
 def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
     """Return the log of a health page."""
     assert page.outputs is not None

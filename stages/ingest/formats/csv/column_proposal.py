@@ -109,8 +109,7 @@ def proposed_map(names: Sequence[str]) -> str:
         if place is not None:
             guesses.setdefault(place, index)
     lines = [
-        f"time: {{column: {_quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch:"
-        " boot}"
+        f"time: {{column: {quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch: boot}}"
     ]
     lines += ["accelerometer: specific_force"] * any(
         field.startswith("accel") for _, field in guesses
@@ -125,7 +124,7 @@ def proposed_map(names: Sequence[str]) -> str:
             else _unit(words[index], UNKNOWN)
         )
         lines.append(
-            f"  - {{column: {_quoted(names[index])}, stream: {stream}, field: {field}, unit:"
+            f"  - {{column: {quoted(names[index])}, stream: {stream}, field: {field}, unit:"
             f" {unit}}}"
         )
     if not guesses:
@@ -133,7 +132,7 @@ def proposed_map(names: Sequence[str]) -> str:
     rest = [name for index, name in enumerate(names) if index not in (time, *guesses.values())]
     if rest:
         more = f" and {len(rest) - NAMED_COLUMNS} more" if len(rest) > NAMED_COLUMNS else ""
-        lines.append(f"# no guess for {', '.join(map(_quoted, rest[:NAMED_COLUMNS]))}{more}")
+        lines.append(f"# no guess for {', '.join(map(quoted, rest[:NAMED_COLUMNS]))}{more}")
     there = [stream for stream in STREAMS if any(item == stream for item, _ in guesses)]
     missing = [f"{stream} ({stage})" for stream, stage in NEEDS.items() if stream not in there]
     parts = {
@@ -162,7 +161,8 @@ def _unit(words: str, otherwise: str) -> str:
     return UNITS.get(words.split()[-1], otherwise) if " " in words else otherwise
 
 
-def _quoted(name: str) -> str:
+def quoted(name: str) -> str:
+    """Return a name as YAML, in quotes where it needs them."""
     return (
         name
         if re.fullmatch(r"[A-Za-z][\w.]*", name)

@@ -1,0 +1,519 @@
+"""A column map drafted from the header and the values of a CSV file.
+
+What the name of a column does not say is taken from its values, or assumed, and then
+the draft says so.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pacsv
+
+from auvid.data_schemas.errors import LogError
+from auvid.data_schemas.streams import NEEDED, STREAMS
+from auvid.hydro.arrays import Array
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.column_names import (
+    QUATERNION,
+    TIME,
+    NamedColumn,
+    named_columns,
+)
+from auvid.stages.ingest.formats.csv.column_proposal import quoted
+from auvid.stages.ingest.formats.csv.reader import header, iso_microseconds
+
+MOST_BYTES = 1 << 24
+"""Values of the first so many bytes decide on units."""
+FULL_TURN = 6.4
+"""An angle beyond it [rad] is in degrees."""
+UNIX_TIMES = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
+"""Unix time of this century in the unit is beyond this number."""
+POSSIBLE_STEPS = (5e-4, 10.0)
+"""Steps [s] between rows of a log."""
+PULSES = (800.0, 2200.0)
+NEAR_ONE, NEAR_GRAVITY = (0.8, 1.2), (8.5, 11.0)
+"""Median length of an accelerometer at rest in g and in m/s^2."""
+FASTEST_M_S, FASTEST_CM_S = 15.0, 300.0
+"""Larger velocities (99th percentile) are in cm/s, and beyond that in mm/s."""
+FASTEST_RAD_S = 8.0
+"""Larger rates (99th percentile) are in deg/s."""
+HELD_SHARE = 0.5
+FROM_ABOVE = "up"
+"""Mark of a height that is negative under water."""
+MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
+"""Marks of commands that were matched to the axis that answers them."""
+COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
+LARGEST_COMMAND = 1.5
+AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+NAMED = 12
+
+
+@dataclass(frozen=True)
+class DraftColumn:
+    """A column of the draft; `check`: what of it was assumed, in words."""
+
+    column: str
+    stream: str
+    field: str
+    unit: str
+    sign: int = 1
+    frame: str = ""
+    check: str = ""
+
+
+@dataclass(frozen=True)
+class ColumnDraft:
+    """A drafted column map of a file."""
+
+    file: str
+    time: Mapping[str, str]
+    time_check: str
+    columns: tuple[DraftColumn, ...]
+    delimiter: str = ","
+    decimal: str = "."
+    accelerometer: str = ""
+    repeating: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = field(default_factory=tuple)
+    span_s: tuple[float, float] = (0.0, 0.0)
+    """First and last time of the file."""
+
+    @property
+    def streams(self) -> tuple[str, ...]:
+        """The streams that the draft fills."""
+        there = {item.stream for item in self.columns}
+        return tuple(name for name in STREAMS if name in there)
+
+    def without(self, *streams: str) -> ColumnDraft:
+        """Return the draft without these streams."""
+        kept = tuple(item for item in self.columns if item.stream not in streams)
+        gone = tuple(item.column for item in self.columns if item.stream in streams)
+        repeating = tuple(name for name in self.repeating if name not in streams)
+        accelerometer = "" if "imu" in streams else self.accelerometer
+        return replace(
+            self,
+            columns=kept,
+            repeating=repeating,
+            accelerometer=accelerometer,
+            unused=(*self.unused, *gone),
+        )
+
+    def document(self) -> dict[str, Any]:
+        """Return the draft as the document of a column map."""
+        columns = []
+        for item in self.columns:
+            entry: dict[str, Any] = {
+                "column": item.column,
+                "stream": item.stream,
+                "field": item.field,
+                "unit": item.unit,
+            }
+            entry |= {"sign": -1} if item.sign < 0 else {}
+            entry |= {"frame": item.frame} if item.frame else {}
+            columns.append(entry)
+        document: dict[str, Any] = {"time": dict(self.time)}
+        document |= {"delimiter": self.delimiter} if self.delimiter != "," else {}
+        document |= {"decimal": self.decimal} if self.decimal != "." else {}
+        document |= {"accelerometer": self.accelerometer} if self.accelerometer else {}
+        document |= {"held": list(self.repeating)} if self.repeating else {}
+        return document | {"columns": columns}
+
+    def text(self) -> str:
+        """Return the draft as YAML, with what to check beside each line."""
+        lines = [
+            "# What the columns are. Body axes forward, right, down; angles of roll, pitch, yaw."
+        ]
+        lines += [f"# check: {remark}" for remark in self.remarks]
+        time = ", ".join(f"{key}: {quoted(value)}" for key, value in self.time.items())
+        lines.append(_checked(f"time: {{{time}}}", self.time_check))
+        if self.delimiter != ",":
+            lines.append(f"delimiter: {json.dumps(self.delimiter)}")
+        if self.decimal != ".":
+            lines.append(f"decimal: {json.dumps(self.decimal)}")
+        if self.accelerometer:
+            lines.append(
+                _checked(
+                    f"accelerometer: {self.accelerometer}",
+                    "by its size at rest; specific_force holds gravity, inertial does not",
+                )
+            )
+        if self.repeating:
+            lines.append(
+                _checked(
+                    f"held: [{', '.join(self.repeating)}]",
+                    "most rows repeat the last value; only new values count",
+                )
+            )
+        lines.append("columns:")
+        for item in self.columns:
+            entry = (
+                f"column: {quoted(item.column)}, stream: {item.stream}, field: {item.field},"
+                f" unit: {quoted(item.unit)}"
+            )
+            entry += ", sign: -1" if item.sign < 0 else ""
+            entry += f", frame: {item.frame}" if item.frame else ""
+            lines.append(_checked(f"  - {{{entry}}}", item.check))
+        if self.unused:
+            more = f" and {len(self.unused) - NAMED} more" if len(self.unused) > NAMED else ""
+            lines.append(f"# not used: {', '.join(map(quoted, self.unused[:NAMED]))}{more}")
+        return "\n".join(lines) + "\n"
+
+
+def _checked(line: str, check: str) -> str:
+    return f"{line}  # check: {check}" if check else line
+
+
+def draft_columns(file: RawFile) -> ColumnDraft:
+    """Return a column map drafted from a file's names and values.
+
+    Raises `LogError` where the first line names no columns, or no column is the time.
+    """
+    head = header(file, None)
+    texts, decimal = _cells(file, head.names, head.delimiter, head.encoding)
+    if head.names and all(_is_number(name) for name in head.names if name.strip()):
+        raise LogError(
+            "the first line holds numbers, no names of columns",
+            file=file.name,
+            row=1,
+            value=", ".join(head.names[:4]),
+            remedy="Put a line with the names of the columns above it: time_s,depth_m,...",
+        )
+    values = {name: _numbers(cells, decimal) for name, cells in texts.items()}
+    columns = [item for item in named_columns(head.names) if item.name in texts]
+    time, time_check = _time(columns, values, texts, file.name)
+    rest = [item for item in columns if item.name != time["column"]]
+    t_s = _seconds(time, values[time["column"]], texts[time["column"]])
+    draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
+    known = t_s[np.isfinite(t_s)]
+    draft = replace(draft, span_s=(float(known[0]), float(known[-1])))
+    return _with_columns(draft, _with_commands(rest, values, t_s), values)
+
+
+def _cells(
+    file: RawFile, names: Sequence[str], delimiter: str, encoding: str
+) -> tuple[dict[str, list[str]], str]:
+    """Return the cells of every column as text, and the decimal mark."""
+    data = file.buffer[:MOST_BYTES].tobytes()
+    if len(data) == MOST_BYTES:
+        data = data[: data.rfind(b"\n") + 1]
+    table = pacsv.read_csv(
+        pa.BufferReader(data),
+        read_options=pacsv.ReadOptions(
+            encoding=encoding, column_names=list(map(str, range(len(names)))), skip_rows=1
+        ),
+        parse_options=pacsv.ParseOptions(
+            delimiter=delimiter, invalid_row_handler=lambda row: "skip"
+        ),
+        convert_options=pacsv.ConvertOptions(
+            column_types={str(index): pa.string() for index in range(len(names))},
+            strings_can_be_null=False,
+        ),
+    )
+    once = {name for name in names if list(names).count(name) == 1}
+    cells = {
+        name: [text.strip() for text in table[str(index)].to_pylist()]
+        for index, name in enumerate(names)
+        if name in once
+    }
+    sample = [text for column in cells.values() for text in column[:50] if text]
+    commas = sum(bool(re.fullmatch(r"-?\d+,\d+(e-?\d+)?", text)) for text in sample)
+    return cells, "," if delimiter != "," and commas > 0.2 * len(sample) else "."
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(cells: Sequence[str], decimal: str) -> Array:
+    """Return cells as numbers (n,), nan for what is none."""
+    array = np.full(len(cells), np.nan)
+    for row, text in enumerate(cells):
+        try:
+            array[row] = float(text.replace(",", ".") if decimal == "," else text)
+        except ValueError:
+            continue
+    return array
+
+
+def _time(
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    texts: Mapping[str, Sequence[str]],
+    file: str,
+) -> tuple[dict[str, str], str]:
+    """Return the entry `time` of the map, and what of it was assumed."""
+    named = [
+        item for item in columns if TIME.search(item.words) or item.unit in ("s", "ms", "us", "ns")
+    ]
+    unnamed = [item for item in columns if item not in named]
+    for item in named:
+        entry = _clock(item, values[item.name], texts[item.name])
+        if entry is not None:
+            return entry
+    for item in unnamed:
+        steps = np.diff(values[item.name])
+        if item.place is None and steps.size > 10 and (steps > 0.0).all():
+            entry = _clock(item, values[item.name], texts[item.name])
+            if entry is not None:
+                return entry[0], f"no name says time; this column rises in every row; {entry[1]}"
+    of_day = next(
+        (item.name for item in named if re.match(r"\d\d?:\d\d", next(iter(texts[item.name]), ""))),
+        None,
+    )
+    what = f"column {of_day} is a time of day, which has no date" if of_day else "no column rises"
+    raise LogError(
+        f"no column is the time of the rows: {what}",
+        file=file,
+        row=1,
+        value=", ".join(item.name for item in named or columns[:6]) or "no column",
+        allowed="seconds, ms, us or ns that rise, Unix time, or ISO 8601 text",
+        remedy="Export the log with such a column, named time_s.",
+    )
+
+
+def _clock(
+    item: NamedColumn, values: Array, texts: Sequence[str]
+) -> tuple[dict[str, str], str] | None:
+    """Return the entry of a time column and what was assumed; None if it is no clock."""
+    known = values[np.isfinite(values)]
+    if known.size < 0.9 * len(texts) or known.size < 3:
+        filled = [text for text in texts[:200] if text]
+        if len(filled) > 2 and iso_microseconds(pa.array(filled)) is not None:
+            return {"column": item.name, "unit": "iso8601", "epoch": "unix"}, ""
+        return None
+    steps = np.diff(known)
+    if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or known[-1] <= known[0]:
+        return None
+    size = float(np.median(known))
+    unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
+    if unix is not None and (not item.unit or item.unit == unix):
+        return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
+    if item.unit in ("s", "ms", "us", "ns"):
+        return {"column": item.name, "unit": item.unit, "epoch": "boot"}, ""
+    # A coarse clock repeats its stamps: rows over the whole time tell the rate.
+    step = float(known[-1] - known[0]) / steps.size
+    factors = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+    fits = [
+        unit
+        for unit, factor in factors
+        if POSSIBLE_STEPS[0] <= step * factor <= POSSIBLE_STEPS[1] and step * factor <= 2.0
+    ]
+    unit = fits[0] if fits else "s"
+    return {
+        "column": item.name,
+        "unit": unit,
+        "epoch": "boot",
+    }, f"unit {unit} by the rate of the rows"
+
+
+def _seconds(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
+    """Return the time of every row (n,) [s]."""
+    factors = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+    if time["unit"] != "iso8601":
+        return values * factors[time["unit"]]
+    stamps = iso_microseconds(pa.array([text for text in texts if text]))
+    return np.zeros(1) if stamps is None else np.asarray(stamps.to_numpy()) / 1e6
+
+
+def _with_commands(
+    columns: Sequence[NamedColumn], values: Mapping[str, Array], t_s: Array
+) -> list[NamedColumn]:
+    """Return the columns with numbered commands at the axes that answer them.
+
+    Only where no name tells a command or an output.
+    """
+    numbered = [
+        item
+        for item in columns
+        if COMMANDS.search(item.words) and _percentile([values[item.name]]) <= LARGEST_COMMAND
+    ]
+    there = {item.place[0] for item in columns if item.place is not None and item not in numbered}
+    if "actuators" in there or len(numbered) < 2 or t_s.size != values[columns[0].name].size:
+        return list(columns)
+    fields = {**dict(zip(("u_m_s", "v_m_s", "w_m_s"), "uvw", strict=True))}
+    fields |= dict(zip(("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"), "pqr", strict=True))
+    motions = {
+        fields[item.place[1]]: values[item.name]
+        for item in columns
+        if item.place is not None and item.place[1] in fields
+    }
+    commands = {item.name: values[item.name] for item in numbered}
+    answers = {item.command: item for item in answered_commands(t_s, commands, motions)}
+    placed = []
+    for item in columns:
+        answer = answers.get(item.name)
+        if answer is not None:
+            mark = MATCHED if answer.correlation > 0.0 else MATCHED_REVERSED
+            item = replace(
+                item, place=("actuators", f"command_{AXIS_NAMES[answer.axis]}"), frame=mark
+            )
+        elif item in numbered:
+            item = replace(item, place=None)
+        placed.append(item)
+    return placed
+
+
+def _with_columns(
+    draft: ColumnDraft, columns: Sequence[NamedColumn], values: Mapping[str, Array]
+) -> ColumnDraft:
+    """Return the draft with its columns, units and remarks."""
+    chosen: dict[tuple[str, str], NamedColumn] = {}
+    for item in columns:
+        filled = np.isfinite(values[item.name]).mean() if values[item.name].size else 0.0
+        if item.place is not None and filled > 0.01:
+            chosen.setdefault(item.place, item)
+    remarks: list[str] = []
+    chosen = _possible_outputs(chosen, values, remarks)
+    chosen = _depth_of_others(chosen, columns, values)
+    drafted = []
+    for (stream, name), item in chosen.items():
+        kind = name.split("_")[0] if stream == "imu" else stream
+        group = [
+            values[other.name]
+            for (own, field_name), other in chosen.items()
+            if kind in (own, field_name.split("_")[0]) and not field_name.startswith("quality")
+        ]
+        unit, check = _unit(stream, name, item, group)
+        if item.frame in (MATCHED, MATCHED_REVERSED):
+            check = f"no name tells this; {name.split('_')[1]} answers it best of all columns"
+        sign = -1 if item.frame in (FROM_ABOVE, MATCHED_REVERSED) else 1
+        frame = item.frame if item.frame in ("frd", "flu") else ""
+        drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
+    partial = {
+        stream: [name for name in NEEDED[stream] if (stream, name) not in chosen]
+        for stream, _ in chosen
+    }
+    for stream, lack in partial.items():
+        if lack:
+            remarks.append(f"{stream} is left out: nothing looks like {', '.join(lack)}.")
+    if (
+        any(QUATERNION.search(item.words) for item in columns)
+        and ("attitude", "phi_rad") not in chosen
+    ):
+        remarks.append("a quaternion cannot be mapped: export roll, pitch and yaw.")
+    kept = tuple(item for item in drafted if not partial[item.stream])
+    used = {item.column for item in kept}
+    return replace(
+        draft,
+        columns=kept,
+        accelerometer=_accelerometer(kept, values),
+        repeating=_repeating(kept, values),
+        unused=tuple(item.name for item in columns if item.name not in used),
+        remarks=tuple(remarks),
+    )
+
+
+def _possible_outputs(
+    chosen: dict[tuple[str, str], NamedColumn],
+    values: Mapping[str, Array],
+    remarks: list[str],
+) -> dict[tuple[str, str], NamedColumn]:
+    """Return the columns without outputs that are no pulses; outputs count from 1."""
+    outputs = {place: item for place, item in chosen.items() if place[1].startswith("pwm_")}
+    if not outputs:
+        return chosen
+    rest = {place: item for place, item in chosen.items() if place not in outputs}
+    known = np.concatenate([values[item.name] for item in outputs.values()])
+    known = known[np.isfinite(known) & (known != 0.0)]
+    inside = (known >= PULSES[0]) & (known <= PULSES[1])
+    if not known.size or inside.mean() < 0.95:
+        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+        remarks.append(
+            f"outputs {', '.join(item.name for item in outputs.values())} are no pulses in us"
+            f" ({low:g} to {high:g}); a column map takes pulses of each output, or commands of"
+            " surge, sway, heave, roll, pitch, yaw."
+        )
+        return rest
+    numbers = [int(name.split("_")[1]) for _, name in outputs]
+    shift = 1 if 0 in numbers else 0
+    if shift:
+        remarks.append("outputs are counted from 0 in the file, from 1 here.")
+    moved = {
+        (stream, f"pwm_{int(name.split('_')[1]) + shift}_us"): item
+        for (stream, name), item in outputs.items()
+        if int(name.split("_")[1]) + shift <= 16
+    }
+    return rest | moved
+
+
+def _depth_of_others(
+    chosen: dict[tuple[str, str], NamedColumn],
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+) -> dict[tuple[str, str], NamedColumn]:
+    """Return the columns with depth from an altitude or from z, where nothing is named so."""
+    if ("depth", "depth_m") in chosen:
+        return chosen
+    for item in columns:
+        if re.search(r"\b(?:altitude|alt|height)\b", item.words) and "amsl" not in item.words:
+            known = values[item.name][np.isfinite(values[item.name])]
+            if known.size and float(np.median(known)) < 0.0:  # above the surface, so below it
+                return chosen | {("depth", "depth_m"): replace(item, frame=FROM_ABOVE)}
+    height = chosen.get(("position", "z_m"))
+    return chosen if height is None else chosen | {("depth", "depth_m"): height}
+
+
+def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
+    """Return the unit of a column, and in words what was assumed of it."""
+    if name.startswith("command_"):
+        return "1", ""
+    if name.startswith("pwm_"):
+        return "us", ""
+    depth = "" if stream != "depth" or "depth" in item.words else f"depth from {item.name}"
+    if item.unit:
+        return item.unit, depth
+    size = _percentile(group)
+    if stream == "attitude":
+        return ("deg", "") if size > FULL_TURN else ("rad", "no value is beyond a turn in rad")
+    if name.startswith("gyro"):
+        return ("deg/s", "by its size") if size > FASTEST_RAD_S else ("rad/s", "by its size")
+    if name.startswith("accel"):
+        return ("g0", "by its size") if size < 4.0 else ("m/s^2", "by its size")
+    if stream in ("velocity", "water_velocity"):
+        unit = "m/s" if size < FASTEST_M_S else "cm/s" if size < FASTEST_CM_S else "mm/s"
+        return unit, "by its size"
+    if stream == "battery":
+        return ("mV", "by its size") if size > 1000.0 else ("V", "by its size")
+    assumed = {"propeller_rev_s": "rpm", "interval_s": "s", "quality": "1"}
+    return assumed.get(name, "m"), depth or "assumed"
+
+
+def _percentile(group: Sequence[Array]) -> float:
+    """Return the 99th percentile of the moduli of signals, 0 without any."""
+    known = np.concatenate([np.abs(each[np.isfinite(each)]) for each in group])
+    return float(np.percentile(known, 99.0)) if known.size else 0.0
+
+
+def _accelerometer(columns: Sequence[DraftColumn], values: Mapping[str, Array]) -> str:
+    """Return what the accelerometer measures, by its length at rest; '' without one."""
+    axes = [values[item.column] for item in columns if item.field.startswith("accel_")]
+    if not axes:
+        return ""
+    length = float(np.nanmedian(np.sqrt(np.sum(np.square(axes), axis=0))))
+    gravity = any(low < length < high for low, high in (NEAR_ONE, NEAR_GRAVITY))
+    return "specific_force" if gravity or len(axes) < 3 else "inertial"
+
+
+def _repeating(columns: Sequence[DraftColumn], values: Mapping[str, Array]) -> tuple[str, ...]:
+    """Return the streams whose values mostly repeat those of the row before."""
+    repeating = []
+    for stream in ("velocity", "imu"):
+        own = [values[item.column] for item in columns if item.stream == stream]
+        if own:
+            table = np.column_stack(own)
+            same = (table[1:] == table[:-1]).all(axis=1)
+            if same.size and same.mean() > HELD_SHARE and np.ptp(table[:, 0]) > 0.0:
+                repeating.append(stream)
+    return tuple(repeating)

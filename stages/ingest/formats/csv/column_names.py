@@ -1,0 +1,221 @@
+"""What the names of CSV columns mean: streams, fields and units, as programs write them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from auvid.data_schemas.schemas import schema
+from auvid.data_schemas.streams import STREAMS
+
+WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
+BRACKET = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
+NO_MEASUREMENT = re.compile(
+    r"\b(?:desired|target|setpoint|set point|reference|goal|std|sd|sigma|variance|covariance|fom"
+    r"|temperature|temp|magnetometer|mag|north|east|ned|enu|error|err|valid|status|raw count)\b"
+)
+"""What is commanded, says how sure something is, or is no field: velocities over ground too."""
+TIME = re.compile(r"\b(?:t|time|timestamp|stamp|times|datetime|utc|elapsed|secs|seconds|epoch)\b")
+QUATERNION = re.compile(r"^(?:.* )?(?:q|quat|quaternion|orientation|rotation) ?[wxyz]$|^q[wxyz]$")
+UNIT_WORDS: tuple[tuple[str, str], ...] = (
+    (r"m s 2|mps 2|ms 2|m per s 2|mps2|m s s", "m/s^2"),
+    (r"rad s|radps|rads|rad per s|rad sec|radians per second", "rad/s"),
+    (r"deg s|degps|dps|deg per s|deg sec|degrees per second", "deg/s"),
+    (r"cm s|cmps", "cm/s"),
+    (r"mm s|mmps", "mm/s"),
+    (r"m s|mps|m per s|meters per second|metres per second", "m/s"),
+    (r"rad|rads|radian|radians", "rad"),
+    (r"deg|degs|degree|degrees", "deg"),
+    (r"mm|millimeters|millimetres", "mm"),
+    (r"cm|centimeters|centimetres", "cm"),
+    (r"m|meter|meters|metre|metres", "m"),
+    (r"ft|feet", "ft"),
+    (r"kn|knot|knots|kt", "knot"),
+    (r"us|usec|micros|microseconds", "us"),
+    (r"ms|msec|millis|milliseconds", "ms"),
+    (r"ns|nsec|nanos|nanoseconds|nanosec", "ns"),
+    (r"s|sec|secs|seconds", "s"),
+    (r"mv|millivolt|millivolts", "mV"),
+    (r"volt|volts", "V"),
+    (r"amp|amps|ampere", "A"),
+    (r"rpm", "rpm"),
+)
+UNIT_TEXTS: Mapping[str, str] = {
+    "m/s": "m/s",
+    "m/s^2": "m/s^2",
+    "m/s2": "m/s^2",
+    "m/s/s": "m/s^2",
+    "m/s²": "m/s^2",
+    "rad/s": "rad/s",
+    "rad/sec": "rad/s",
+    "deg/s": "deg/s",
+    "deg/sec": "deg/s",
+    "°/s": "deg/s",
+    "°": "deg",
+    "cm/s": "cm/s",
+    "mm/s": "mm/s",
+    "µs": "us",
+    "μs": "us",
+    "kn": "knot",
+    "kts": "knot",
+    "v": "V",
+    "a": "A",
+    "g": "g0",
+    "-": "1",
+    "1": "1",
+    "pwm": "us",
+}
+AXIS = {
+    "x": "x",
+    "y": "y",
+    "z": "z",
+    "roll": "x",
+    "pitch": "y",
+    "yaw": "z",
+    "p": "x",
+    "q": "y",
+    "r": "z",
+}
+SPEED = {"surge": "u", "sway": "v", "heave": "w", "x": "u", "y": "v", "z": "w"}
+SPEED |= {"u": "u", "v": "v", "w": "w"}
+ANGLE = {"roll": "phi", "pitch": "theta", "yaw": "psi", "heading": "psi", "hdg": "psi"}
+ANGLE |= {"phi": "phi", "theta": "theta", "psi": "psi", "compass": "psi"}
+COMMAND = {"x": "surge", "y": "sway", "z": "heave", "k": "roll", "m": "pitch", "n": "yaw"}
+PLACE = {"northing": "x", "easting": "y"}
+PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
+    (
+        r"\b(?:gyro|gyroscope|gyr|angular rate|angular velocity|angular vel|ang vel|angvel"
+        r"|angular|omega|body rates?|rate|w|g|gx) ?([xyz])\b",
+        "imu",
+        "gyro_{}_rad_s",
+        AXIS,
+    ),
+    (r"^(?:gyro |rate |imu |body )?([pqr])$", "imu", "gyro_{}_rad_s", AXIS),
+    (r"\b(roll|pitch|yaw) ?(?:rate|speed|vel|velocity|spd)", "imu", "gyro_{}_rad_s", AXIS),
+    (
+        r"\b(?:accel|accelerometer|acceleration|acc|linear acceleration|specific force|a)"
+        r" ?([xyz])\b",
+        "imu",
+        "accel_{}_m_s2",
+        AXIS,
+    ),
+    (r"\b(surge|sway|heave) (?:rate|speed|velocity|vel)\b", "velocity", "{}_m_s", SPEED),
+    (
+        r"\b(?:vel|velocity|speed|linear velocity|linear|twist linear|v) ?([xyz])\b",
+        "velocity",
+        "{}_m_s",
+        SPEED,
+    ),
+    (r"^(?:dvl |body |vel )?([uvw])$", "velocity", "{}_m_s", SPEED),
+    (
+        r"^(surge|sway|heave)$|^(?:cmd|command|u|tau|ctrl|control|input|joy|thrust|force|demand)"
+        r" ?(surge|sway|heave|roll|pitch|yaw|x|y|z|k|m|n)$"
+        r"|^(surge|sway|heave|roll|pitch|yaw) (?:cmd|command|input|control|demand|effort)$",
+        "actuators",
+        "command_{}",
+        COMMAND,
+    ),
+    (
+        r"^(?:pwm|servo|motor|thruster|output|thr|rcou|rc out|esc|servo output|mot|thrust)"
+        r"(?: out| c| pwm)? ?(\d+)(?: raw| pwm| output)?$"
+        r"|^(?:ch|chan|channel|c|t|m) ?(\d+)(?: out)?$",
+        "actuators",
+        "pwm_{}_us",
+        {},
+    ),
+    (r"^(?:propeller|prop|shaft|motor|thruster)? ?rpm$", "actuators", "propeller_rev_s", {}),
+    (
+        r"\b(roll|pitch|yaw|heading|hdg|compass|phi|theta|psi)(?: angle)?$",
+        "attitude",
+        "{}_rad",
+        ANGLE,
+    ),
+    (r"\bdepth(?: value)?$", "depth", "depth_m", {}),
+    (r"^(?:pos|position|pose position|p|loc|location)? ?([xyz])$", "position", "{}_m", {}),
+    (r"\b(northing|easting)$", "position", "{}_m", PLACE),
+    (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),
+)
+SIDES = {"forward": "u", "starboard": "v", "right": "v", "left": "v", "down": "w", "up": "w"}
+"""A velocity whose columns are called by where they point."""
+FLIPPED = ("left", "up")
+
+
+@dataclass(frozen=True)
+class NamedColumn:
+    """A column by its name: words without the unit, unit ('' if not named), place or None."""
+
+    name: str
+    words: str
+    unit: str
+    place: tuple[str, str] | None
+    frame: str = ""
+
+
+def named_columns(names: Sequence[str]) -> list[NamedColumn]:
+    """Return what every name of a header means."""
+    parts = [split_unit(name) for name in names]
+    stems = [words for words, _ in parts]
+    steered = {"surge", "sway"} <= set(stems)  # then a bare `yaw` is a command as well
+    pointed = {"forward"} <= set(stems) and bool({"left", "right", "starboard"} & set(stems))
+    result = []
+    for name, (words, unit) in zip(names, parts, strict=True):
+        place, frame = place_of(name, words), ""
+        if steered and words in ("yaw", "roll", "pitch") and not unit:
+            place = ("actuators", f"command_{words}")
+        if pointed and words in SIDES:
+            place = ("velocity", f"{SIDES[words]}_m_s")
+            frame = "flu" if words in FLIPPED else ""
+        result.append(NamedColumn(name, words, unit, place, frame))
+    return result
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return the words of a name without its unit, and that unit ('' if it has none).
+
+    >>> split_unit("Yaw Rate [deg/s]"), split_unit("vel_x_mps"), split_unit("u")
+    (('yaw rate', 'deg/s'), ('vel x', 'm/s'), ('u', ''))
+    """
+    unit = ""
+    for stream in STREAMS:
+        spec = schema(stream).columns.get(name)
+        if spec is not None and spec.dtype.startswith("float") and spec.unit:
+            return _words(name), spec.unit
+    bracket = BRACKET.search(name)
+    if bracket:
+        inner = bracket[1].strip()
+        unit = UNIT_TEXTS.get(inner.lower(), "") or _unit_of_words(_words(inner))
+        name = name[: bracket.start()] if unit else name
+    words = _words(name)
+    if not unit:
+        for pattern, of_words in UNIT_WORDS:
+            match = re.search(rf" (?:{pattern})$", words)
+            if match and len(words[: match.start()]):
+                return words[: match.start()], of_words
+        if words in ("millivolt", "millivolts"):
+            return "millivolt", "mV"
+    return words, unit
+
+
+def _unit_of_words(words: str) -> str:
+    return next((unit for pattern, unit in UNIT_WORDS if re.fullmatch(pattern, words)), "")
+
+
+def _words(name: str) -> str:
+    return " ".join(WORDS.findall(name)).lower()
+
+
+def place_of(name: str, words: str) -> tuple[str, str] | None:
+    """Return stream and field of a column, None if its name tells none."""
+    for stream in STREAMS:
+        spec = None if name == "time_us" else schema(stream).columns.get(name)
+        if spec is not None and spec.dtype.startswith("float"):
+            return stream, name
+    if NO_MEASUREMENT.search(words) or QUATERNION.search(words):
+        return None
+    for pattern, stream, field, translated in PATTERNS:
+        match = re.search(pattern, words)
+        if match:
+            part = next((item for item in match.groups() if item), "")
+            return stream, field.format(translated.get(part, part))
+    return None

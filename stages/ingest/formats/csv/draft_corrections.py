@@ -1,0 +1,83 @@
+"""A drafted column map, corrected by what the checks of its log say of units and signs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from auvid.stages.ingest.formats.csv.column_draft import ColumnDraft, DraftColumn
+
+SIGNS = ("gyro_sign", "velocity_sign", "depth_sign")
+"""Findings that a turned sign of their fields mends."""
+OTHER_UNIT = {"rad": "deg", "deg": "rad", "rad/s": "deg/s", "deg/s": "rad/s"}
+UNITS = {"attitude_unit": ("phi_", "theta_", "psi_"), "gyro_scale": ("gyro_",)}
+"""Findings that the other unit of an angle mends, and the fields that they concern."""
+EXCHANGED = {"u_m_s": "v_m_s", "v_m_s": "u_m_s"}
+
+
+def corrected(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> ColumnDraft:
+    """Return the draft with what findings mend; the same one where they mend nothing.
+
+    A unit that a name says stays; a sign or axis that no name says is turned, and the
+    draft says why.
+    """
+    for item in findings:
+        change = _change(item)
+        if change is not None:
+            columns = tuple(change(column) for column in draft.columns)
+            if columns != draft.columns:
+                draft = replace(draft, columns=columns)
+    return draft
+
+
+def _change(item: Mapping[str, Any]) -> Callable[[DraftColumn], DraftColumn] | None:
+    """Return what a finding changes in a column; None for one that changes nothing."""
+    name, fields = str(item["id"]), set(item["fields"])
+    text = str(item["text"]).rstrip(".")
+    if name in SIGNS:
+        return lambda column: (
+            replace(
+                column, sign=-column.sign, frame="", check=_added(column, f"sign turned: {text}")
+            )
+            if column.field in fields
+            else column
+        )
+    if name in UNITS:
+        return lambda column: (
+            replace(
+                column, unit=OTHER_UNIT[column.unit], check=_added(column, f"unit changed: {text}")
+            )
+            if column.field.startswith(UNITS[name])
+            and column.check
+            and column.unit in OTHER_UNIT
+            and (not fields or column.field in fields)
+            else column
+        )
+    if name == "accelerometer_unit":
+        return lambda column: (
+            replace(column, unit="g0", check=_added(column, f"unit changed: {text}"))
+            if column.field.startswith("accel_") and column.check
+            else column
+        )
+    if name == "accelerometer_direction" and (item["value"] or 0.0) > 170.0:
+        return lambda column: (
+            replace(column, sign=-column.sign, check=_added(column, f"sign turned: {text}"))
+            if column.field.startswith("accel_")
+            else column
+        )
+    if name == "velocity_axes":
+        return lambda column: (
+            replace(
+                column, field=EXCHANGED[column.field], check=_added(column, f"exchanged: {text}")
+            )
+            if column.field in EXCHANGED and column.check
+            else column
+        )
+    return None
+
+
+def _added(column: DraftColumn, reason: str) -> str:
+    """Return the check of a column with one more reason."""
+    before = [part for part in column.check.split("; ") if ": " in part]
+    return "; ".join([*before, reason])

@@ -1,0 +1,208 @@
+"""Column maps drafted from names and values: units, times, marks, commands, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.errors import LogError
+from auvid.stages.base import RawFile
+from auvid.stages.ingest.formats.csv.column_draft import ColumnDraft, draft_columns
+from auvid.stages.ingest.formats.csv.column_map import column_map
+from auvid.stages.ingest.formats.csv.column_names import named_columns, split_unit
+from auvid.stages.ingest.formats.csv.draft_corrections import corrected
+
+T_S = np.arange(0.0, 60.0, 0.1)
+
+
+def drafted(
+    columns: dict[str, np.ndarray], *, delimiter: str = ",", decimal: str = "."
+) -> ColumnDraft:
+    rows = [delimiter.join(columns)]
+    for row in zip(*columns.values(), strict=True):
+        cells = [item if isinstance(item, str) else f"{float(item):.6f}" for item in row]
+        rows.append(delimiter.join(cell.replace(".", decimal) for cell in cells))
+    data = ("\n".join(rows) + "\n").encode()
+    draft = draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None))
+    column_map(draft.document(), list(columns), file="log.csv")  # it holds
+    return draft
+
+
+def wave(size: float, period_s: float = 7.0) -> np.ndarray:
+    return size * np.sin(2.0 * np.pi * T_S / period_s)
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "unit"),
+    [
+        ("Yaw Rate [deg/s]", "yaw rate", "deg/s"),
+        ("Depth (m)", "depth", "m"),
+        ("velX(mm/s)", "vel x", "mm/s"),
+        ("timestamp_ms", "timestamp", "ms"),
+        ("accX [m/s²]", "acc x", "m/s^2"),
+        ("gyro_x", "gyro x", ""),
+        ("t", "t", ""),
+    ],
+)
+def test_units_in_names(name: str, words: str, unit: str) -> None:
+    assert split_unit(name) == (words, unit)
+
+
+@pytest.mark.parametrize(
+    ("names", "fields"),
+    [
+        (("vx", "vy", "vz"), ("u_m_s", "v_m_s", "w_m_s")),
+        (("wx", "wy", "wz"), ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")),
+        (("ax", "ay", "az"), ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")),
+        (("phi", "theta", "psi"), ("phi_rad", "theta_rad", "psi_rad")),
+        (("Roll", "Pitch", "Heading [deg]"), ("phi_rad", "theta_rad", "psi_rad")),
+        (("servo1_raw", "servo2_raw"), ("pwm_1_us", "pwm_2_us")),
+        (("twist.linear.x", "twist.angular.z"), ("u_m_s", "gyro_z_rad_s")),
+        (("cmd_surge", "tau_z"), ("command_surge", "command_heave")),
+        (("forward", "left", "up"), ("u_m_s", "v_m_s", "w_m_s")),
+        (("vel_north", "target_depth", "depth_std"), (None, None, None)),
+    ],
+)
+def test_names_of_columns(names: tuple[str, ...], fields: tuple[str | None, ...]) -> None:
+    places = tuple(item.place and item.place[1] for item in named_columns(names))
+    assert places == fields
+
+
+def test_units_that_no_name_tells_are_taken_from_the_values_and_marked() -> None:
+    draft = drafted(
+        {
+            "time": T_S * 1e3 + 5.0,
+            "roll": wave(12.0),
+            "pitch": wave(3.0),
+            "yaw": 180.0 + wave(90.0),
+            "vx": wave(350.0),
+            "vy": wave(200.0),
+            "vz": wave(50.0),
+            "gyro_x": wave(20.0),
+            "gyro_y": wave(4.0),
+            "gyro_z": wave(30.0),
+            "acc_x": wave(0.1),
+            "acc_y": wave(0.1),
+            "acc_z": -1.0 + wave(0.01),
+            "voltage": 15_900.0 + wave(100.0),
+        }
+    )
+    assert dict(draft.time) == {"column": "time", "unit": "ms", "epoch": "boot"}
+    units = {item.field: item.unit for item in draft.columns}
+    assert units["psi_rad"] == units["phi_rad"] == "deg"
+    assert units["u_m_s"] == units["w_m_s"] == "mm/s"
+    assert units["gyro_y_rad_s"] == "deg/s"
+    assert units["accel_x_m_s2"] == "g0"
+    assert units["voltage_v"] == "mV"
+    assert draft.accelerometer == "specific_force"
+    text = draft.text()
+    assert 'field: u_m_s, unit: "mm/s"}  # check: by its size' in text
+
+
+def test_semicolons_and_decimal_commas() -> None:
+    draft = drafted({"t_s": T_S, "depth_m": 3.0 + wave(1.0)}, delimiter=";", decimal=",")
+    assert (draft.delimiter, draft.decimal) == (";", ",")
+    assert draft.document()["decimal"] == ","
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1.0, "s"), (1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_unix_times_tell_their_unit(factor: float, unit: str) -> None:
+    draft = drafted({"stamp": (1.7e9 + T_S) * factor, "depth_m": 3.0 + wave(1.0)})
+    assert dict(draft.time) == {"column": "stamp", "unit": unit, "epoch": "unix"}
+
+
+def test_text_times_are_iso_and_times_of_day_are_refused() -> None:
+    iso = np.array([f"2024-05-01 10:00:{second:06.3f}" for second in T_S])
+    draft = drafted({"Date": np.arange(600) * 0.0, "Timestamp": iso, "depth_m": 3.0 + wave(1.0)})
+    assert draft.time["unit"] == "iso8601"
+    of_day = np.array([f"10:00:{second:06.3f}" for second in T_S])
+    with pytest.raises(LogError, match="time of day"):
+        drafted({"Time": of_day, "depth_m": 3.0 + wave(1.0)})
+
+
+def test_a_height_below_the_surface_is_depth_and_z_stands_in_for_it() -> None:
+    (depth,) = drafted({"t_s": T_S, "altitude_m": -5.0 + wave(1.0)}).columns
+    assert (depth.field, depth.sign) == ("depth_m", -1)
+    draft = drafted({"t_s": T_S, "x": wave(1.0), "y": wave(1.0), "z": 4.0 + wave(1.0)})
+    assert {item.field for item in draft.columns} == {"x_m", "y_m", "z_m", "depth_m"}
+
+
+def test_outputs_that_are_no_pulses_and_parts_of_a_stream_are_left_out_and_said() -> None:
+    draft = drafted(
+        {
+            "t_s": T_S,
+            "depth_m": 3.0 + wave(1.0),
+            "roll_rad": wave(0.1),
+            "motor1": wave(0.5),
+            "motor2": wave(0.5),
+        }
+    )
+    assert draft.streams == ("depth",)
+    assert any("no pulses" in remark for remark in draft.remarks)
+    assert any("attitude is left out" in remark for remark in draft.remarks)
+
+
+def test_numbered_commands_go_to_the_axes_that_answer_them() -> None:
+    rng = np.random.default_rng(4)
+    drive = np.repeat(rng.uniform(-1.0, 1.0, (60, 3)), 10, axis=0)
+    motion = np.zeros((600, 3))
+    for row in range(1, 600):
+        motion[row] = 0.8 * motion[row - 1] + 0.2 * drive[row - 1]
+    motion += rng.normal(0.0, 0.02, motion.shape)
+    draft = drafted(
+        {
+            "t_s": T_S,
+            "u_mps": motion[:, 0],
+            "v_mps": motion[:, 1],
+            "w_mps": -motion[:, 2],
+            "cmd0": drive[:, 2],
+            "cmd1": drive[:, 0],
+            "cmd2": rng.uniform(-1.0, 1.0, 600),
+            "cmd3": drive[:, 1],
+        }
+    )
+    commands = {item.column: (item.field, item.sign) for item in draft.columns[3:]}
+    assert commands == {
+        "cmd0": ("command_heave", -1),
+        "cmd1": ("command_surge", 1),
+        "cmd3": ("command_sway", 1),
+    }
+
+
+def test_findings_correct_signs_and_assumed_units_only() -> None:
+    draft = drafted(
+        {
+            "t_s": T_S,
+            "roll_deg": wave(0.1),
+            "pitch_deg": wave(0.1),
+            "yaw_deg": wave(1.0),
+            "gyro_x": wave(1.0),
+            "gyro_y": wave(1.0),
+            "gyro_z": wave(1.0),
+        }
+    )
+    findings = [
+        {"id": "gyro_sign", "fields": ["gyro_z_rad_s"], "text": "Turns against.", "value": -1.0},
+        {"id": "gyro_scale", "fields": [], "text": "Times 57.", "value": 56.0},
+        {"id": "attitude_unit", "fields": [], "text": "In rad.", "value": 1.0},
+    ]
+    better = corrected(draft, findings)
+    by_field = {item.field: item for item in better.columns}
+    assert by_field["gyro_z_rad_s"].sign == -1
+    assert "sign turned: Turns against" in by_field["gyro_z_rad_s"].check
+    assert by_field["gyro_x_rad_s"].unit == "deg/s"
+    assert by_field["psi_rad"].unit == "deg"  # its name says so
+    assert corrected(draft, []) is draft
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"1.0,2.0,3.0\n1.1,2.0,3.0\n", "holds numbers, no names"),
+        (b"depth,roll\n1.0,2.0\n1.0,2.0\n", "no column is the time"),
+        (b"", "the file is empty"),
+    ],
+)
+def test_files_without_header_or_time_are_refused(text: bytes, words: str) -> None:
+    with pytest.raises(LogError, match=words):
+        draft_columns(RawFile("log.csv", np.frombuffer(text, np.uint8), None))
