@@ -48,11 +48,11 @@ def loss_table(losses: ExportLosses) -> str:
     if not losses.rows:
         return "Nothing: the files hold every force of the model."
     head = ["what is lost", "why", *AXES]
-    rows = [[row.what, row.why, *map(_number, row.rms)] for row in losses.rows]
-    rows.append(["**all together**", "", *map(_number, losses.total_rms)])
+    rows = [[row.what, row.why, *map(three_digits, row.rms)] for row in losses.rows]
+    rows.append(["**all together**", "", *map(three_digits, losses.total_rms)])
     shares = [percent(share) for share in losses.shares.values()]
     rows.append(["share of the viscous force", "", *shares])
-    rows.append(["viscous force of the model", "", *map(_number, losses.viscous_rms)])
+    rows.append(["viscous force of the model", "", *map(three_digits, losses.viscous_rms)])
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines)
 
@@ -68,7 +68,8 @@ def percent(share: float) -> str:
     return f"{100.0 * share:.3g} %" if share < 10.0 else f"{100.0 * share:.0f} %"
 
 
-def _number(value: float) -> str:
+def three_digits(value: float) -> str:
+    """Return a number as the table of losses prints it."""
     return f"{value:.3g}"
 
 

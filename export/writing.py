@@ -13,7 +13,7 @@ from auvid.export.body import body_of
 from auvid.export.exported import Request, Target
 from auvid.export.losses import LARGEST_SHARE, ExportLosses, measure
 from auvid.export.readme import readme
-from auvid.export.targets import TARGETS
+from auvid.export.targets import TARGETS, load_target
 from auvid.export.text import identifier, one_line, sanitised
 
 
@@ -137,7 +137,7 @@ def check_target(name: str) -> Target:
             allowed=list(TARGETS),
             remedy=meant or nearest(name, TARGETS),
         )
-    return TARGETS[name]
+    return load_target(name)
 
 
 SIMULATORS = {

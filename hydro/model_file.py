@@ -14,6 +14,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.model_file import (
     DynamicsFigures,
     FinFigures,
+    FramesEntry,
     ModelFile,
     PropellerFigures,
     ThrustCurveFigures,
@@ -123,6 +124,19 @@ def vehicle_of(model: ModelFile) -> Vehicle:
                 remedy="Change the vehicle file and run the campaign again.",
             )
     return replace(vehicle, added_mass=vehicle.added_mass + change)
+
+
+def frames(origin: str) -> FramesEntry:
+    """Return axes, angles and signs, which are the same in every model file."""
+    return FramesEntry(
+        body="forward, starboard, down",
+        world="north, east, down",
+        origin=origin,
+        velocity="nu = [u, v, w, p, q, r]",
+        pose="eta = [x, y, z, phi, theta, psi]",
+        force="tau = [X, Y, Z, K, M, N]",
+        equation="mass nu_dot + C(nu) nu = tau_viscous + tau_restoring + tau_actuators",
+    )
 
 
 def dynamics_of(

@@ -1,22 +1,23 @@
-"""The simulators that models are exported to, a file each."""
+"""The simulators that models are exported to, each loaded when it is named."""
+
+from __future__ import annotations
+
+from importlib import import_module
 
 from auvid.export.exported import Target
-from auvid.export.targets.draws import DRAWS
-from auvid.export.targets.gazebo import GAZEBO
-from auvid.export.targets.holoocean import HOLOOCEAN
-from auvid.export.targets.json_file import JSON
-from auvid.export.targets.mss import MSS
-from auvid.export.targets.mujoco import MUJOCO
-from auvid.export.targets.pvs import PVS
-from auvid.export.targets.python import PYTHON
-from auvid.export.targets.sitl import SITL
-from auvid.export.targets.stonefish import STONEFISH
-from auvid.export.targets.uuv import UUV
 
-TARGETS: dict[str, Target] = {
-    target.name: target
-    for target in (
-        GAZEBO, UUV, MSS, PVS, HOLOOCEAN, STONEFISH, MUJOCO, SITL, PYTHON, JSON, DRAWS,
-    )
-}  # fmt: skip
-"""Target by its name on the command line."""
+_MODULES = {
+    **{name: name for name in ("gazebo", "uuv", "mss", "pvs", "holoocean", "stonefish")},
+    **{name: name for name in ("mujoco", "sitl", "python")},
+    "json": "json_file",
+    "draws": "draws",
+}
+TARGETS = tuple(_MODULES)
+"""Targets by their names on the command line."""
+
+
+def load_target(name: str) -> Target:
+    """Return a target of `TARGETS`; each imports what its own form needs."""
+    module = import_module(f"auvid.export.targets.{_MODULES[name]}")
+    target: Target = getattr(module, name.upper())
+    return target

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 FILE = ".stamp"
@@ -21,15 +21,19 @@ ROOT = Path(__file__).resolve().parents[2]
 def source_stamp(floors: Iterable[str] = FOLDERS) -> str:
     """Return the hash of names, sizes and times of the files that stages depend on."""
     lines = []
+    for path in source_files(floors):
+        status = os.stat(path)
+        times = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        lines.append(f"{path} {times}")
+    return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
+
+
+def source_files(floors: Iterable[str]) -> Iterator[Path]:
+    """Yield the files of floors, caches left out."""
     for floor in floors:
         for folder, inner, names in os.walk(ROOT / floor):
             inner[:] = [name for name in inner if name != "__pycache__"]
-            for name in names:
-                path = os.path.join(folder, name)
-                status = os.stat(path)
-                times = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-                lines.append(f"{path} {times}")
-    return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
+            yield from (Path(folder, name) for name in names)
 
 
 def hashes_of(folder: Path, names: Iterable[str]) -> dict[str, str]:

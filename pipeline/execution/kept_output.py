@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.workspace import PARAMS_FILE, SHIPPED_VEHICLES, workspace_of
-from auvid.pipeline.execution.code_stamp import PRINTING, source_stamp, unchanged
+from auvid.pipeline.execution.code_stamp import PRINTING, source_files, source_stamp, unchanged
 from auvid.pipeline.store.atomic_files import FILES_READ, write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, SETTLED_S, FileHashes
 from auvid.pipeline.store.package_versions import package_versions
@@ -60,12 +60,24 @@ def printed_before(campaign: str, *, strict: bool) -> Printed | None:
     Nothing is returned unless every file that the last run read or wrote, the sources
     of auvid, the versions of packages and the terminal are as they were then.
     """
+    return _kept(campaign, _setting(strict))
+
+
+def is_as_last_run(campaign: str) -> bool:
+    """Return whether all is as the last run of a campaign left it; if not, look closer."""
+    setting = _setting(strict=False)
+    return _kept(campaign, {name: setting[name] for name in ("code", "packages")}) is not None
+
+
+def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
+    """Return what the last run printed, where files and this part of the setting stand."""
     try:
         workspace = workspace_of(campaign)
         name = workspace.campaign_folder(campaign).name
         kept = json.loads((workspace.runs / name / FILE).read_text(encoding="utf-8"))
         files, folders = kept["files"], kept["folders"]
-        if kept["setting"] != _setting(strict) or not unchanged(workspace.code):
+        same = all(kept["setting"][key] == value for key, value in setting.items())
+        if not same or not unchanged(workspace.code):
             return None
         if not {str(path) for path in _files_in(map(Path, folders))} <= set(files):
             return None
@@ -79,7 +91,7 @@ def printed_before(campaign: str, *, strict: bool) -> Printed | None:
 
 
 def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> None:
-    """Keep what a run printed, unless a file that it read changed after its start.
+    """Keep what a run printed, unless a file that it read, or a source, changed since.
 
     `start`: the time when it began, before the first file was read. Coefficients of a
     vehicle may lie beside its file.
@@ -93,7 +105,7 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
         for *_, artefact in run.artefacts(stage)
     }
     read = {*_files_in(outside), *FILES_READ, root / PARAMS_FILE} - set(written)
-    if any(_changed(path) > start - SETTLED_S for path in read):
+    if any(_changed(path) > start - SETTLED_S for path in (*read, *source_files(PRINTING))):
         return
     hashes = FileHashes(run.folder / HASHES)
     others = read | _files_in(folders) - set(written)

@@ -15,7 +15,6 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import (
     FORMAT,
     CoefficientEntry,
-    FramesEntry,
     FreeRunEntry,
     LagEntry,
     ModelFile,
@@ -31,7 +30,7 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.regression.assumed_figures import total_error
-from auvid.hydro.model_file import dynamics_of, fitted_change
+from auvid.hydro.model_file import dynamics_of, fitted_change, frames
 from auvid.stages.base import Document
 from auvid.stages.model_use import recommendation, usable_for, use_words
 from auvid.stages.page.first_screen import ALL
@@ -161,19 +160,6 @@ def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogIn
         f"Motor directions differ between the logs: model files hold"
         f" {directions.astype(int).tolist()}, but those of {', '.join(others)}. Each leg was fitted"
         " with its own. A model for the others needs a campaign of their logs."
-    )
-
-
-def frames(origin: str) -> FramesEntry:
-    """Return axes, angles and signs, which are the same in every model file."""
-    return FramesEntry(
-        body="forward, starboard, down",
-        world="north, east, down",
-        origin=origin,
-        velocity="nu = [u, v, w, p, q, r]",
-        pose="eta = [x, y, z, phi, theta, psi]",
-        force="tau = [X, Y, Z, K, M, N]",
-        equation="mass nu_dot + C(nu) nu = tau_viscous + tau_restoring + tau_actuators",
     )
 
 

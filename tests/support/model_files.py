@@ -15,8 +15,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.constrained.equations import Unknown
-from auvid.hydro.model_file import dynamics_of
-from auvid.stages.model_file.contents import frames
+from auvid.hydro.model_file import dynamics_of, frames
 from tests.support.motions import vehicle_document
 
 Terms = Mapping[str, Mapping[str, float]]

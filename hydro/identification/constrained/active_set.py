@@ -130,12 +130,14 @@ class LimitedProblem:
         x = J @ target
         active: list[int] = []
         dual = np.zeros(0)
+        span = _Span(len(x))
         while True:
             tolerance = FEASIBLE * max(1.0, float(np.linalg.norm(x)))
             excess = pool.rows @ x - pool.bounds
             excess[active] = 0.0
             if len(excess) and excess.max() > tolerance:
-                x, active, dual = _take_in(J, x, active, dual, pool, int(np.argmax(excess)))
+                entering = int(np.argmax(excess))
+                x, active, dual = _take_in(J, x, active, dual, pool, entering, span)
                 continue
             before = len(pool.bounds)
             for cut in self.cuts:
@@ -153,19 +155,65 @@ class LimitedProblem:
         )
 
 
+class _Span:
+    """Basis (p, a) and triangle (a, a) with basis @ triangle = active rows, in columns.
+
+    A row that enters adds one column to both; only one that leaves factors all again.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._basis, self._triangle = np.zeros((size, size), order="F"), np.zeros((size, size))
+        self._count = 0
+
+    @property
+    def basis(self) -> Array:
+        return self._basis[:, : self._count]
+
+    @property
+    def triangle(self) -> Array:
+        return self._triangle[: self._count, : self._count]
+
+    def split(self, direction: Array) -> tuple[Array, Array]:
+        """Return the part (a,) of a direction (p,) along the basis, and the rest (p,)."""
+        basis = self.basis
+        along = basis.T @ direction
+        rest = direction - basis @ along
+        again = basis.T @ rest  # rounding of the first pass
+        return along + again, rest - basis @ again
+
+    def add(self, along: Array, rest: Array) -> None:
+        length = float(np.linalg.norm(rest))
+        self._basis[:, self._count] = rest / length
+        self._triangle[: self._count, self._count] = along
+        self._triangle[self._count, self._count] = length
+        self._count += 1
+
+    def set_to(self, columns: Array) -> None:
+        basis, triangle = np.linalg.qr(columns)
+        self._count = columns.shape[1]
+        self._basis[:, : self._count] = basis
+        self._triangle[: self._count, : self._count] = triangle
+
+
 def _take_in(
-    J: Array, x: Array, active: list[int], dual: Array, pool: _Pool, entering: int
+    J: Array,
+    x: Array,
+    active: list[int],
+    dual: Array,
+    pool: _Pool,
+    entering: int,
+    span: _Span,
 ) -> tuple[Array, list[int], Array]:
-    """Return x, active rows and their dual values once the entering row holds."""
+    """Return x, active rows and their dual values once the entering row holds.
+
+    span: of the active rows; the entering one is added.
+    """
     row, bound, own = pool.rows[entering], pool.bounds[entering], 0.0
     direction = J.T @ row
     while True:
         # Split the row into what the active rows span and what is its own.
-        basis, triangle = np.linalg.qr((pool.rows[active] @ J).T)
-        along = basis.T @ direction
-        rest = direction - basis @ along
-        rest -= basis @ (basis.T @ rest)
-        change = _triangular(triangle, along) if active else np.zeros(0)
+        along, rest = span.split(direction)
+        change = _triangular(span.triangle, along) if active else np.zeros(0)
         # Dual step: until an active row's dual value reaches zero.
         falling = np.flatnonzero(change > 0.0)
         ratios = dual[falling] / change[falling]
@@ -187,8 +235,10 @@ def _take_in(
             x = x - taken * (J @ rest)
         dual, own = dual - taken * change, own + taken
         if step <= dual_step:
+            span.add(along, rest)
             return x, [*active, entering], np.append(dual, own)
         active, dual = active[:blocking] + active[blocking + 1 :], np.delete(dual, blocking)
+        span.set_to((pool.rows[active] @ J).T)
 
 
 def _settled(J: Array, target: Array, pool: _Pool, active: list[int]) -> tuple[Array, Array]:

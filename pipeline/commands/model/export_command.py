@@ -8,12 +8,13 @@ from pathlib import Path
 from auvid.data_schemas.errors import PipelineError
 from auvid.export import ExportLosses, check_target, prepare
 from auvid.export.body import full_title
+from auvid.export.readme import percent, three_digits
 from auvid.export.writing import write_files
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.campaigns.workspace import find_workspace
 from auvid.pipeline.commands.model.named_model import named_model
+from auvid.pipeline.execution.kept_output import is_as_last_run
 from auvid.pipeline.terminal import path_from_here, plain, table
-from auvid.stages.number_format import significant
 
 EXPORTED = "exported"
 """Folder of exports where the user names none."""
@@ -58,6 +59,8 @@ def default_folder() -> Path:
 
 def warn_of_stale(campaign: str) -> None:
     """Print a warning where the models of a campaign are not up to date."""
+    if is_as_last_run(campaign):
+        return
     from auvid.pipeline.commands.open_run import check_fresh, open_run
     from auvid.pipeline.graph import select
 
@@ -75,17 +78,17 @@ def print_losses(losses: ExportLosses) -> None:
     print()
     if not losses.rows:
         print(f"{losses.target} holds every force of the model")
-    rows = [(row.what, *map(significant, row.rms)) for row in losses.rows]
+    rows = [(row.what, *map(three_digits, row.rms)) for row in losses.rows]
     if rows:
         shares = losses.shares.values()
-        rows.append(("all together", *map(significant, losses.total_rms)))
+        rows.append(("all together", *map(three_digits, losses.total_rms)))
         rows.append(
             (
                 "share of the viscous force",
-                *("-" if share == float("inf") else _percent(share) for share in shares),
+                *map(percent, shares),
             )
         )
-        rows.append(("viscous force of the model", *map(significant, losses.viscous_rms)))
+        rows.append(("viscous force of the model", *map(three_digits, losses.viscous_rms)))
         table(
             ("lost, RMS force in N and N m", *AXES),
             rows,
@@ -95,7 +98,3 @@ def print_losses(losses: ExportLosses) -> None:
             print(plain(f"- {row.what}: {row.why}"))
     for note in losses.notes:
         print(plain(f"- {note}"))
-
-
-def _percent(share: float) -> str:
-    return f"{significant(100.0 * share)} %"

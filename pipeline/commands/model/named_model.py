@@ -52,9 +52,9 @@ def named_model(name: str) -> NamedModel:
 
 def published(path: Path) -> ModelFile:
     """Return the model of a file that `load_published` reads."""
+    from auvid.hydro.published_model import published_model
     from auvid.pipeline.campaigns.vehicle_files import load_published
-    from auvid.pipeline.store.fingerprints import hash_value
-    from auvid.stages.model_file.published import published_model
+    from auvid.pipeline.store.file_hashes import hash_value
 
     vehicle = load_published(path)
     written = vehicle.document.model_dump(exclude_unset=True)

@@ -13,10 +13,10 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.model_file import viscous_model
+from auvid.hydro.published_model import published_model
 from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_columns, named
-from auvid.stages.model_file.published import published_model
 from auvid.stages.score_shelf import (
     OWN,
     PublishedSet,

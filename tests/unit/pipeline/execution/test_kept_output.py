@@ -127,3 +127,24 @@ def test_nothing_heavy_is_loaded_where_nothing_is_to_do(finished: Path) -> None:
     loaded = set(done.stdout.splitlines()[-1].split())
     heavy = {"numpy", "scipy", "pandas", "pyarrow", "yaml", "rerun", "numba"}
     assert not loaded & heavy
+
+
+def test_a_source_edited_while_a_run_goes_on_keeps_nothing(
+    toy_workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its results are those of the older code."""
+    source = tmp_path / "edited.py"
+    source.touch()
+    os.utime(source, (2e9, 2e9))
+    monkeypatch.setattr(kept_output, "FILES_READ", set())
+    monkeypatch.setattr(kept_output, "source_files", lambda floors: [source])
+    run("toy")
+    assert not (toy_workspace / "runs/toy" / kept_output.FILE).exists()
+
+
+def test_other_commands_ask_whether_all_is_as_the_last_run_left_it(finished: Path) -> None:
+    """Whatever the terminal and --strict."""
+    assert kept_output.is_as_last_run("toy")
+    assert printed_before("toy", strict=True) is None
+    edit(finished / "params.yaml")
+    assert not kept_output.is_as_last_run("toy")

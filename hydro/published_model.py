@@ -21,12 +21,11 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
 from auvid.hydro.identification.constrained.equations import Unknown
-from auvid.hydro.model_file import dynamics_of
-from auvid.stages.model_file.contents import frames
-from auvid.stages.page.first_screen import AXIS_WORDS
+from auvid.hydro.model_file import dynamics_of, frames
 
+MOTIONS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 MINIMUM_SPEED_M_S = 0.05
-"""Lower bound of U in eta = u_c(n) / U, as of the stage."""
+"""Lower bound of U in eta = u_c(n) / U, the default of the stage `model_file`."""
 
 
 def published_model(vehicle: Vehicle, *, vehicle_hash: str) -> ModelFile:
@@ -88,8 +87,8 @@ def missing_parts(vehicle: Vehicle) -> list[str]:
     """Return what a published set has not, in words."""
     terms = viscous_terms(vehicle.published.values())
     still = [
-        AXIS_WORDS[axis]
-        for axis, speed in zip(AXES, VELOCITIES, strict=True)
+        motion
+        for axis, speed, motion in zip(AXES, VELOCITIES, MOTIONS, strict=True)
         if not any(speed in BASIS_TERMS[term].factors for term in terms.get(axis, {}))
     ]
     acting = (vehicle.thrusters, vehicle.fins, vehicle.propeller)

@@ -13,10 +13,10 @@ from auvid.export import prepare
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.model_file import forces, vehicle_of
+from auvid.hydro.published_model import missing_parts, published_model
 from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.pipeline.store.model_files import read_model, write_model
-from auvid.stages.model_file.published import missing_parts, published_model
 
 SHELF = shelf_files()
 VT690 = [name for name in SHELF if name.startswith("vt690_")]
