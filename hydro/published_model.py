@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid import __version__
 from auvid.data_schemas.documents.model import in_schema_units
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.model_file import (
@@ -28,11 +27,12 @@ MINIMUM_SPEED_M_S = 0.05
 """Lower bound of U in eta = u_c(n) / U, the default of the stage `model_file`."""
 
 
-def published_model(vehicle: Vehicle, *, vehicle_hash: str) -> ModelFile:
+def published_model(vehicle: Vehicle, *, vehicle_hash: str, version: str) -> ModelFile:
     """Return the model file of a vehicle with its published damping.
 
     Each coefficient is printed as its source has it, with the verdict `published`.
-    Raises `DataError` for a vehicle that publishes no damping.
+    vehicle_hash: of its document; version: of auvid. Raises `DataError` for a vehicle that
+    publishes no damping.
     """
     terms = viscous_terms(vehicle.published.values())
     if not terms:
@@ -46,7 +46,7 @@ def published_model(vehicle: Vehicle, *, vehicle_hash: str) -> ModelFile:
     return ModelFile(
         format=FORMAT,
         kind="auvid model",
-        auvid=__version__,
+        auvid=version,
         name=vehicle.name,
         title=vehicle.title,
         source=document.source,

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from auvid import __version__
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
@@ -58,7 +59,7 @@ def published(path: Path) -> ModelFile:
 
     vehicle = load_published(path)
     written = vehicle.document.model_dump(exclude_unset=True)
-    return published_model(vehicle, vehicle_hash=hash_value(written))
+    return published_model(vehicle, vehicle_hash=hash_value(written), version=__version__)
 
 
 def _shelf() -> dict[str, Path]:

@@ -25,7 +25,7 @@ VT690 = [name for name in SHELF if name.startswith("vt690_")]
 @pytest.mark.parametrize("name", SHELF)
 def test_a_published_set_is_a_model_file_that_stands_alone(name: str, tmp_path: Path) -> None:
     vehicle = load_published(SHELF[name])
-    model = published_model(vehicle, vehicle_hash="0")
+    model = published_model(vehicle, vehicle_hash="0", version="0")
     write_model(model, tmp_path / "set.json")
     again = read_model(tmp_path / "set.json")
     assert again.model_dump() == model.model_dump()
@@ -45,7 +45,7 @@ def test_the_models_of_the_690_have_the_forces_of_their_tables(name: str) -> Non
     path = SHELF[name]
     random = np.random.default_rng(7)
     nu, rev_s = random.uniform(0.2, 1.5, (20, 6)), random.uniform(30.0, 50.0, 20)
-    model = published_model(load_published(path), vehicle_hash="0")
+    model = published_model(load_published(path), vehicle_hash="0", version="0")
     screw = model.dynamics.propeller
     assert screw is not None
     level = np.interp(rev_s, screw.level_speed_rev_s, screw.level_speed_m_s)
@@ -70,7 +70,9 @@ def test_what_a_set_has_not_is_named() -> None:
         "intervals",
         "range of validity",
     ]
-    model = published_model(load_published(SHELF["bluerov2_li_2020"]), vehicle_hash="0")
+    model = published_model(
+        load_published(SHELF["bluerov2_li_2020"]), vehicle_hash="0", version="0"
+    )
     page = prepare(model, "mss").files["README_bluerov2_li_2020_mss.md"]
     assert "no damping in roll, pitch, no actuators" in page
 
@@ -78,4 +80,4 @@ def test_what_a_set_has_not_is_named() -> None:
 def test_a_vehicle_without_published_damping_is_no_model() -> None:
     vehicle = load_vehicle(SHIPPED_VEHICLES / "remus100.yaml").vehicle
     with pytest.raises(DataError, match="so it is no model"):
-        published_model(vehicle, vehicle_hash="0")
+        published_model(vehicle, vehicle_hash="0", version="0")

@@ -184,7 +184,7 @@ def test_the_remus_of_prestero_has_his_forces() -> None:
             -3.18 * v * abs(v) - 94.0 * r * abs(r) - 24.0 * u * v - 2.0 * u * r,
         ]
     )
-    file = published_model(vehicle, vehicle_hash="0")
+    file = published_model(vehicle, vehicle_hash="0", version="0")
     viscous = viscous_model(file)[0].force(nu.T)
     ours = viscous - coriolis_force(-vehicle.added_mass, nu.T)
     np.testing.assert_allclose(ours, (printed + added).T, atol=1e-9)
