@@ -23,5 +23,6 @@ setup(
     package_data={
         "": ["*.yaml", "*.css", "*.js", "*.html", "*.j2", "*.csv", "py.typed"],
         "auvid.pipeline": ["templates/**"],
+        "auvid.stages.page": ["templates/**"],
     },
 )

@@ -12,7 +12,7 @@ from markupsafe import Markup, escape
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 POWER = re.compile(r"\^(-?\d+)")
-SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyz]|dot|\|)+)(?![A-Za-z0-9_])")
+SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyz]|dot|\||0)+)(?![A-Za-z0-9_])")
 NUMERIC = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 DOT = "\u0307"
 

@@ -7,7 +7,7 @@ signals are thinned by minimum and maximum per bin, so that peaks stay visible.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite
+from math import isfinite, pi
 from typing import Any, Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from auvid.hydro.constants import NORMAL_95
 
 Block = dict[str, Any]
 Figure = dict[str, Any]
-SHOWN_POINTS = 1200
+SHOWN_POINTS = 800
 NOISE_95 = "± 95 % by noise"
 """Head of a column with half of the 95 % interval."""
 
@@ -31,14 +31,38 @@ def half_95(standard_error: float | None) -> float | None:
 
 
 def section(
-    title: str, blocks: Sequence[Block], *, order: int, look_for: str = "", chapter: str = ""
+    title: str,
+    blocks: Sequence[Block],
+    *,
+    order: int,
+    look_for: str = "",
+    chapter: str = "",
+    is_open: bool = False,
 ) -> dict[str, Any]:
     """Return a report section; sections are sorted by `order`, then stage and item.
 
-    `chapter`: a heading that several of a stage share.
+    `chapter`: a heading that several of a stage share. `is_open`: the page shows the
+    section before anyone asks for it.
     """
     document = {"title": title, "order": order, "look_for": look_for, "blocks": list(blocks)}
-    return {**document, "chapter": chapter} if chapter else document
+    chapters = {"chapter": chapter} if chapter else {}
+    return document | chapters | ({"is_open": True} if is_open else {})
+
+
+def fold(title: str, blocks: Sequence[Block]) -> list[Block]:
+    """Return blocks that the page shows under their title once it is opened."""
+    return [block | {"fold": title} for block in blocks]
+
+
+def degrees(unit: str) -> tuple[float, str]:
+    """Return factor and unit in which people read an angle or a rate; SI of others.
+
+    >>> degrees("rad/s")[1], degrees("N")
+    ('deg/s', (1.0, 'N'))
+    """
+    if unit in ("rad", "rad/s"):
+        return 180.0 / pi, unit.replace("rad", "deg")
+    return 1.0, unit
 
 
 def text(words: str) -> Block:
@@ -62,19 +86,19 @@ def table(
     rows: Sequence[Sequence[Any]],
     *,
     note: str = "",
-    fold: bool = False,
+    kept: Sequence[bool] | None = None,
 ) -> Block:
     """Return a sortable table; a column is a name or (name, unit).
 
-    Cells are text, numbers or None. fold: the page shows its title until it is opened.
+    Cells are text, numbers or None. kept: whether each row shows before all are asked
+    for; None keeps them all.
     """
     heads = [
         {"name": item, "unit": ""} if isinstance(item, str) else {"name": item[0], "unit": item[1]}
         for item in columns
     ]
-    folded = {"fold": True} if fold else {}
     return {
-        **folded,
+        **({} if kept is None else {"kept": list(kept)}),
         "kind": "table",
         "title": title,
         "columns": heads,

@@ -399,6 +399,10 @@ class RankingRecord(Model):
     """When free runs are compared; null without any."""
     usable: UsableFor | None
     """What the chosen model is usable for; null for nothing."""
+    constant: dict[str, float] = Field(default_factory=dict)
+    """Axis or all -> J/J0 that the mean force of the training legs alone has where models
+    are judged.
+    """
 
 
 class ErrorMetrics(Model):

@@ -79,6 +79,8 @@ class SectionRecord(Model):
     """Heading above this section and others of the stage that name the same."""
     look_for: str | None = None
     """What to look for."""
+    is_open: bool = False
+    """Whether the page shows it before anyone asks for it."""
     blocks: list[dict[str, object]]
     """Text, remark, equation, table, plot (stages/presentation.py)."""
 

@@ -20,7 +20,17 @@ from auvid.data_schemas.tables import column
 from auvid.stages.base import Collection
 from auvid.stages.columns import clock
 from auvid.stages.number_format import as_printed
-from auvid.stages.presentation import Block, panel, plot, remark, section, series, table, text
+from auvid.stages.presentation import (
+    Block,
+    fold,
+    panel,
+    plot,
+    remark,
+    section,
+    series,
+    table,
+    text,
+)
 from auvid.stages.reference_check import (
     EACH,
     SHOWS,
@@ -239,7 +249,7 @@ def published_section(
         if len(reasons) > 1:
             of_reasons = ("quantity", "its bound", "because")
             what = f"{entry.id}: what its bounds show"
-            blocks.append(table(what, of_reasons, reasons, fold=True))
+            blocks += fold(what, [table(what, of_reasons, reasons)])
     if published.errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         cells = [

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from auvid.data_schemas.records.models import MeritRecord
@@ -10,6 +11,85 @@ from auvid.data_schemas.records.models import MeritRecord
 ALL = "all"
 AXIS_WORDS = {"X": "surge", "Y": "sway", "Z": "heave", "K": "roll", "M": "pitch", "N": "yaw"}
 Level = Literal["good", "fair", "poor"]
+
+
+NO_VALIDATION_LEG = (
+    "There is no validation leg: nothing says how far these models hold outside the data they"
+    " were fitted on. Give one leg `use: validation`."
+)
+MOST_LETTERS = 100
+"""An alert longer than this is cut at the end of a clause."""
+LEAST_LETTERS = 24
+
+
+def anchor(*names: str) -> str:
+    """Return an id for a link: plain ASCII words joined by dashes.
+
+    Other characters are given by their code, so that two names never meet.
+    """
+    return (
+        "-".join(
+            "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name)
+            for name in names
+            if name
+        )
+        or "section"
+    )
+
+
+class Alert(str):
+    """A sentence to be read before the answer is used.
+
+    `place`: anchor of where the page says more; `level`: poor for what may make the
+    answer wrong, good for what is only to be known.
+    """
+
+    place: str
+    level: Level
+
+    def __new__(cls, words: str, place: str = "", level: Level = "fair") -> Alert:
+        alert = super().__new__(cls, words)
+        alert.place, alert.level = place, level
+        return alert
+
+    @property
+    def brief(self) -> str:
+        """Return its first clauses, on one line.
+
+        >>> Alert("The arm down departs by +0.23 m: " + 30 * "see ").brief
+        'The arm down departs by +0.23 m'
+        """
+        words = self.replace("+-", "±").strip()
+        for mark in (": ", ". ", " (", "; "):
+            end = words.find(mark, LEAST_LETTERS)
+            if len(words) > MOST_LETTERS and 0 < end <= MOST_LETTERS:
+                words = words[:end]
+        return words.rstrip(".")
+
+
+@dataclass(frozen=True)
+class CoefficientRow:
+    """A row of the table of coefficients of the recommended model, as printed.
+
+    `name` as `X_u`, `meaning` as `surge damping`; `value`, `low` and `high` (95 %) in
+    `unit`, None where the data determine none; `noise` and `assumed`: half of the
+    interval by noise alone and by assumed figures of the vehicle alone; `published`:
+    values of others under that name, `sources`: whose they are.
+    """
+
+    name: str
+    meaning: str
+    unit: str
+    verdict: str
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    printed: str = "–"
+    interval: str = ""
+    noise: str = ""
+    assumed: str = ""
+    published: str = ""
+    sources: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,15 +146,28 @@ class Summary:
     facts: tuple[Fact, ...]
     models: tuple[MeritRecord, ...]
     identified: tuple[CoefficientLine, ...]
-    missing: tuple[str, ...]
-    warnings: tuple[str, ...]
+    missing: tuple[Alert, ...]
+    warnings: tuple[Alert, ...]
     figures: tuple[Figure, ...] = ()
     bounds: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
     rule: str = ""
-    log_findings: tuple[str, ...] = ()
+    log_findings: tuple[Alert, ...] = ()
     horizon_s: float | None = None
     legs_left_out: int = 0
+    coefficients: tuple[CoefficientRow, ...] = ()
+    assumed_most: str = ""
+    """The assumed figure that moves the most coefficients most."""
+    reference: Mapping[str, float] = field(default_factory=dict)
+    """Axis or all -> J/J0 of the mean force of the training legs alone."""
+
+    @property
+    def alerts(self) -> tuple[Alert, ...]:
+        """Return all sentences to be read before the answer is used, worst first."""
+        order = ("poor", "fair", "good")
+        every = (*self.log_findings, *self.missing, *self.warnings)
+        worst = sorted(every, key=lambda alert: order.index(alert.level))
+        return tuple(dict.fromkeys(worst))
 
     @property
     def leading(self) -> tuple[MeritRecord, ...]:

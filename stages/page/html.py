@@ -13,7 +13,7 @@ import hashlib
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from itertools import groupby
@@ -45,8 +45,9 @@ from auvid.stages.page.colours import (
     roles_of,
 )
 from auvid.stages.page.equations import mathml
-from auvid.stages.page.first_screen import AXIS_WORDS, Summary
+from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Summary, anchor
 from auvid.stages.page.pictures.svg_plots import lay_out
+from auvid.stages.presentation import degrees
 
 VERDICTS = {
     "identified": "good",
@@ -69,6 +70,20 @@ VERDICTS = {
     "persistently exciting": "good",
 }
 RATIO = "J/J0"
+MEANINGS = {
+    **dict(zip("uvw", ("surge speed", "sway speed", "heave speed"), strict=True)),
+    **dict(zip("pqr", ("roll rate", "pitch rate", "yaw rate"), strict=True)),
+    **{
+        axis: f"{word} {'force' if axis in 'XYZ' else 'moment'}"
+        for axis, word in AXIS_WORDS.items()
+    },
+    "phi": "roll",
+    "theta": "pitch",
+    "psi": "yaw",
+    "z": "depth, down",
+    **{f"J/J0 {axis}": f"error over force in {word}" for axis, word in AXIS_WORDS.items()},
+}
+"""Symbol of a panel or column -> its name."""
 LONG_TEXT = 200
 SHORT_CELL, LONG_CELL = 22, 48
 FOLDED_FROM, OPEN_UPTO = 4, 8
@@ -101,11 +116,29 @@ class SectionView:
 
     @property
     def warnings(self) -> int:
-        """How many warnings stand in it."""
+        """Return how many warnings stand in it."""
         return sum(
             block["kind"] == "remark" and block["level"] == "warning"
             for block in self.document["blocks"]
         )
+
+    @property
+    def groups(self) -> list[tuple[str, str, list[Document]]]:
+        """Return title, anchor and blocks of each fold in order; no title: in the open.
+
+        A block has `anchor`, the link to it.
+        """
+        blocks = [
+            {**in_degrees(block), "anchor": f"{self.anchor}-{place}"}
+            for place, block in enumerate(self.document["blocks"])
+        ]
+        return [
+            (title, f"{members[0]['anchor']}-fold", members)
+            for title, members in (
+                (title, list(some))
+                for title, some in groupby(blocks, key=lambda block: str(block.get("fold", "")))
+            )
+        ]
 
 
 @dataclass(frozen=True)
@@ -116,11 +149,17 @@ class Chapter:
     anchor: str
     look_for: str
     parts: tuple[SectionView, ...]
+    open: bool = False
 
     @property
     def folds(self) -> bool:
-        """Whether its parts are many, so that they fold."""
+        """Return whether its parts are many, so that they fold."""
         return len(self.parts) >= FOLDED_FROM
+
+    @property
+    def warnings(self) -> int:
+        """Return how many warnings stand in all of it."""
+        return sum(part.warnings for part in self.parts)
 
 
 def render(
@@ -141,7 +180,7 @@ def render(
     `log_of` (segment -> log) is given where a campaign has several logs: their clocks
     differ, so only plots of one log zoom together.
     """
-    script = _text("pictures/plots.js") + _text("page.js")
+    script = _text("pictures/plots.js") + _text("templates/page.js")
     page = _environment().get_template("page.html.j2")
     preferred = [model.name for model in summary.models]
     if summary.recommended:
@@ -155,8 +194,9 @@ def render(
         summary=summary,
         pictures=pictures,
         axis_words=AXIS_WORDS,
+        alerts=alerts(summary, sections),
         chapters=arrange(sections),
-        style=Markup(_text("style.css") + _text("pictures/pictures.css") + inks(colours)),
+        style=Markup(_text("templates/style.css") + _text("pictures/pictures.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         lay_out=lambda block, item: lay_out(
@@ -164,6 +204,7 @@ def render(
         ),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
+        meaning=meaning,
         heat=heat,
         lead=lead,
         ink_of=lambda name: f"--ink-{key(name) or 'none'}",
@@ -181,7 +222,8 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
     These are sections of one stage that differ only in their item, or that name one
     chapter.
 
-    Of many parts the first is open, of very many none.
+    Of many parts the first is open, of very many none. Chapters of sections that are
+    open are open; where no section is, the first chapter.
     """
     ordered = sorted(
         sections.items(), key=lambda pair: (int(pair[1]["order"]), pair[0].partition("/")[0])
@@ -207,9 +249,9 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
                 SectionView(label, item, anchor(stage, item), document, unfolded)
                 for label, unfolded, (item, document) in zip(labels, opened, named, strict=True)
             )
-            chapters.append(
-                Chapter(title, anchor(stage), str(named[0][1].get("look_for", "")), parts)
-            )
+            is_open = any(document.get("is_open") for _, document in named)
+            look_for = str(named[0][1].get("look_for", ""))
+            chapters.append(Chapter(title, anchor(stage), look_for, parts, is_open))
             continue
         for item, document in named:
             parts = (SectionView("", item, anchor(stage, item, "part"), document),)
@@ -219,9 +261,34 @@ def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:
                     anchor(stage, item),
                     str(document.get("look_for", "")),
                     parts,
+                    bool(document.get("is_open")),
                 )
             )
+    if chapters and not any(chapter.open for chapter in chapters):
+        chapters[0] = replace(chapters[0], open=True)
     return tuple(chapters)
+
+
+def alerts(summary: Summary, sections: Mapping[str, Document]) -> tuple[Alert, ...]:
+    """Return the alerts of a first screen, each with the place that says more.
+
+    That is the one it names, or the block of a section that holds its words.
+    """
+    chapters = arrange(sections)
+    places = {
+        str(block["text"]): block["anchor"]
+        for chapter in chapters
+        for part in chapter.parts
+        for _, _, blocks in part.groups
+        for block in blocks
+        if block["kind"] == "remark"
+    }
+    anchors = {"models", "coefficients", *(chapter.anchor for chapter in chapters)}
+    anchors |= {part.anchor for chapter in chapters for part in chapter.parts}
+    return tuple(
+        Alert(words, places.get(words, words.place if words.place in anchors else ""), words.level)
+        for words in summary.alerts
+    )
 
 
 def _stem(title: str, item: str) -> str:
@@ -231,21 +298,6 @@ def _stem(title: str, item: str) -> str:
     return (
         re.sub(rf"[\s:,–-]*(\b(of|in|on|for)\s+)?(?<!\w){re.escape(item)}(?!\w)", "", title).strip()
         or title
-    )
-
-
-def anchor(*names: str) -> str:
-    """Return an id for a link: plain ASCII words joined by dashes.
-
-    Other characters are given by their code, so that two names never meet.
-    """
-    return (
-        "-".join(
-            "".join(c if c.isascii() and c.isalnum() else f"_{ord(c):x}" for c in name)
-            for name in names
-            if name
-        )
-        or "section"
     )
 
 
@@ -329,7 +381,57 @@ def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
         if len(words) > SHORT_CELL
         else ""
     )
-    return Cell(symbols(words), words, kind, f"--ink-{key(words)}" if is_model(words) else "")
+    named = column == "model" and is_model(words)
+    return Cell(symbols(words), words, kind, f"--ink-{key(words)}" if named else "")
+
+
+def in_degrees(block: Document) -> Document:
+    """Return a plot or table with its angles and rates in degrees.
+
+    In a table these are columns with such a unit, and rows of one whose column `unit`
+    has it: all numbers of other columns without a unit there.
+    """
+    if block["kind"] == "plot":
+        factors = [degrees(str(panel["unit"])) for panel in block["panels"]]
+        panels = [
+            {
+                **panel,
+                "unit": unit,
+                "series": [
+                    {**line, "y": [None if y is None else factor * y for y in line["y"]]}
+                    for line in panel["series"]
+                ],
+            }
+            if factor != 1.0
+            else panel
+            for panel, (factor, unit) in zip(block["panels"], factors, strict=True)
+        ]
+        return {**block, "panels": panels}
+    if block["kind"] != "table":
+        return block
+    heads = block["columns"]
+    units = [degrees(str(head.get("unit", ""))) for head in heads]
+    names = [str(head["name"]) for head in heads]
+    column = names.index("unit") if "unit" in names else None
+    rows = []
+    for row in block["rows"]:
+        own, unit = (1.0, "") if column is None else degrees(str(row[column]))
+        cells_of_row = [
+            value * (factor if head.get("unit") else own)
+            if isinstance(value, float)
+            else unit
+            if place == column and own != 1.0
+            else value
+            for place, (value, head, (factor, _)) in enumerate(zip(row, heads, units, strict=True))
+        ]
+        rows.append(cells_of_row)
+    heads = [{**head, "unit": unit} for head, (_, unit) in zip(heads, units, strict=True)]
+    return {**block, "columns": heads, "rows": rows}
+
+
+def meaning(symbol: str) -> str:
+    """Return what a symbol stands for: `surge speed` of u; empty for other words."""
+    return MEANINGS.get(symbol, "")
 
 
 def verdict_of(words: str) -> str:
@@ -372,7 +474,8 @@ def _text(name: str) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
-    templates = {"page.html.j2": _text("page.html.j2"), "blocks.html.j2": _text("blocks.html.j2")}
+    names = ("page.html.j2", "blocks.html.j2", "how_to_read.html.j2")
+    templates = {name: _text(f"templates/{name}") for name in names}
     return jinja2.Environment(
         loader=jinja2.DictLoader(templates),
         autoescape=True,

@@ -13,14 +13,14 @@ from functools import partial
 
 import pyarrow as pa
 
-from auvid.data_schemas.checks import finding_lines
+from auvid.data_schemas.checks import checks, finding_lines
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, FileWriter, Stage, every, param, port
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
-from auvid.stages.page.first_screen import Summary
+from auvid.stages.page.first_screen import Alert, Level, Summary, anchor
 from auvid.stages.page.html import render
 from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.summary.answer_text import answer_text
@@ -45,6 +45,7 @@ class Inputs:
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     model_card: Collection[ModelCard] | None = port("model_card", many=True, optional=True)
     ranking: RankingRecord | None = port("ranking", optional=True)
+    shelf: Mapping[str, Vehicle] | None = port("vehicle", many=True, optional=True)
 
 
 @dataclass(frozen=True)
@@ -94,12 +95,27 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
         vehicle_line(inputs.vehicle),
         notes,
         content.summary,
-        content.sections,
+        without_table_of(content.summary.recommended, content.sections),
         log_of,
         first_pictures(
             inputs.tables, inputs.fused or {}, content.segments, content.logs, content.summary
         ),
     )
+
+
+def without_table_of(model: str | None, sections: Mapping[str, Document]) -> dict[str, Document]:
+    """Return sections without the coefficients of a model: the first screen has them."""
+    return {
+        path: {
+            **document,
+            "blocks": [
+                block
+                for block in document["blocks"]
+                if model is None or block.get("coefficients_of") != model
+            ],
+        }
+        for path, document in sections.items()
+    }
 
 
 def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportContent:
@@ -123,11 +139,25 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             segments,
             logs,
             sections,
-            inputs.vehicle.document,
+            inputs.vehicle,
+            inputs.shelf or {},
         )
-    findings = finding_lines(inputs.campaign, dict(inputs.health or {}))
-    summary = replace(summary, log_findings=tuple(findings))
+    summary = replace(summary, log_findings=log_findings(inputs))
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
+
+
+def log_findings(inputs: Inputs) -> tuple[Alert, ...]:
+    """Return the findings of the logs with the place of each log's health."""
+    health = dict(inputs.health or {})
+    alerts = []
+    for words in finding_lines(inputs.campaign, health):
+        log, _, text = words.removeprefix("log '").partition("': ")
+        named = log if log in health else next(name for name in health if log.startswith(name))
+        check = text.rpartition(" (")[2].removesuffix(")").removesuffix(", accepted")
+        level: Level = "poor" if checks()[check].severity == "error" else "fair"
+        place = anchor("ingest", named)
+        alerts.append(Alert(words if len(health) > 1 else text, place, level))
+    return tuple(alerts)
 
 
 def render_recording(

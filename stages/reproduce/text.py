@@ -16,7 +16,7 @@ import jinja2
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.stages.page.first_screen import Fact, Summary
+from auvid.stages.page.first_screen import Alert, Fact, Summary, anchor
 from auvid.stages.presentation import Block, equation, remark, section, text
 from auvid.stages.reference_check import count_bounds, count_met
 from auvid.stages.reproduce.content import ReproductionContent
@@ -151,9 +151,16 @@ def summary(content: ReproductionContent) -> Summary:
         facts=_facts(content),
         models=(),
         identified=(),
-        missing=(*parts.get("limits", NO_TEXT).paragraphs, *_accepted_misses(content)),
+        missing=tuple(
+            Alert(words, anchor("bounds"))
+            for words in (*parts.get("limits", NO_TEXT).paragraphs, *_accepted_misses(content))
+        ),
         warnings=tuple(
-            f"{item.check.quantity}: {item.check.shortfall} ({item.plan}, {item.variant})"
+            Alert(
+                f"{item.check.quantity}: {item.check.shortfall} ({item.plan}, {item.variant})",
+                anchor("bounds"),
+                "poor",
+            )
             for item in missed
         ),
     )

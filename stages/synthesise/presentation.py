@@ -7,13 +7,22 @@ from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.dynamics.viscous.models import MODELS, model_named
+from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.presentation import NOISE_95, equation, half_95, remark, section, table
+from auvid.stages.presentation import (
+    NOISE_95,
+    equation,
+    fold,
+    half_95,
+    remark,
+    section,
+    table,
+    text,
+)
 from auvid.stages.synthesise.error_choice import MOST_SAMPLES
 from auvid.stages.synthesise.model_card import excitation_word
 
@@ -38,6 +47,7 @@ def synthesise_section(
     rows = [
         [
             name,
+            "m/s" if name in "uvw" else "rad/s",
             item.rms,
             item.low,
             item.high,
@@ -53,18 +63,19 @@ def synthesise_section(
         " as excited from 0.03 m/s or rad/s of each factor on."
         " Weak: moves, but hardly varies."
     )
-    heads = ["velocity", "RMS", "lowest", "highest", "threshold", "excitation", "both directions"]
-    blocks = [table("Excitation in the training legs (SI)", heads, rows, note=note)]
+    heads = ["velocity", "unit", "RMS", "lowest", "highest", "threshold", "excitation"]
+    title = "Excitation in the training legs"
+    blocks = [table(title, [*heads, "both directions"], rows, note=note)]
     blocks.append(
         equation(
             r"\bar{\tau} = K \xi(\nu)",
             "Every model is a choice of terms of the viscous basis xi (McCarter 3.12).",
         )
     )
-    published = {model.name for model in MODELS}
-    has_structures = any(name not in published for name in cards)
-    for name, card in cards.items():
-        blocks += _model_blocks(card, fold=has_structures and name in published)
+    notes = list(dict.fromkeys(_method(card) for card in cards.values()))
+    blocks += [text(words) for words in notes if len(notes) == 1]
+    for card in cards.values():
+        blocks += _model_blocks(card, note="" if len(notes) == 1 else _method(card))
     return section(
         "Models and coefficients",
         blocks,
@@ -73,8 +84,9 @@ def synthesise_section(
     )
 
 
-def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
-    rows = []
+def _model_blocks(card: ModelCard, *, note: str) -> list[dict[str, Any]]:
+    """Return a fold with the coefficients of a model, and one with the remarks on them."""
+    rows, kept = [], []
     for axis, part in card.axes.items():
         for item in part.terms:
             partners = item.inseparable_from
@@ -82,26 +94,24 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
             if item.turns_without:
                 verdict += f"; its sign turns without {', '.join(item.turns_without)}"
             row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
-            rows.append(
-                [
-                    *row,
-                    *(
-                        [
-                            shift_words(
-                                item.assumed_shifts, item.standard_error or 0.0, factor=NORMAL_95
-                            )
-                        ]
-                        if card.spreads
-                        else []
-                    ),
-                    verdict,
-                ]
-            )
+            if card.spreads:
+                error = item.standard_error or 0.0
+                row.append(shift_words(item.assumed_shifts, error, factor=NORMAL_95))
+            rows.append([*row, verdict])
+            kept.append(item.verdict == IDENTIFIED)
     budget = ["± 95 % by assumed figures"] if card.spreads else []
     heads = ["axis", "term", "value", NOISE_95, "unit", *budget, "verdict"]
     title = f"{card.title}: {card.n_bar} terms, {card.identified} identified" + (
         ", with a prior" if card.prior is not None else ""
     )
+    listed = table(title, heads, rows, note=note, kept=kept)
+    listed["coefficients_of"] = card.name
+    blocks = fold(title, [listed])
+    return blocks + fold(f"{card.title}: what stands behind it", _remarks(card))
+
+
+def _method(card: ModelCard) -> str:
+    """Return how the numbers of a card and their errors came about."""
     note = "Intervals allow for coloured residuals (Newey-West)"
     if card.method == "error function":
         note = (
@@ -135,7 +145,12 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
         )
     elif card.assumed:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
-    blocks = [table(title, heads, rows, note=note, fold=fold)]
+    return note
+
+
+def _remarks(card: ModelCard) -> list[dict[str, Any]]:
+    """Return priors, limits, inertia, sums of inseparable terms, terms that do not fit."""
+    blocks = []
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))
     blocks += [_prior_remark(card, prior) for prior in card.measured_priors]
@@ -152,7 +167,6 @@ def _model_blocks(card: ModelCard, *, fold: bool) -> list[dict[str, Any]]:
                 f"{card.title}: what the data determine of inseparable terms",
                 heads,
                 sums,
-                fold=fold,
             )
         )
     if card.not_applicable:

@@ -73,7 +73,14 @@ from auvid.stages.validate.presentation import (
     validate_views,
 )
 from auvid.stages.validate.ranking import rank, reference_model, resting_velocities
-from auvid.stages.validate.tables import ALL, Group, RangeCovered, error_metrics, error_rows
+from auvid.stages.validate.tables import (
+    ALL,
+    Group,
+    RangeCovered,
+    constant_ratios,
+    error_metrics,
+    error_rows,
+)
 
 SEED = 1
 """Of the draws, so that a run gives the same band again."""
@@ -235,7 +242,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         covered[use] = covered[use].merge(motion) if use in covered else motion
         if use == "validation":
             t = clock(residual) + float(segments[key].leg_start_s)
-            plots.append(prediction_plot(segments[key], t, measured, predicted))
+            plots += prediction_plot(segments[key], t, measured, predicted)
             for put_in in dict.fromkeys(("", resting)):
                 runs = _free_runs(inputs, params, models, key, put_in)
                 if runs is None or inputs.vehicle is None:
@@ -265,6 +272,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         per_one,
         check=partial(_motion_check, inputs, params, models, cards),
     )
+    ranking = ranking.model_copy(update={"constant": constant_ratios(covered)})
     flights, flight_parts = _flights(inputs, params, models, cards, ranking.choice, per_one)
     titles = {name: card.title for name, card in cards.items()}
     return Outputs(

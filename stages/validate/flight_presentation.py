@@ -81,7 +81,7 @@ def _coverage(
     words += f" Of {len(draws.models)} draws of {title}'s coefficients {draws.moved} lay outside"
     words += " the physical limits and count at the nearest point within; none was rejected"
     words += f"; of {flown} that flew {window_s:g} s each, {lost} diverged."
-    heads = ["", "all", *map(symbol, NAMES)]
+    heads = ["state", "all", *map(symbol, NAMES)]
     cells = [f"{100 * share:.0f} %" for share in (float(np.mean(shares)), *shares.tolist())]
     return table(
         "Share of the time that the measured state lies in the band",

@@ -15,8 +15,10 @@ from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
 from auvid.stages.free_run import LONG_S, NAMES
+from auvid.stages.page.first_screen import NO_VALIDATION_LEG
 from auvid.stages.presentation import (
     Block,
+    fold,
     panel,
     plot,
     remark,
@@ -55,22 +57,23 @@ def validate_section(
     reference = mean_force_errors(covered)
     blocks = [
         *first,
-        *_verdicts(errors, cards, reference.get("validation", {}), failed_ratio),
-        *[block for use in LAYOUT for block in _error_tables(use, errors, cards, reference)],
-        *_leg_table(errors, titles),
-        *_range_blocks(covered, outside),
+        *fold(
+            "Force errors of every model",
+            [
+                *_verdicts(errors, cards, reference.get("validation", {}), failed_ratio),
+                *[block for use in LAYOUT for block in _error_table(use, errors, cards, reference)],
+                *_leg_table(errors, titles),
+            ],
+        ),
+        *fold("Range of motion: fitted in, judged in", _range_blocks(covered, outside)),
         *runs_and_plots,
     ]
     if "validation" not in covered:
         blocks.append(
-            remark(
-                "No validation leg: nothing says how far these models hold outside the data they"
-                " were fitted on.",
-                "warning",
-            )
+            remark(NO_VALIDATION_LEG, "warning"),
         )
-    look = "J/J0 near 0 explains the force; 1 explains nothing; above 1 is worse than no model."
-    return section("Validation", blocks, order=10, look_for=look)
+    look = "A good model follows the measured line where it has not seen the data."
+    return section("Validation", blocks, order=10, look_for=look, is_open=True)
 
 
 def _of_all_legs(errors: Errors, use: str) -> dict[str, Mapping[str, ErrorMeasures]]:
@@ -124,7 +127,7 @@ def _verdicts(
     return [remark(words, "warning"), *notes]
 
 
-def _error_tables(
+def _error_table(
     use: str,
     errors: Errors,
     cards: Mapping[str, ModelCard],
@@ -134,44 +137,27 @@ def _error_tables(
     if not judged:
         return []
     rows: list[list[Any]] = []
-    detail: list[list[Any]] = []
     for model, measures in judged.items():
         card, total = cards[model], measures[TOTAL]
-        ratios = [measures[axis].normalised for axis in (TOTAL, *AXES)]
-        rows.append([card.title, card.n_bar, card.identified, total.rms, *ratios])
-        sums = [total.j0, total.sse, total.mae, total.mse, total.mad]
-        detail.append([card.title, *sums, *(measures[axis].rms for axis in AXES)])
+        sums = [total.sse, total.mae, total.mse, total.mad]
+        by_axis = [measures[axis].rms for axis in AXES]
+        rows.append([card.title, card.n_bar, card.identified, total.rms, *by_axis, *sums])
     j0 = next(iter(judged.values()))
-    note = "Totals mix N and N m, as the thesis has them. J0: "
+    note = "J/J0 stands in the matrix under the answer. Totals mix N and N m, as the thesis has"
+    note += f" them; MAD is the sum of the medians of the six axes. J0: {j0[TOTAL].j0:.3g} in all, "
     note += ", ".join(f"{axis} {j0[axis].j0:.3g} {AXIS_UNITS[axis]}" for axis in AXES) + "."
     if use in reference:
-        ratios = [reference[use][axis][1] for axis in (TOTAL, *AXES)]
-        rows.append([CONSTANT_TITLE, 0, 0, reference[use][TOTAL][0], *ratios])
-        note += (
-            " The last row is no model but the reference: the mean force of the training legs and"
-            " nothing else."
-        )
-    heads = ["model", "n-bar", "identified", "J", "J/J0", *(f"J/J0 {axis}" for axis in AXES)]
-    units = [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
-    name = use.capitalize()
-    return [
-        table(f"{name} errors, in the layout of {LAYOUT[use]}", heads, rows, note=note),
-        table(
-            f"{name}: all measures (4.22)-(4.27)",
-            ["model", "J0", "SSE", "MAE", "MSE", "MAD", *units],
-            detail,
-            note=(
-                "Over all six axes together, N and N m mixed; MAD is the sum of the medians of the"
-                " six axes."
-            ),
-            fold=True,
-        ),
-    ]
+        by_axis = [reference[use][axis][0] for axis in (TOTAL, *AXES)]
+        rows.append([CONSTANT_TITLE, 0, 0, *by_axis, *[None] * 4])
+        note += " The last row is no model but the mean force of the training legs alone."
+    heads = ["model", "n-bar", "identified", "J", *((f"J {a}", AXIS_UNITS[a]) for a in AXES)]
+    title = f"{use.capitalize()} errors, in the layout of {LAYOUT[use]} and (4.22)-(4.27)"
+    return [table(title, [*heads, "SSE", "MAE", "MSE", "MAD"], rows, note=note)]
 
 
 def _leg_table(errors: Errors, titles: Mapping[str, str]) -> list[Block]:
     legs = sorted({(use, leg) for use, leg, _ in errors if leg != ALL})
-    if len(legs) < 2:
+    if len(legs) == len({use for use, _ in legs}):
         return []
     rows = [
         [title, *(errors[use, leg, model][TOTAL].normalised for use, leg in legs)]
@@ -195,16 +181,12 @@ def _range_blocks(covered: Mapping[str, RangeCovered], outside: Array) -> list[B
         share = outside[index] / judged.n
         rows.append([name, unit, fitted.low[index], fitted.high[index], low, high, 100.0 * share])
         if share >= OUTSIDE_SHARE:
-            beyond.append(
-                f"{name} ({100.0 * share:.0f} % of the time, {low:.2g} to {high:.2g} {unit})"
-            )
+            beyond.append(f"{MOTIONS[name]} ({100.0 * share:.0f} % of the time)")
     heads = ["velocity", "unit", "training lowest", "highest", "validation lowest", "highest"]
     blocks = [table("Range of motion: fitted in, judged in", [*heads, ("outside", "%")], rows)]
     if beyond:
-        words = (
-            f"The validation legs leave the range of the training legs in {', '.join(beyond)}:"
-            " there every model extrapolates."
-        )
+        words = "The validation legs leave the range of the training legs, and every model"
+        words += f" extrapolates there: {', '.join(beyond)}."
         blocks.insert(0, remark(words, "warning"))
     return blocks
 
@@ -243,14 +225,14 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             for row in bounded
         ]
         if cells:
-            blocks.append(table(title, heads, cells, note=note, fold=True))
+            blocks.append(table(title, heads, cells, note=note))
     free = [row for row in rows if not row["as_measured"]]
     lost = [title for model, title in titles.items() if _is_lost(model, free)]
     if lost:
         words = f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
         words += f" rad/s): {', '.join(lost)}."
         blocks.insert(0, remark(words, "warning"))
-    return blocks
+    return fold("Free runs of every model", blocks)
 
 
 def cause_blocks(
@@ -275,7 +257,8 @@ def cause_blocks(
     heads: list[str | tuple[str, str]] = [
         "model", ("first lost", "s"), "axis", ("growth", "1/s"), "cause", ("adds", "1/s"),
     ]  # fmt: skip
-    return [table("Why free runs are lost", heads, rows, note=note, fold=True)]
+    title = "Why free runs are lost"
+    return fold(title, [table(title, heads, rows, note=note)])
 
 
 def _put_in(velocities: str) -> str:
@@ -288,7 +271,7 @@ def _is_lost(model: str, rows: Sequence[Mapping[str, Any]]) -> bool:
 
 def prediction_plot(
     segment: SegmentRecord, t: Array, measured: Array, predicted: Mapping[str, Array]
-) -> Block:
+) -> list[Block]:
     """Return the force of every model against the measured one (n, 6), axis by axis."""
     panels = [
         panel(
@@ -301,12 +284,9 @@ def prediction_plot(
         )
         for index, axis in enumerate(AXES)
     ]
-    return plot(
-        f"Force on {segment.id}: every model against measurement (McCarter Figures 5.8-5.15)",
-        panels,
-        group="time",
-        look_for="A model that follows the measured line here has not seen it before.",
-    )
+    title = f"Force on {segment.id}: every model against measurement (McCarter Figures 5.8-5.15)"
+    look = "A model that follows the measured line here has not seen it before."
+    return fold(title, [plot(title, panels, group="time", look_for=look)])
 
 
 def validate_views(

@@ -79,6 +79,13 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
     return errors
 
 
+def constant_ratios(covered: Mapping[str, RangeCovered]) -> dict[str, float]:
+    """Return J/J0 of the mean training force by axis and in all, on validation if any."""
+    reference = mean_force_errors(covered)
+    judged = reference.get("validation") or reference.get("training") or {}
+    return {ALL if axis == TOTAL else axis: ratio for axis, (_, ratio) in judged.items()}
+
+
 def error_rows(errors: Errors, cards: Mapping[str, ModelCard]) -> pa.Table:
     """Return the error table: a row per use, leg, model and axis, with totals."""
     rows = []

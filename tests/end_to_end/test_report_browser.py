@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -41,11 +42,12 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def page(browser: Browser, report: Path) -> Iterator[Browser]:
-    """The report freshly opened at 1280 px; nothing may have been said on the console
+    """The report opened at 1280 px with all folds open; nothing may have been said on the console
     by the end of the test.
     """
     browser.messages.clear()
     browser.open(report)
+    browser.evaluate("document.getElementById('unfold').click()")
     yield browser
     assert browser.messages == []
 
@@ -90,34 +92,107 @@ def test_first_screen_says_what_was_identified_how_good_what_is_missing_and_whic
 ) -> None:
     browser.messages.clear()
     browser.open(report, width=1280, height=800)
-    for item, edge in (
-        (".answer", "bottom"),
-        (".facts", "bottom"),
-        ("#missing + ul", "bottom"),
-        (".matrix", "top"),
-    ):
+    for item, edge in ((".answer", "bottom"), ("#coefficients", "bottom"), ("#alerts", "bottom")):
         assert (
             browser.evaluate(f"document.querySelector('{item}').getBoundingClientRect().{edge}")
             < 800
         ), item
+    assert browser.evaluate("document.querySelector('.matrix').offsetHeight") > 100
     assert browser.messages == []
 
 
-def test_what_is_folded_away_is_printed(page: Browser) -> None:
-    page.evaluate(
-        "document.querySelector('#missing + ul').innerHTML +="
-        " '<li><details><summary>short</summary>long</details></li>'"
+OPEN_FOLDS = "document.querySelectorAll('main details[open]').length"
+ALL_FOLDS = "document.querySelectorAll('main details').length"
+
+
+def test_open_all_opens_every_fold_and_row_and_closes_them_again(
+    browser: Browser, report: Path
+) -> None:
+    browser.open(report)
+    first, every = browser.evaluate(OPEN_FOLDS), browser.evaluate(ALL_FOLDS)
+    assert first < every
+    hidden = "[...document.querySelectorAll('tr.rest')].filter(row => !row.offsetHeight).length"
+    assert browser.evaluate(hidden) > 0
+    browser.evaluate("document.getElementById('unfold').click()")
+    assert browser.evaluate(OPEN_FOLDS) == every
+    assert browser.evaluate(hidden) == 0
+    browser.evaluate("document.getElementById('unfold').click()")
+    assert browser.evaluate(OPEN_FOLDS) == first
+    assert browser.evaluate(hidden) > 0
+
+
+def test_print_has_what_is_open(browser: Browser, report: Path) -> None:
+    browser.open(report)
+    few = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
+    browser.evaluate("document.getElementById('unfold').click()")
+    assert len(re.findall(rb"/Type\s*/Page\b", browser.pdf())) > few
+
+
+def test_an_alert_leads_to_its_place_through_folds(browser: Browser, report: Path) -> None:
+    browser.open(report)
+    links = browser.evaluate(
+        "[...document.querySelectorAll('.alerts a')].map(link => link.hash.slice(1))"
     )
-    assert page.evaluate("document.querySelector('.sides details').open") is False
-    page.pdf()
-    assert page.evaluate("document.querySelector('.sides details').open") is True
+    assert links
+    for link in links:
+        browser.evaluate(f"location.hash = {link!r}")
+        browser.evaluate("new Promise(done => setTimeout(done, 50))")
+        height = browser.evaluate(f"document.getElementById({link!r}).offsetHeight")
+        assert height > 0, link
+
+
+def test_a_table_keeps_back_what_was_not_identified_until_asked(
+    browser: Browser, report: Path
+) -> None:
+    browser.open(report)
+    rows = (
+        "[...document.querySelectorAll('.coefficients tbody tr')]"
+        ".filter(row => row.offsetHeight).length"
+    )
+    all_rows = browser.evaluate("document.querySelectorAll('.coefficients tbody tr').length")
+    assert 0 < browser.evaluate(rows) < all_rows
+    browser.evaluate("document.querySelector('#coefficients button.rows').click()")
+    assert browser.evaluate(rows) == all_rows
+
+
+def test_every_table_can_be_saved_as_csv(page: Browser) -> None:
+    assert page.evaluate(
+        "[...document.querySelectorAll('main table')].every(table =>"
+        " table.closest('figure').querySelector('button.csv'))"
+    )
+
+
+@pytest.mark.parametrize("width", [1440, 390])
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("opened", [False, True])
+def test_axe_finds_no_violation(
+    browser: Browser, report: Path, width: int, dark: bool, opened: bool
+) -> None:
+    violations = accessibility_faults(browser, report, width=width, dark=dark, opened=opened)
+    assert violations == []
+
+
+def accessibility_faults(
+    browser: Browser, report: Path, *, width: int, dark: bool = False, opened: bool = False
+) -> list[str]:
+    """Return rule and first element of each violation that axe-core finds."""
+    pytest.importorskip("axe_core_python")
+    axe = (resources.files("axe_core_python") / "axe.min.js").read_text(encoding="utf-8")
+    browser.open(report, width=width, dark=dark)
+    if opened:
+        browser.evaluate("document.getElementById('unfold').click()")
+    browser.call("Runtime.evaluate", expression=axe)
+    return list(
+        browser.evaluate(
+            "axe.run(document, {resultTypes: ['violations']}).then(result => result.violations.map("
+            "item => `${item.id}: ${item.nodes[0].html.slice(0, 200)}`))"
+        )
+    )
 
 
 def test_every_plot_draws_its_lines(page: Browser) -> None:
     drawn = page.evaluate(
         """(() => {
-        for (const section of document.querySelectorAll('.chapter > section'))
-          section.style.contentVisibility = 'visible';
         return [...document.querySelectorAll('path.line:not(.off)')].map(line => {
           const box = line.getBoundingClientRect();
           const area = line.closest('.area').getBoundingClientRect();

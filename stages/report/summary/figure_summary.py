@@ -18,9 +18,9 @@ from auvid.stages.number_format import (
     true_minus,
     with_unit,
 )
-from auvid.stages.page.first_screen import Fact, Figure, Level, Summary
+from auvid.stages.page.first_screen import Alert, Fact, Figure, Level, Summary, anchor
 from auvid.stages.reference_check import SHOWS
-from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks
+from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks, warned
 
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
 MET, MISSED = "met", "missed"
@@ -57,13 +57,13 @@ def summarise_results(
     judged = [row for _, row in figures if row.get("verdict")]
     missed = [row for row in bounds if row["verdict"] == MISSED]
     doubtful = [(part, row) for part, row in figures if row.get("verdict") and row not in good]
-    warned = tuple(dict.fromkeys(remarks(sections, "warning")))
+    warnings = warned(sections)
     has_verdicts = bool(judged or bounds)
     met, of = _counted(bounds)
     some = bool(good) or 2 * met > of or not has_verdicts
     level: Level = (
         "good"
-        if has_verdicts and not doubtful and not missed and not warned
+        if has_verdicts and not doubtful and not missed and not warnings
         else "fair"
         if some
         else "poor"
@@ -80,12 +80,15 @@ def summarise_results(
         models=(),
         identified=(),
         missing=(
-            *(f"Missed beside the print: {_bound(row)}." for row in missed),
+            *(
+                Alert(f"Missed beside the print: {_bound(row)}.", anchor("check_published"), "poor")
+                for row in missed
+            ),
             *_undetermined(doubtful),
             *_damaged(logs),
             *assumed_figures(vehicle),
         ),
-        warnings=warned,
+        warnings=warnings,
         figures=tuple(_figure(part, row) for part, row in figures),
         bounds=tuple(_bound(row) for row in bounds),
     )
@@ -215,16 +218,18 @@ def _facts(
     return tuple(facts)
 
 
-def _undetermined(doubtful: list[tuple[str, Document]]) -> list[str]:
+def _undetermined(doubtful: list[tuple[str, Document]]) -> list[Alert]:
     by_reason: dict[str, list[str]] = {}
     for part, row in doubtful:
         by_reason.setdefault(f"{part}: {row['verdict']}", []).append(str(row["quantity"]))
-    return [f"{head}: {', '.join(names)}." for head, names in by_reason.items()]
+    return [Alert(f"{head}: {', '.join(names)}.") for head, names in by_reason.items()]
 
 
-def _damaged(logs: Mapping[str, LogInfo]) -> list[str]:
+def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:
     return [
-        f"Log {name} is {log.status}." for name, log in logs.items() if log.status != "complete"
+        Alert(f"Log {name} is {log.status}.", anchor("ingest", name))
+        for name, log in logs.items()
+        if log.status != "complete"
     ]
 
 

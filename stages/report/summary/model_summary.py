@@ -16,6 +16,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
 from auvid.stages.model_use import (
@@ -27,7 +28,18 @@ from auvid.stages.model_use import (
     recommendation,
 )
 from auvid.stages.number_format import fixed, true_minus
-from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Fact, Summary, Use
+from auvid.stages.page.first_screen import (
+    ALL,
+    AXIS_WORDS,
+    NO_VALIDATION_LEG,
+    Alert,
+    Fact,
+    Summary,
+    Use,
+    anchor,
+)
+from auvid.stages.presentation import degrees
+from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
 _decimals = partial(fixed, places=2, empty="unknown")
@@ -43,7 +55,8 @@ def summarise(
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
     sections: Mapping[str, Document],
-    vehicle: VehicleDocument,
+    vehicle: Vehicle,
+    shelf: Mapping[str, Vehicle],
 ) -> Summary:
     """The summary of one campaign."""
     models = tuple(ranking.models)
@@ -54,10 +67,13 @@ def summarise(
     motion = None if chosen is None else chosen.motion
     missing = [
         *_missing(models, chosen, card, cards, segments, logs, judged),
-        *([] if motion is None else motion.remedies),
+        *([] if motion is None else [Alert(words, "models") for words in motion.remedies]),
         *_notes_on(chosen, sections),
     ]
     return Summary(
+        coefficients=coefficient_rows(card, vehicle, shelf) if card is not None else (),
+        assumed_most=assumed_most(card) if card is not None else "",
+        reference=ranking.constant,
         level=level,
         headline=headline,
         explanation=explanation,
@@ -66,8 +82,8 @@ def summarise(
         facts=_facts(segments, logs, models, chosen, card),
         models=models,
         identified=findings(card) if card is not None else (),
-        missing=(*missing, *assumed_figures(vehicle)),
-        warnings=_warnings(sections),
+        missing=(*missing, *assumed_figures(vehicle.document)),
+        warnings=warned(sections),
         uses=_uses(ranking, chosen, card) if judged else (),
         rule=f"Chosen as {ranking.rule}." if chosen is not None else "",
         horizon_s=ranking.horizon_s,
@@ -119,12 +135,12 @@ def _uses(
         if axis not in usable.control
     ]
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
-    speeds = ", ".join(
-        f"{name} {speed.low:.2g} to {speed.high:.2g}" for name, speed in usable.speeds.items()
-    )
-    uses.append(
-        Use("Within", "", true_minus(f"{speeds} (m/s, rad/s): where the training legs went"))
-    )
+    parts = []
+    for name, speed in usable.speeds.items():
+        factor, unit = degrees("m/s" if name in "uvw" else "rad/s")
+        parts.append(f"{name} {factor * speed.low:.2g} to {factor * speed.high:.2g} {unit}")
+    words = f"{', '.join(parts)}: where the training legs went"
+    uses.append(Use("Within", "", true_minus(words)))
     return tuple(uses)
 
 
@@ -196,30 +212,30 @@ def _missing(
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
     judged: bool,
-) -> list[str]:
+) -> list[Alert]:
     missing = []
     if segments and not judged:
         missing.append(
-            "There is no validation leg: give one leg `use: validation`, so that the models are"
-            " judged on data they have not seen."
+            Alert(
+                NO_VALIDATION_LEG,
+                anchor("validate"),
+                "poor",
+            )
         )
     best = chosen or (models[0] if models else None)
     if best is not None and judged:
         ratio = (best.axes[ALL].validation or 0) / (best.axes[ALL].training or math.inf)
         if ratio > OVERFIT:
-            missing.append(
-                f"{best.title} fits the training legs {ratio:.1f} times better than it predicts"
-                " the validation legs."
-            )
+            words = f"{best.title} fits the training legs {ratio:.1f} times better than it predicts"
+            missing.append(Alert(f"{words} the validation legs.", "models"))
         never = [
             f"{AXIS_WORDS[axis]} ({axis})"
             for axis in AXES
             if models and all((model.axes[axis].validation or 0) > 1 for model in models)
         ]
         if never:
-            missing.append(
-                f"No model predicts {listed(never)} on the validation legs: every J/J0 is above 1."
-            )
+            words = f"No model predicts {listed(never)} on the validation legs"
+            missing.append(Alert(f"{words}: every J/J0 is above 1.", "models", "poor"))
     any_card = card or next(iter(cards.values()), None)
     if any_card is not None:
         missing += _unexcited(any_card)
@@ -228,33 +244,29 @@ def _missing(
     for name, log in logs.items():
         if log.status != "complete":
             lost = sum(item.seconds_lost for item in log.files)
-            missing.append(
-                f"Log {name} is {log.status}" + (f": {lost:.1f} s are lost." if lost else ".")
-            )
+            words = f"Log {name} is {log.status}" + (f": {lost:.1f} s are lost." if lost else ".")
+            missing.append(Alert(words, anchor("ingest", name)))
     return missing
 
 
-def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> tuple[str, ...]:
+def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> tuple[Alert, ...]:
     """Return what stages note about the model to take, by its title."""
     if chosen is None:
         return ()
     notes = remarks(sections, "note")
-    return tuple(words for words in notes if words.startswith(f"{chosen.title} "))
+    return tuple(Alert(words) for words in notes if words.startswith(f"{chosen.title} "))
 
 
-def assumed_figures(vehicle: VehicleDocument) -> tuple[str, ...]:
+def assumed_figures(vehicle: VehicleDocument) -> tuple[Alert, ...]:
     count, words = assumed_words(vehicle)
     if not count:
         return ()
-    return (
-        (
-            f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the"
-            f" coefficients shift or scale with them. {words}."
-        ),
-    )
+    sentence = f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the"
+    sentence += f" coefficients shift or scale with them. {words}."
+    return (Alert(sentence, anchor("provenance"), "good"),)
 
 
-def _unexcited(card: ModelCard) -> list[str]:
+def _unexcited(card: ModelCard) -> list[Alert]:
     sentences = []
     for state, words, so in (
         ("not excited", "The training legs do not excite", "damping there is not determined"),
@@ -266,14 +278,16 @@ def _unexcited(card: ModelCard) -> list[str]:
             if item.excitation == state
         ]
         if axes:
-            sentences.append(f"{words} {listed(axes)}: {so}.")
+            sentences.append(Alert(f"{words} {listed(axes)}: {so}.", anchor("synthesise")))
     return sentences
 
 
-def _undetermined(card: ModelCard) -> list[str]:
+def _undetermined(card: ModelCard) -> list[Alert]:
     counts = _verdicts(card)
     parts = [f"{counts[name]} {words}" for name, words in _OPEN.items() if counts[name]]
-    return [f"Of the coefficients of {card.title}, {listed(parts)}."] if parts else []
+    if not parts:
+        return []
+    return [Alert(f"Of the coefficients of {card.title}, {listed(parts)}.", "coefficients", "good")]
 
 
 _OPEN = {
@@ -284,9 +298,9 @@ _OPEN = {
 }
 
 
-def _warnings(sections: Mapping[str, Document]) -> tuple[str, ...]:
-    """Warnings of all sections, once each."""
-    return tuple(dict.fromkeys(remarks(sections, "warning")))
+def warned(sections: Mapping[str, Document]) -> tuple[Alert, ...]:
+    """Return the warnings of all sections, once each."""
+    return tuple(Alert(words) for words in dict.fromkeys(remarks(sections, "warning")))
 
 
 def remarks(sections: Mapping[str, Document], level: str) -> list[str]:

@@ -70,7 +70,7 @@ def test_key_of_a_name_without_letters_is_empty() -> None:
 
 @pytest.mark.parametrize("theme", [":root {", ":root[data-theme=dark] {"])
 def test_text_stands_out_on_every_ground_of_the_page(theme: str) -> None:
-    block = _text("style.css").split(theme, 1)[1].split("}", 1)[0]
+    block = _text("templates/style.css").split(theme, 1)[1].split("}", 1)[0]
     colours = dict(re.findall(r"--([\w-]+): (#[0-9a-f]{6})", block))
     pairs = [
         ("ink", ground)

@@ -32,7 +32,8 @@ def summary_of(run: ExampleRun, choice: str | None = "coe") -> Summary:
         run.segments,
         run.logs,
         run.sections,
-        run.vehicle.document,
+        run.vehicle,
+        {},
     )
 
 

@@ -8,18 +8,49 @@
   label();
 }
 
-// A link to a folded part unfolds it.
+document.documentElement.classList.add("js");  // rows that are filtered out can be shown again
+
+// A link into folds opens them.
 function unfold() {
   const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-  const part = target && target.querySelector(":scope > details.part");
-  if (part) { part.open = true; target.scrollIntoView(); }
+  if (!target) return;
+  for (let item = target; item; item = item.parentElement) if (item.tagName === "DETAILS") item.open = true;
+  for (const inner of target.querySelectorAll(":scope > details")) inner.open = true;
+  target.scrollIntoView();
 }
 addEventListener("hashchange", unfold);
 unfold();
-for (const link of document.querySelectorAll("nav a")) link.addEventListener("click", () => { if (link.hash === location.hash) unfold(); });
+for (const link of document.querySelectorAll('a[href^="#"]')) link.addEventListener("click", () => { if (link.hash === location.hash) unfold(); });
 
-// What is folded away on the screen is printed.
-addEventListener("beforeprint", () => { for (const item of document.querySelectorAll("main details")) item.open = true; });
+// Rows that a table keeps back, and all folds of the page.
+function showRows(figure, all) {
+  const button = figure.querySelector("button.rows");
+  if (!button) return;
+  button.dataset.words ??= button.textContent;
+  figure.classList.toggle("some", !all);
+  button.setAttribute("aria-expanded", all);
+  button.textContent = all ? "show identified" : button.dataset.words;
+}
+for (const button of document.querySelectorAll("button.rows")) button.addEventListener("click", () => showRows(button.closest("figure"), button.getAttribute("aria-expanded") === "false"));
+{
+  const button = document.getElementById("unfold"), folds = [...document.querySelectorAll("main details")], atFirst = folds.map(item => item.open);
+  button.addEventListener("click", () => {
+    const all = button.textContent === "Open all";
+    folds.forEach((item, place) => { item.open = all || atFirst[place]; });
+    for (const figure of document.querySelectorAll("figure.table")) showRows(figure, all);
+    button.textContent = all ? "Close all" : "Open all";
+  });
+  document.getElementById("print").addEventListener("click", () => print());
+}
+for (const button of document.querySelectorAll("button.copy")) button.addEventListener("click", () => {
+  const range = document.createRange(), box = button.parentElement;
+  range.setStartAfter(button);
+  range.setEndAfter(box.lastChild);
+  getSelection().removeAllRanges();
+  getSelection().addRange(range);
+  document.execCommand("copy");  // works in a file that is opened from the disk
+  button.textContent = "Copied";
+});
 
 function sortBy(table, column, head) {
   const ascending = head.getAttribute("aria-sort") !== "ascending";
@@ -39,6 +70,7 @@ function sortBy(table, column, head) {
 
 for (const table of document.querySelectorAll("table.sortable")) {
   [...table.tHead.rows[0].cells].forEach((head, column) => {
+    if (!head.textContent.trim()) return;
     const button = document.createElement("button");
     button.type = "button";
     button.append(...head.childNodes);
@@ -54,16 +86,23 @@ function csv(table) {
   const plain = words => /[",\n]/.test(words) ? `"${words.replaceAll('"', '""')}"` : words;
   const quote = words => plain(safe(words));
   const heads = [...table.tHead.rows[0].cells].map(cell => quote(cell.textContent.trim()));
-  const rows = [...table.tBodies[0].rows].map(row => [...row.cells].map(cell => quote(cell.dataset.v ?? "")));
+  const value = cell => cell.dataset.v ?? (table.classList.contains("sortable") ? "" : cell.textContent.trim().replace(/\s+/g, " ").replace("−", "-"));
+  const rows = [...table.tBodies].flatMap(body => [...body.rows]).map(row => [...row.cells].map(cell => quote(value(cell))));
   return [heads, ...rows].map(row => row.join(",")).join("\n") + "\n";
 }
 
-for (const button of document.querySelectorAll("button.csv")) {
-  const figure = button.closest("figure"), name = figure.querySelector("strong").textContent;
+for (const figure of document.querySelectorAll("figure.table")) {
+  const table = figure.querySelector("table"), button = document.createElement("button");
+  if (!table) continue;
+  const name = (figure.querySelector("strong") ?? figure.closest("details").querySelector("summary")).textContent.trim();
+  button.type = "button";
+  button.className = "quiet csv";
+  button.textContent = "CSV";
   button.setAttribute("aria-label", `Save the table ${name} as CSV`);
+  figure.querySelector("figcaption").append(" ", button);
   button.addEventListener("click", () => {
     const link = document.createElement("a");
-    link.href = URL.createObjectURL(new Blob([csv(figure.querySelector("table"))], {type: "text/csv"}));
+    link.href = URL.createObjectURL(new Blob([csv(table)], {type: "text/csv"}));
     link.download = `${name.toLowerCase().replace(/[^a-z0-9]+/g, "_")}.csv`;
     link.click();
     URL.revokeObjectURL(link.href);
