@@ -84,6 +84,9 @@ class PipelineError(Exception):
         return text
 
 
+_PARTS = ("file", "row", "field", "value", "allowed", "remedy")
+
+
 def _rebuild(kind: type[PipelineError], message: str, state: dict[str, object]) -> PipelineError:
     error = kind(message)
     error.__dict__.update(state)
@@ -96,6 +99,11 @@ class UsageError(PipelineError):
 
     Either a name is unknown, or options exclude each other.
     """
+
+    @classmethod
+    def of(cls, fault: PipelineError) -> UsageError:
+        """Return a fault in what a command got as one of its words."""
+        return cls(fault.message, **{name: getattr(fault, name) for name in _PARTS})
 
 
 class SchemaError(PipelineError):

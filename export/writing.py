@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from auvid.data_schemas.errors import DataError, UsageError, nearest
+from auvid.data_schemas.errors import DataError, PipelineError, UsageError, nearest
 from auvid.data_schemas.records.model_file import AS_PUBLISHED, ModelFile
 from auvid.data_schemas.records.models import UsableFor
 from auvid.export.body import body_of
@@ -112,7 +112,7 @@ def write_files(prepared: Prepared, folder: Path, *, force: bool = False) -> lis
     paths = [folder / name for name in prepared.files]
     there = [str(path) for path in paths if path.exists()]
     if there and not force:
-        raise UsageError(
+        raise PipelineError(
             "the file exists",
             file=there[0],
             remedy="Name another folder with --output, or overwrite with --force (force=True).",

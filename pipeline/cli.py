@@ -10,25 +10,38 @@ import io
 import os
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from click import Context
-from typer.core import TyperGroup
 
 from auvid import __version__
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.pipeline import completion, output
+from auvid.pipeline.output import (
+    COMPARING,
+    FAILED,
+    LISTING,
+    LOOKING,
+    LOSSES,
+    OUTPUT,
+    RUNNING,
+    TWINS,
+    USING,
+    WRONG_USE,
+    Command,
+    Commands,
+    answer,
+    answering,
+    note,
+)
 from auvid.pipeline.terminal import plain_lines
-
-FAILED, WRONG_USE, LOSSES, INTERRUPTED = 1, 2, 3, 130
 
 app = typer.Typer(
     name="auvid",
+    cls=Commands,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )
@@ -57,18 +70,28 @@ CampaignName = Annotated[
     typer.Argument(
         metavar="CAMPAIGN",
         help="Name of a folder under campaigns/, or a path to one or to its campaign.yaml.",
+        autocompletion=completion.campaigns,
     ),
 ]
-
+RunName = Annotated[
+    str,
+    typer.Argument(
+        metavar="CAMPAIGN",
+        help="A campaign that has been run, by name or path.",
+        autocompletion=completion.runs,
+    ),
+]
 
 EngineName = Annotated[
     str | None,
     typer.Option(
-        metavar="serial|processes", help="Where items run; results are the same. [default: serial]"
+        metavar="serial|processes",
+        help="Where items run; results are the same. (default: serial)",
+        autocompletion=lambda: ["serial", "processes"],
     ),
 ]
 JobCount = Annotated[
-    int | None, typer.Option(metavar="N", help="How many processes. [default: one per core]")
+    int | None, typer.Option(metavar="N", help="How many processes. (default: one per core)")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Run again what is up to date.")]
 Screenshot = Annotated[
@@ -76,15 +99,27 @@ Screenshot = Annotated[
 ]
 
 
-@app.command(epilog="Example: auvid run bluerov2_dvl --until fuse")
+@app.command(
+    cls=Command, rich_help_panel=RUNNING, epilog="Example: auvid run bluerov2_dvl --until fuse"
+)
+@answering
 def run(
     campaign: CampaignName,
     only: Annotated[
         str | None,
-        typer.Option(metavar="STAGE", help="Run only this stage, on the results of the others."),
+        typer.Option(
+            metavar="STAGE",
+            help="Run only this stage, on the results of the others.",
+            autocompletion=completion.stages,
+        ),
     ] = None,
     until: Annotated[
-        str | None, typer.Option(metavar="STAGE", help="Run this stage and all that it needs.")
+        str | None,
+        typer.Option(
+            metavar="STAGE",
+            help="Run this stage and all that it needs.",
+            autocompletion=completion.stages,
+        ),
     ] = None,
     strict: Annotated[
         bool,
@@ -99,35 +134,38 @@ def run(
     A run stops behind stage ingest where findings of the logs speak against it
     (auvid check CAMPAIGN ends with the same code).
 
-    Exit codes: 0 fine; 1 a log cannot be read, findings stop the run, a stage
-    fails, or a twin misses a bound of its campaign; 2 wrong use; 3 losses, with
-    --strict; 130 interrupted.
+    Exit codes: 0 fine; 1 a log cannot be read, findings stop the run, a
+    stage fails, or a twin misses a bound of its campaign; 2 wrong use;
+    3 losses, with --strict; 130 interrupted.
     """
     from auvid.pipeline.execution.kept_output import printed_before
 
-    if not (only or until or engine or jobs or force):
+    if not (only or until or engine or jobs or force or OUTPUT.quiet or OUTPUT.verbose):
         printed = printed_before(campaign, strict=strict)
         if printed is not None:
             print(printed.text, end="")
+            answer(printed.answer)
             raise typer.Exit(printed.status)
     from auvid.pipeline.commands.run.run_command import run_campaign
 
-    with _interruptible():
-        status = run_campaign(
-            campaign,
-            only=only,
-            until=until,
-            strict=strict,
-            engine=engine,
-            jobs=jobs,
-            force=force,
-        )
+    status = run_campaign(
+        campaign,
+        only=only,
+        until=until,
+        strict=strict,
+        engine=engine,
+        jobs=jobs,
+        force=force,
+    )
     raise typer.Exit(status)
 
 
-@app.command(epilog="Example: auvid report bluerov2_dvl --open")
+@app.command(
+    cls=Command, rich_help_panel=RUNNING, epilog="Example: auvid report bluerov2_dvl --open"
+)
+@answering
 def report(
-    campaign: CampaignName,
+    campaign: RunName,
     rebuild: Annotated[
         bool, typer.Option("--rebuild", help="Write the report again from the artefacts.")
     ] = False,
@@ -138,7 +176,12 @@ def report(
         bool, typer.Option("--compare", help="Write a copy that compares with the run before.")
     ] = False,
     against: Annotated[
-        int | None, typer.Option(metavar="N", help="As --compare, with run N of auvid history.")
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="As --compare, with run N of auvid history.",
+            autocompletion=completion.run_numbers,
+        ),
     ] = None,
 ) -> None:
     """Print the path of a campaign's report, rebuild it, or open it."""
@@ -146,24 +189,26 @@ def report(
 
     page = report_file(campaign, rebuild=rebuild, compare=compare, against=against)
     print(page)
+    answer({"report": page})
     if open_it:
         typer.launch(page.resolve().as_uri())
 
 
-@app.command(epilog="Example: auvid check dive.BIN dive.tlog --align")
+@app.command(
+    cls=Command, rich_help_panel=RUNNING, epilog="Example: auvid check dive.BIN dive.tlog --align"
+)
+@answering
 def check(
     targets: Annotated[
         list[str],
         typer.Argument(
-            metavar="LOG... | CAMPAIGN", help="Log files, or a campaign for all its logs and legs."
+            metavar="LOG... | CAMPAIGN",
+            help="Log files, or a campaign for all its logs and legs.",
+            autocompletion=completion.campaigns_and_files,
         ),
     ],
     columns: Annotated[
         Path | None, typer.Option(metavar="MAP.yaml", help="Column map of CSV logs.")
-    ] = None,
-    json: Annotated[
-        str | None,
-        typer.Option(metavar="FILE|-", help="Write the findings as JSON; - prints them."),
     ] = None,
     html: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the page as one HTML file.")
@@ -177,23 +222,24 @@ def check(
 ) -> None:
     """Check what is wrong with logs and what they can be used for.
 
-    Exit codes: 0 fine; 1 a log cannot be read, or auvid run CAMPAIGN would stop at
-    its findings; 2 wrong use; 3 losses or errors that stop no run.
+    Exit codes: 0 fine; 1 a log cannot be read, or auvid run CAMPAIGN would
+    stop at its findings; 2 wrong use; 3 losses or errors that stop no run.
     """
     from auvid.pipeline.commands.check import check_command
 
-    raise typer.Exit(
-        check_command.check(targets, columns=columns, json_file=json, html_file=html, align=align)
-    )
+    raise typer.Exit(check_command.check(targets, columns=columns, html_file=html, align=align))
 
 
-@app.command(epilog="Example: auvid inspect dive.BIN --save dive.rrd")
+@app.command(
+    cls=Command, rich_help_panel=LOOKING, epilog="Example: auvid inspect dive.BIN --save dive.rrd"
+)
 def inspect(
     target: Annotated[
         str,
         typer.Argument(
             metavar="CAMPAIGN|LOG",
             help="A campaign that has been run, a log file, or a recording (.rrd).",
+            autocompletion=completion.runs_and_files,
         ),
     ],
     log: Annotated[
@@ -238,18 +284,27 @@ def inspect(
 
 
 @app.command(
-    epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd"
+    cls=Command,
+    rich_help_panel=COMPARING,
+    epilog="Example: auvid diff bluerov2_dvl bluerov2_dvl@fuse.cutoff_hz=0.8 --save cutoff.rrd",
 )
+@answering
 def diff(
     first: Annotated[
         str,
         typer.Argument(
             metavar="A",
             help="Campaign, run folder or golden folder; @MODEL, @RUN or @STAGE.PARAMETER=VALUE.",
+            autocompletion=completion.run_or_model,
         ),
     ],
     second: Annotated[
-        str, typer.Argument(metavar="B", help="What A is compared with, written likewise.")
+        str,
+        typer.Argument(
+            metavar="B",
+            help="What A is compared with, written likewise.",
+            autocompletion=completion.run_or_model,
+        ),
     ],
     save: Annotated[
         Path | None,
@@ -259,7 +314,6 @@ def diff(
         ),
     ] = None,
     screenshot: Screenshot = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print all changes as JSON.")] = False,
     relative: Annotated[
         float,
         typer.Option(
@@ -278,19 +332,25 @@ def diff(
     """
     from auvid.pipeline.commands.diff import diff_command
 
-    if not diff_command.diff(
-        first, second, save=save, picture=screenshot, as_json=as_json, relative=relative
-    ):
+    if not diff_command.diff(first, second, save=save, picture=screenshot, relative=relative):
         raise typer.Exit(FAILED)
 
 
-@app.command(epilog="Example: auvid history bluerov2_dvl --run 3")
+@app.command(
+    cls=Command, rich_help_panel=LOOKING, epilog="Example: auvid history bluerov2_dvl --run 3"
+)
+@answering
 def history(
-    campaign: CampaignName,
+    campaign: RunName,
     number: Annotated[
-        int | None, typer.Option("--run", metavar="N", help="Show this run in full.")
+        int | None,
+        typer.Option(
+            "--run",
+            metavar="N",
+            help="Show this run in full.",
+            autocompletion=completion.run_numbers,
+        ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print all runs as JSON.")] = False,
     csv: Annotated[
         Path | None,
         typer.Option(
@@ -301,21 +361,24 @@ def history(
     """List the earlier runs of a campaign: changes and the best model."""
     from auvid.pipeline.commands.history import history_page
 
-    history_page.show(campaign, number=number, as_json=as_json, csv=csv)
+    history_page.show(campaign, number=number, csv=csv)
 
 
 @app.command(
-    epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag of the DVL corrected"'
+    cls=Command,
+    rich_help_panel=COMPARING,
+    epilog='Example: auvid regress bluerov2_dvl --update --message "fuse: lag corrected"',
 )
+@answering
 def regress(
-    campaign: CampaignName,
+    campaign: RunName,
     baseline: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
             help=(
-                "Folder of golden tables. [default: tests/golden/CAMPAIGN, else golden in the"
-                " campaign's folder]"
+                "Folder of golden tables. (default: tests/golden/CAMPAIGN, else golden in the"
+                " campaign's folder)"
             ),
         ),
     ] = None,
@@ -328,7 +391,6 @@ def regress(
             metavar="TEXT", help="For the changelog: 'STAGE: what changed and why'; needs --update."
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print the findings as JSON.")] = False,
 ) -> None:
     """Compare the error tables with the golden ones.
 
@@ -342,23 +404,31 @@ def regress(
 
     setting = regress_command.open_setting(campaign, baseline)
     if message is not None:
-        regress_command.update(setting, message, as_json=as_json)
-    elif not regress_command.check(setting, as_json=as_json):
+        regress_command.update(setting, message)
+    elif not regress_command.check(setting):
         raise typer.Exit(FAILED)
 
 
 @app.command(
+    cls=Command,
+    rich_help_panel=TWINS,
     epilog=(
         "Example: auvid simulate vt690 campaigns/vt690_twin/plans/short.yaml -o campaigns/my_twin"
         " --seed 3"
-    )
+    ),
 )
+@answering
 def simulate(
     vehicle: Annotated[
-        str, typer.Argument(metavar="VEHICLE", help="Name of a vehicle, or a path to its file.")
+        str,
+        typer.Argument(
+            metavar="VEHICLE",
+            help="Name of a vehicle, or a path to its file.",
+            autocompletion=completion.vehicles,
+        ),
     ],
     plan: Annotated[Path, typer.Argument(metavar="PLAN", help="Path of the plan.")],
-    output: Annotated[
+    output_folder: Annotated[
         Path,
         typer.Option(
             "--output",
@@ -398,20 +468,24 @@ def simulate(
     losses = write_campaign(
         vehicle,
         plan,
-        output,
+        output_folder,
         truth=truth,
         format=log_format,
         seed=seed,
         accelerometer=accelerometer,
     )
-    print(f"made {output}\n\n    auvid run {output}\n")
+    print(f"made {output_folder}\n\n    auvid run {output_folder}\n")
+    answer(
+        {"folder": output_folder, "campaign": output_folder / "campaign.yaml", "cut_short": losses}
+    )
     for line in losses:
-        _say(f"cut short: {line}", LOSSES)
+        note(f"cut short: {line}")
     if losses:
         raise typer.Exit(LOSSES)
 
 
-@app.command(epilog="Example: auvid reproduce vt690_twin")
+@app.command(cls=Command, rich_help_panel=COMPARING, epilog="Example: auvid reproduce vt690_twin")
+@answering
 def reproduce(
     campaign: CampaignName,
     engine: EngineName = None,
@@ -430,30 +504,33 @@ def reproduce(
     from auvid.pipeline.commands.run.run_summary import result_files
     from auvid.pipeline.execution.engines import make_engine
 
-    with _interruptible():
-        printed = printed_values.open_comparison(campaign)
-        if printed is not None:
-            execute(printed, printed.graph.stages, engine=engine, jobs=jobs, force=force)
-            met = printed_values.print_comparison(printed)
-            page = result_files(printed).get("report")
-        else:
-            reproduction = reproduce_command.open_reproduction(campaign)
-            with show_progress() as progress:
-                done = reproduce_command.reproduce(
-                    reproduction, make_engine(engine, jobs), progress, force=force
-                )
-            reproduce_command.print_tables(done)
-            met, page = not done.missed, done.page
+    printed = printed_values.open_comparison(campaign)
+    if printed is not None:
+        execute(printed, printed.graph.stages, engine=engine, jobs=jobs, force=force)
+        met = printed_values.print_comparison(printed)
+        page = result_files(printed).get("report")
+    else:
+        reproduction = reproduce_command.open_reproduction(campaign)
+        with show_progress() as progress:
+            done = reproduce_command.reproduce(
+                reproduction, make_engine(engine, jobs), progress, force=force
+            )
+        reproduce_command.print_tables(done)
+        met, page = not done.missed, done.page
     if open_it and page is not None:
         typer.launch(page.resolve().as_uri())
     if not met:
         raise typer.Exit(FAILED)
 
 
-@app.command(epilog="Example: auvid stages fuse")
+@app.command(cls=Command, rich_help_panel=LISTING, epilog="Example: auvid stages fuse")
+@answering
 def stages(
     name: Annotated[
-        str | None, typer.Argument(metavar="STAGE", help="Show only this stage.")
+        str | None,
+        typer.Argument(
+            metavar="STAGE", help="Show only this stage.", autocompletion=completion.stages
+        ),
     ] = None,
 ) -> None:
     """List the stages with inputs, outputs and parameters, from their declarations."""
@@ -462,10 +539,14 @@ def stages(
     print_stages(name)
 
 
-@app.command(epilog="Example: auvid models linear")
+@app.command(cls=Command, rich_help_panel=LISTING, epilog="Example: auvid models linear")
+@answering
 def models(
     name: Annotated[
-        str | None, typer.Argument(metavar="MODEL", help="Show the terms of this model.")
+        str | None,
+        typer.Argument(
+            metavar="MODEL", help="Show the terms of this model.", autocompletion=completion.models
+        ),
     ] = None,
 ) -> None:
     """List the viscous force models, from their declarations."""
@@ -474,7 +555,8 @@ def models(
     print_models(name)
 
 
-@app.command(epilog="Example: auvid vehicles")
+@app.command(cls=Command, rich_help_panel=LISTING, epilog="Example: auvid vehicles")
+@answering
 def vehicles() -> None:
     """List the vehicles of this workspace and those that come with auvid."""
     from auvid.pipeline.commands.list import print_vehicles
@@ -482,10 +564,19 @@ def vehicles() -> None:
     print_vehicles()
 
 
-@app.command(epilog="Example: auvid schema campaign > campaign.schema.json")
+@app.command(
+    cls=Command,
+    rich_help_panel=LISTING,
+    epilog="Example: auvid schema campaign > campaign.schema.json",
+)
 def schema(
     name: Annotated[
-        str | None, typer.Argument(metavar="DOCUMENT", help="campaign, vehicle, column_map ...")
+        str | None,
+        typer.Argument(
+            metavar="DOCUMENT",
+            help="campaign, vehicle, column_map ...",
+            autocompletion=completion.documents,
+        ),
     ] = None,
 ) -> None:
     """Print the JSON schema of a document, for editors; without a name, list them."""
@@ -494,13 +585,17 @@ def schema(
     print_schema(name)
 
 
-@app.command(epilog="Example: auvid coefficients hauv --set as_printed")
+@app.command(
+    cls=Command, rich_help_panel=TWINS, epilog="Example: auvid coefficients hauv --set as_printed"
+)
+@answering
 def coefficients(
     vehicle: Annotated[
         str,
         typer.Argument(
             metavar="VEHICLE",
             help="Name of a vehicle, or a path to a vehicle file with `geometry`.",
+            autocompletion=completion.vehicles,
         ),
     ],
     parameter_set: Annotated[
@@ -520,21 +615,23 @@ def coefficients(
             help="Compare with a published model of this vehicle, for example prestero.",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print coefficients of strip theory and published ones, with their sources."""
     from auvid.pipeline.commands.model.coefficients import print_coefficients
 
-    print_coefficients(vehicle, parameter_set=parameter_set, model=model, as_json=as_json)
+    print_coefficients(vehicle, parameter_set=parameter_set, model=model)
 
 
 @app.command(
+    cls=Command,
+    rich_help_panel=USING,
     epilog=(
         "Example: auvid export bluerov2_dvl --to gazebo --lossy; auvid export"
         " bluerov2_dvl/fossen --to mss --name rov; auvid export linear.json --to draws --draws 500;"
         " auvid export bluerov2_wu_2018 --to gazebo"
-    )
+    ),
 )
+@answering
 def export(
     model: Annotated[
         str,
@@ -544,6 +641,7 @@ def export(
                 "Path of a model file, CAMPAIGN for its recommended model, CAMPAIGN/MODEL, or a"
                 " published set by name."
             ),
+            autocompletion=completion.exportable,
         ),
     ],
     target: Annotated[
@@ -554,17 +652,18 @@ def export(
             help=(
                 "gazebo, uuv, mss, pvs, holoocean, stonefish, mujoco, sitl, python, json or draws."
             ),
+            autocompletion=completion.targets,
         ),
     ],
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder. [default: exported/NAME_TARGET]"
+            "--output", "-o", metavar="DIR", help="Folder. (default: exported/NAME_TARGET)"
         ),
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Of files, functions, classes. [default: VEHICLE_MODEL]"),
+        typer.Option(metavar="NAME", help="Of files, functions, classes. (default: VEHICLE_MODEL)"),
     ] = None,
     lossy: Annotated[
         bool,
@@ -598,13 +697,16 @@ def export(
 
 
 @app.command(
+    cls=Command,
+    rich_help_panel=USING,
     epilog=(
         "Example: auvid score bluerov2_dvl; auvid score bluerov2_dvl --with 'bluerov2_*' --with"
         " other.json"
-    )
+    ),
 )
+@answering
 def score(
-    campaign: CampaignName,
+    campaign: RunName,
     others: Annotated[
         list[str],
         typer.Option(
@@ -614,17 +716,17 @@ def score(
                 "shelf (all published sets), a name of one (* stands for any letters), a vehicle"
                 " file (.yaml) or a model file (.json); may be repeated."
             ),
+            autocompletion=completion.shelf,
         ),
     ] = ["shelf"],  # noqa: B006
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Judge published sets of coefficients, or models, on the dive of a run."""
     from auvid.pipeline.commands.model.score_command import print_score
 
-    print_score(campaign, others, as_json=as_json)
+    print_score(campaign, others)
 
 
-class _New(TyperGroup):
+class _New(Commands):
     """`auvid new DIR` is `auvid new workspace DIR`."""
 
     def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
@@ -635,10 +737,16 @@ class _New(TyperGroup):
 
 
 new = typer.Typer(cls=_New, no_args_is_help=True)
-app.add_typer(new, name="new", help="Make a workspace (auvid new DIR), or a campaign from logs.")
+app.add_typer(
+    new,
+    name="new",
+    rich_help_panel=RUNNING,
+    help="Make a workspace (auvid new DIR), or a campaign from logs.",
+)
 
 
-@new.command(epilog="Example: auvid new ~/campaigns_2026")
+@new.command(cls=Command, epilog="Example: auvid new ~/campaigns_2026")
+@answering
 def workspace(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
 ) -> None:
@@ -646,10 +754,12 @@ def workspace(
     from auvid.pipeline.commands.new.new_command import make_workspace
 
     make_workspace(folder)
+    answer({"folder": folder, "campaign": folder / "campaigns" / "example" / "campaign.yaml"})
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
 
 
-@new.command(epilog="Example: auvid new campaign pier --from 00000029.BIN")
+@new.command(cls=Command, epilog="Example: auvid new campaign pier --from 00000029.BIN")
+@answering
 def campaign(
     name: Annotated[
         str,
@@ -668,7 +778,8 @@ def campaign(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="Vehicle, by name or file. [default: the one that the log names]",
+            help="Vehicle, by name or file. (default: the one that the log names)",
+            autocompletion=completion.vehicles,
         ),
     ] = None,
     link: Annotated[
@@ -703,29 +814,34 @@ def code() -> None:
 
 
 def main() -> None:
-    """Run the command line.
-
-    Exit codes: 0 fine, 1 failed, 2 wrong use, 3 finished with losses, 130 interrupted.
-    """
+    """Run the command line; `output.EXIT_CODES` says how it ends."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     sys.stdout = sys.stdout or io.StringIO()  # a closed one is None
     sys.stderr = sys.stderr or io.StringIO()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # what a terminal cannot show is a ?
+    output.start(sys.argv[1:])
     try:
         try:
             app(standalone_mode=True)
+        except SystemExit as end:
+            if end.code == WRONG_USE:
+                output.print_envelope(WRONG_USE, "wrong use: standard error says which word")
+            raise
+        except PipelineError as fault:
+            status = WRONG_USE if isinstance(fault, UsageError) else FAILED
+            output.print_envelope(status, fault)
+            sys.exit(_say(f"error: {fault}", status))
         finally:
             print(end="", flush=True)
-    except PipelineError as fault:
-        sys.exit(_say(f"error: {fault}", WRONG_USE if isinstance(fault, UsageError) else FAILED))
     except BrokenPipeError:
         _close_output()
         sys.exit(FAILED)
     except Exception as crash:
         if isinstance(crash, OSError) and (words := _refused(crash)):
             sys.exit(_say(f"error: {words}", FAILED))
+        output.print_envelope(FAILED, f"{type(crash).__name__}: {crash}")
         sys.exit(_say(_internal(crash), FAILED))
 
 
@@ -746,26 +862,17 @@ def _close_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """End the command with its own exit code on Ctrl-C."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise typer.Exit(_say("interrupted: what was finished is kept", INTERRUPTED)) from None
-
-
 def _internal(crash: Exception) -> str:
     """Return a fault of auvid in one line, with its traceback under AUVID_TRACEBACK."""
     import traceback
 
     trace = getattr(crash, "trace", "") or "".join(traceback.format_exception(crash))
     words = str(crash) if hasattr(crash, "trace") else f"{type(crash).__name__}: {crash}"
-    if os.environ.get("AUVID_TRACEBACK"):
+    if OUTPUT.verbose or os.environ.get("AUVID_TRACEBACK"):
         return f"{trace}\ninternal fault: {words}"
     return (
-        f"internal fault: {words}\nThis is a fault of auvid, not of your data. AUVID_TRACEBACK=1"
-        " shows where it happened."
+        f"internal fault: {words}\nThis is a fault of auvid, not of your data. --verbose (or"
+        " AUVID_TRACEBACK=1) shows where it happened."
     )
 
 

@@ -31,6 +31,7 @@ from auvid.hydro.dynamics.viscous.models import MODELS as FORCE_MODELS
 from auvid.pipeline.cli import app
 from auvid.pipeline.execution.generate_dvc import bounds, default_of
 from auvid.pipeline.graph import AnyStage
+from auvid.pipeline.output import COMMON, EXIT_CODES, PANELS
 from auvid.stages import KINDS, STAGES
 from auvid.stages.base import ports
 
@@ -55,13 +56,6 @@ DOCUMENTS: Mapping[str, tuple[str, str]] = {
 """Documents that users write: title, and where a campaign names them."""
 PARTS = {"schema", "model_file"}
 """Documents with a page of their own elsewhere."""
-COMMAND_GROUPS: Mapping[str, tuple[str, ...]] = {
-    "Every day": ("run", "check", "report", "inspect", "new campaign", "new workspace"),
-    "Compare": ("diff", "history", "regress"),
-    "Use a model": ("export", "score", "coefficients"),
-    "Twins and published tables": ("simulate", "reproduce"),
-    "Lists": ("stages", "models", "vehicles", "schema"),
-}
 SIMPLE = {str: "text", float: "number", int: "integer", bool: "true or false", object: "any"}
 NONE = type(None)
 
@@ -223,12 +217,9 @@ def commands_page() -> str:
     """Return the page of the command line, from its signatures."""
     group: Any = typer.main.get_command(app)
     commands = command_tree()
-    placed = {name for names in COMMAND_GROUPS.values() for name in names}
-    groups = {
-        title: [name for name in names if name in commands]
-        for title, names in COMMAND_GROUPS.items()
-    }
-    groups["Others"] = [name for name in commands if name not in placed]
+    groups: dict[str, list[str]] = {panel: [] for panel in PANELS}
+    for name in commands:
+        groups[group.commands[name.partition(" ")[0]].rich_help_panel].append(name)
     parts = [
         "# Commands\n",
         WRITTEN.format("`pipeline/cli.py`") + "\n",
@@ -237,16 +228,11 @@ def commands_page() -> str:
         "## Exit codes\n",
         table(
             ("code", "meaning"),
-            [
-                ("0", "fine"),
-                ("1", "failed: a log, a stage, a bound, or a comparison"),
-                ("2", "wrong use: an option, an argument, or a name"),
-                ("3", "finished with losses, where a command says so"),
-                ("130", "interrupted; what was finished is kept"),
-            ],
+            [(str(code), words) for code, words in EXIT_CODES.items()],
         ),
-        "Results go to standard output, faults to standard error. `AUVID_TRACEBACK=1` in the"
-        " environment shows\nwhere an internal fault happened.\n",
+        "Results go to standard output, faults to standard error. All commands but `inspect`"
+        " and `schema` also take\n`--json`, `--quiet` and `--verbose`:"
+        " [the command line](../command_line.md).\n",
     ]
     for title, names in groups.items():
         if names:
@@ -307,7 +293,7 @@ def _command(name: str, command: Any) -> str:
 def _options(command: Any) -> list[tuple[str, str]]:
     rows = []
     for item in command.params:
-        if item.param_type_name != "option" or item.hidden or item.name == "help":
+        if item.param_type_name != "option" or item.hidden or item.name in ("help", *COMMON):
             continue
         value = "" if item.is_flag else " " + (item.metavar or item.type.name.upper())
         names = ", ".join([*item.opts, *item.secondary_opts])

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 
 PARAMS_FILE = "params.yaml"
 SHIPPED_VEHICLES = Path(__file__).resolve().parents[2] / "vehicles"
@@ -43,7 +43,7 @@ class Workspace:
         names = self.campaign_names()
         if name in names:
             return self.campaigns / name
-        raise CampaignError(
+        raise UsageError(
             "no such campaign",
             value=name,
             allowed=names or "none yet",
@@ -108,7 +108,5 @@ def vehicle_file_of(name: str) -> Path:
     except PipelineError:
         files = {path.stem: path for path in sorted(SHIPPED_VEHICLES.glob("*.yaml"))}
     if name not in files:
-        raise CampaignError(
-            "no such vehicle", value=name, allowed=files, remedy=nearest(name, files)
-        )
+        raise UsageError("no such vehicle", value=name, allowed=files, remedy=nearest(name, files))
     return files[name]

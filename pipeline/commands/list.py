@@ -10,14 +10,15 @@ from typing import Any
 
 from auvid.data_schemas.documents import MODELS as DOCUMENT_MODELS
 from auvid.data_schemas.documents import model_of
-from auvid.data_schemas.errors import PipelineError, UsageError, nearest
+from auvid.data_schemas.errors import UsageError, nearest
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
-from auvid.hydro.dynamics.viscous.models import MODELS, model_named
+from auvid.hydro.dynamics.viscous.models import MODELS, ViscousModel
 from auvid.pipeline.campaigns.workspace import PARAMS_FILE, Workspace
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.generate_dvc import bounds, default_of
 from auvid.pipeline.graph import AnyStage
+from auvid.pipeline.output import answer
 from auvid.pipeline.terminal import table
 from auvid.stages import STAGES
 from auvid.stages.base import ports
@@ -33,13 +34,48 @@ WRITTEN = "documents."
 
 
 def print_stages(name: str | None = None) -> None:
-    """Print every stage, or one. Raises `PipelineError` for an unknown name."""
+    """Print every stage, or one. Raises `UsageError` for an unknown name."""
     names = [stage.name for stage in STAGES]
     if name is not None and name not in names:
-        raise PipelineError("no such stage", value=name, allowed=names, remedy=nearest(name, names))
-    for stage in STAGES:
-        if name in (None, stage.name):
-            _print_stage(stage)
+        raise UsageError("no such stage", value=name, allowed=names, remedy=nearest(name, names))
+    chosen = [stage for stage in STAGES if name in (None, stage.name)]
+    answer([_stage_document(stage) for stage in chosen])
+    for stage in chosen:
+        _print_stage(stage)
+
+
+def _stage_document(stage: AnyStage) -> dict[str, Any]:
+    return {
+        "name": stage.name,
+        "summary": stage.summary,
+        "maps_over": stage.maps_over,
+        "yields": stage.yields,
+        **{
+            title: [
+                {
+                    "name": port,
+                    "schema": spec["port"],
+                    "many": spec["many"],
+                    "optional": bool(spec.get("optional")),
+                    "meaning": _meaning(spec["port"]),
+                }
+                for port, spec in ports(kind).items()
+            ]
+            for title, kind in (("inputs", stage.inputs), ("outputs", stage.outputs))
+        },
+        "parameters": [
+            {
+                "name": item.name,
+                "unit": item.metadata["unit"],
+                "default": default_of(item),
+                "low": item.metadata.get("low"),
+                "high": item.metadata.get("high"),
+                "allowed": item.metadata.get("allowed"),
+                "meaning": item.metadata["meaning"],
+            }
+            for item in fields(stage.params)
+        ],
+    }
 
 
 def _print_stage(stage: AnyStage) -> None:
@@ -76,19 +112,35 @@ def _meaning(port: str) -> str:
 
 def print_models(name: str | None = None) -> None:
     """Print every viscous model with its size and source, or the terms of one."""
+    names = [model.name for model in MODELS]
+    if name is not None and name not in names:
+        raise UsageError("no such model", value=name, allowed=names, remedy=nearest(name, names))
+    answer([_model_document(model) for model in MODELS if name in (None, model.name)])
     if name is None:
         rows = [(model.name, model.title, model.n_bar, model.source) for model in MODELS]
         table(("name", "title", "terms", "source"), rows)
         return
-    model = model_named(name)
+    model = MODELS[names.index(name)]
     print(f"{model.name}  {model.title}, {model.n_bar} terms. {model.source}")
     for axis, terms in model.terms.items():
         print(f"\n{axis}" + ("" if terms else "  -"))
         units: dict[str, list[str]] = {}
         for term in terms:
             units.setdefault(coefficient_unit(axis, term), []).append(term)
-        for unit, names in units.items():
-            print(f"  in {unit}: {', '.join(names)}")
+        for unit, in_unit in units.items():
+            print(f"  in {unit}: {', '.join(in_unit)}")
+
+
+def _model_document(model: ViscousModel) -> dict[str, Any]:
+    return {
+        "name": model.name,
+        "title": model.title,
+        "source": model.source,
+        "terms": {
+            axis: [{"term": term, "unit": coefficient_unit(axis, term)} for term in terms]
+            for axis, terms in model.terms.items()
+        },
+    }
 
 
 def print_vehicles() -> None:
@@ -100,6 +152,7 @@ def print_vehicles() -> None:
         document = load_yaml(path).value
         title = document.get("title", "") if isinstance(document, Mapping) else ""
         rows.append((name, title, path))
+    answer([{"name": name, "title": title, "file": path} for name, title, path in rows])
     table(("name", "title", "file"), rows)
 
 

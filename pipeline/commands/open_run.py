@@ -14,6 +14,7 @@ from auvid.pipeline.campaigns.workspace import find_workspace, workspace_of
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
+from auvid.pipeline.output import OUTPUT
 from auvid.stages import KINDS, STAGES
 
 
@@ -51,14 +52,14 @@ def check_fresh(run: Run, stages: Sequence[AnyStage]) -> None:
 
 @contextmanager
 def show_progress(*, quiet: bool = False) -> Iterator[Progress]:
-    """Show bars on a terminal, plain lines otherwise; nothing if `quiet`."""
-    if quiet:
+    """Show bars on a terminal, plain lines otherwise; nothing if quiet."""
+    if quiet or OUTPUT.quiet:
         yield Silent()
     elif sys.stderr.isatty():
         with Bars() as bars:
             yield bars
     else:
-        yield ProgressLines()
+        yield ProgressLines(verbose=OUTPUT.verbose)
 
 
 def write_codes() -> None:

@@ -12,7 +12,7 @@ import yaml
 
 from auvid.data_schemas.documents.plans.plan import PlanDocument
 from auvid.data_schemas.documents.twin import TwinDocument
-from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
+from auvid.data_schemas.errors import CampaignError, PipelineError, UsageError, nearest
 from auvid.pipeline.campaigns.twin import PHYSICS, entries_of, load_twin
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
@@ -47,13 +47,13 @@ def write_campaign(
             remedy="Choose a new folder.",
         )
     if seed < 0:
-        raise CampaignError("not a seed", field="--seed", value=seed, allowed="0 or more")
+        raise UsageError("not a seed", field="--seed", value=seed, allowed="0 or more")
     for option, value, allowed in (
         ("--format", format, FORMATS),
         ("--accelerometer", accelerometer, ACCELEROMETERS),
     ):
         if value not in allowed:
-            raise CampaignError(
+            raise UsageError(
                 "unknown value",
                 field=option,
                 value=value,
@@ -63,9 +63,12 @@ def write_campaign(
     vehicle_file = vehicle_file_of(vehicle)
     checked = load_vehicle(vehicle_file).vehicle
     entry = {"truth": truth, "seed": seed, "format": format, "accelerometer": accelerometer}
-    twin = load_twin(
-        entry, checked, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
-    )
+    try:
+        twin = load_twin(
+            entry, checked, plan=plan, vehicle_file=vehicle_file, folder=Path.cwd(), file=plan
+        )
+    except CampaignError as fault:
+        raise UsageError.of(fault) if fault.field == "simulate.truth" else fault from None
     if isinstance(twin.plan, PlanDocument) and twin.plan.bench is not None:
         remedy = (
             "Make a campaign of kind bench_twin that names the plan under simulate, and run it."

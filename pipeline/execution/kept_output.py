@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.workspace import PARAMS_FILE, SHIPPED_VEHICLES, workspace_of
 from auvid.pipeline.execution.code_stamp import PRINTING, source_files, source_stamp, unchanged
+from auvid.pipeline.output import plain_values
 from auvid.pipeline.store.atomic_files import FILES_READ, write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, SETTLED_S, FileHashes
 from auvid.pipeline.store.package_versions import package_versions
@@ -48,10 +49,11 @@ class Recorder:
 
 @dataclass(frozen=True)
 class Printed:
-    """What a run prints that has nothing to do, and its exit code."""
+    """What a run prints that has nothing to do, its exit code and its answer."""
 
     text: str
     status: int
+    answer: Mapping[str, Any]
 
 
 def printed_before(campaign: str, *, strict: bool) -> Printed | None:
@@ -85,7 +87,7 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
         if any(_hash_of(Path(path), hashes) != digest for path, digest in files.items()):
             return None
         hashes.save()
-        return Printed(kept["text"], kept["status"])
+        return Printed(kept["text"], kept["status"], kept["answer"])
     except (PipelineError, OSError, ValueError, TypeError, KeyError):
         return None  # the run says what is wrong
 
@@ -116,8 +118,10 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
         "files": {str(path): digest for path, digest in sorted(digests.items())},
         "text": printed.text,
         "status": printed.status,
+        "answer": printed.answer,
     }
-    write_atomically(run.folder / FILE, json.dumps(document).encode())
+    content = json.dumps(plain_values(document), allow_nan=False)
+    write_atomically(run.folder / FILE, content.encode())
     hashes.save()
 
 

@@ -34,7 +34,8 @@ class Silent:
 class ProgressLines:
     """One line when a stage begins to work and one when it ends."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, verbose: bool = False) -> None:
+        self._verbose = verbose
         self._name, self._todo, self._level, self._start = "", 0, "", 0.0
 
     def stage(self, name: str, *, todo: int, total: int, level: str) -> None:

@@ -24,6 +24,7 @@ from auvid.pipeline import cli, terminal
 from auvid.pipeline.commands.check.check_command import check
 from auvid.pipeline.commands.check.clock_alignment import align_clocks
 from auvid.pipeline.commands.check.log_page import LogPage, log_pages
+from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.store import atomic_files
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
@@ -242,9 +243,8 @@ def column_map(folder: Path, columns: dict[str, Any] | None) -> Path | None:
 def test_findings_of_every_licensed_log(
     row: Row, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    target = tmp_path / "health.json"
-    code = check([str(row.file)], columns=column_map(tmp_path, row.columns), json_file=str(target))
-    (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
+    code = check([str(row.file)], columns=column_map(tmp_path, row.columns))
+    (page,) = OUTPUT.answer["logs"]
     check_document(page["health"], "health")
     by_id = {item["id"]: item for item in page["health"]["findings"]}
     assert set(by_id) >= set(row.must), sorted(set(row.must) - set(by_id))
@@ -291,9 +291,8 @@ def test_a_campaign_with_its_legs_and_vehicle(
 ) -> None:
     monkeypatch.chdir(ROOT)
     monkeypatch.setenv("COLUMNS", "120")
-    target = tmp_path / "health.json"
-    assert check(["bluerov2_dvl"], json_file=str(target)) == 0
-    (page,) = json.loads(target.read_text(encoding="utf-8"))["logs"]
+    assert check(["bluerov2_dvl"]) == 0
+    (page,) = OUTPUT.answer["logs"]
     train, validate = page["legs"]
     assert (train["id"], train["start_s"], train["end_s"], train["inside"]) == (
         "train",
@@ -323,14 +322,8 @@ def test_damaged_and_cut_logs_say_what_was_lost(tmp_path: Path) -> None:
     data = SMALL.read_bytes()
     (tmp_path / "cut.BIN").write_bytes(data[: len(data) - 9])
     (tmp_path / "damaged.BIN").write_bytes(data[:200_000] + bytes(700) + data[200_500:])
-    target = tmp_path / "health.json"
-    assert (
-        check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")], json_file=str(target))
-        == 3
-    )
-    cut, damaged = (
-        page["health"] for page in json.loads(target.read_text(encoding="utf-8"))["logs"]
-    )
+    assert check([str(tmp_path / "cut.BIN"), str(tmp_path / "damaged.BIN")]) == 3
+    cut, damaged = (page["health"] for page in OUTPUT.answer["logs"])
     by_id = {item["id"]: item for item in cut["findings"]}
     assert cut["status"] == "truncated"
     assert 0 < by_id["file_truncated"]["value"] < 200
@@ -371,9 +364,14 @@ def test_html_is_one_file_with_everything_escaped(
     assert "title" not in printed
 
 
-def test_json_on_standard_output_is_json_alone(capsys: pytest.CaptureFixture[str]) -> None:
-    check([str(SMALL)], json_file="-")
-    assert json.loads(capsys.readouterr().out)["logs"][0]["health"]["log"] == "small"
+def test_json_on_standard_output_is_json_alone(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["auvid", "check", str(SMALL), "--json"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    document = json.loads(capsys.readouterr().out)
+    assert document["answer"]["logs"][0]["health"]["log"] == "small"
 
 
 def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: Path) -> None:
@@ -459,7 +457,7 @@ def test_wrong_calls_are_errors_in_words(tmp_path: Path, monkeypatch: pytest.Mon
     with pytest.raises(PipelineError, match="no such campaign"):
         check(["bluerov2_dvk"])
     with pytest.raises(PipelineError, match="two logs"):
-        check([str(SMALL)], align=True, json_file="-")
+        check([str(SMALL)], align=True)
     (tmp_path / "map.yaml").write_text("times: 3\n")
     with pytest.raises(PipelineError, match="times"):
         check([str(SMALL)], columns=tmp_path / "map.yaml")
@@ -482,15 +480,13 @@ def test_clocks_of_two_logs_of_one_dive(tmp_path: Path, capsys: pytest.CaptureFi
     cells[:, 0] += SHIFT_S
     moved = tmp_path / "imu.csv"
     np.savetxt(moved, cells, delimiter=",", header=head, comments="", fmt="%.9g")
-    target = tmp_path / "health.json"
     check(
         [str(DIVE), str(moved)],
         columns=source / "columns" / "imu.yaml",
         align=True,
-        json_file=str(target),
     )
-    alignment = json.loads(target.read_text(encoding="utf-8"))["alignment"]
-    start_s = json.loads(target.read_text(encoding="utf-8"))["logs"][0]["health"]["duration_s"]
+    alignment = OUTPUT.answer["alignment"]
+    start_s = OUTPUT.answer["logs"][0]["health"]["duration_s"]
     assert start_s == pytest.approx(130.0, abs=0.1)
     # The CSV counts from the first record of the dive, at 600.014074 s of the boot
     # clock.

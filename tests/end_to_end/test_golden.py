@@ -23,6 +23,7 @@ from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.output import OUTPUT
 from tests.support.campaign_runs import (
     FEWER,
     LAST_STAGE,
@@ -82,7 +83,7 @@ def test_the_dive_holds_its_golden_tables(
 ) -> None:
     setting = regress.open_setting(NAME, None)
     assert setting.folder.resolve() == GOLDEN
-    assert regress.check(setting, as_json=False), capsys.readouterr().out
+    assert regress.check(setting), capsys.readouterr().out
     cells = int(capsys.readouterr().out.removeprefix(f"{NAME}: all ").partition(" cells hold")[0])
     assert cells > 2 * 10 * 11 + 1000
 
@@ -115,7 +116,7 @@ def test_every_campaign_holds_its_golden_tables_and_figures(
     run = open_run(name)
     run.execute(figures.stages_of(run), Serial())
     baseline = ROOT / "tests" / "golden" / name
-    assert regress.check(regress.open_setting(name, baseline), as_json=False)
+    assert regress.check(regress.open_setting(name, baseline))
 
 
 def test_metrics_are_the_error_table(workspace: Path, tables: Tables) -> None:
@@ -222,8 +223,8 @@ def test_a_change_of_method_is_named_and_stale_results_are_refused(
         regress.open_setting(NAME, None)
     run_campaign(tmp_path, NAME, "validate")
     old, new = golden.read_tables(GOLDEN), regress.open_setting(NAME, None)
-    assert not regress.check(new, as_json=True)
-    document = json.loads(capsys.readouterr().out)
+    assert not regress.check(new)
+    document = OUTPUT.answer
     assert document["first_change"].startswith("stage fuse (fused: ")
     assert {item["stage"] for item in document["figures"]}.isdisjoint({"ingest", "resample"})
     departures = document["departures"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ from auvid.pipeline.commands.diff.diff_operands import RunData, common, read_ope
 from auvid.pipeline.commands.inspect.inspect_command import check_suffix, photograph
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
+from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.number_format import fixed, significant
@@ -104,7 +104,6 @@ def diff(
     *,
     save: Path | None = None,
     picture: Path | None = None,
-    as_json: bool = False,
     relative: float = RELATIVE,
 ) -> bool:
     """Print changes, write recording or picture, and return whether all is equal."""
@@ -120,13 +119,11 @@ def diff(
             value=f"{first}, {second}",
             remedy="Compare two whole runs.",
         )
-    if as_json:
-        print(json.dumps(changed.document, indent=1, ensure_ascii=False, allow_nan=False))
-    else:
-        if partial:
-            kinds = "error tables and figures" if one.side.results else "error tables"
-            print(f"only {kinds} are compared: {partial[0]} holds nothing else")
-        print_difference(changed)
+    if partial:
+        kinds = "error tables and figures" if one.side.results else "error tables"
+        note(f"only {kinds} are compared: {partial[0]} holds nothing else")
+    print_difference(changed)
+    answer({**changed.document, "written": [path for path in (save, picture) if path is not None]})
     for path, suffix, option in ((save, ".rrd", "--save"), (picture, ".png", "--screenshot")):
         if path is None:
             continue
@@ -137,8 +134,7 @@ def diff(
             one.side, two.side, signal_pairs, _markdown(changed), preview=path is picture
         )
         write_output(path, content if path is save else photograph(content))
-        if not as_json:
-            print(f"written: {path_from_here(path.resolve())}")
+        print(f"written: {path_from_here(path.resolve())}")
     return changed.equal
 
 

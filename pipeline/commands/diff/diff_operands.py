@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from auvid.data_schemas.errors import DataError, PipelineError, nearest
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.commands.history import run_history as history
 from auvid.pipeline.commands.open_run import open_run, show_progress
@@ -79,7 +79,7 @@ def read_operand(word: str) -> RunData:
             or "Behind @ stands a model, the number of a run in the history, or"
             " STAGE.PARAMETER=VALUE."
         )
-        raise DataError(
+        raise UsageError(
             "no such model",
             file=what,
             value=narrow,
@@ -190,13 +190,15 @@ def _variant(run: Run, stage_name: str, parameter: str, value: str) -> Path:
 
     It stands beside the runs; what is up to date there does not run again.
     """
-    stage = run.graph.stage(stage_name)
-    options = {
-        name: getattr(run.params[stage_name], name) for name in stage.params.__dataclass_fields__
-    }
-    params = make_params(
-        stage.params, {**options, parameter: _scalar(value)}, stage=stage_name, file="command line"
-    )
+    try:
+        stage = run.graph.stage(stage_name)
+        options = {
+            name: getattr(run.params[stage_name], name)
+            for name in stage.params.__dataclass_fields__
+        }
+        params = make_params(stage.params, {**options, parameter: _scalar(value)}, stage=stage_name)
+    except PipelineError as fault:
+        raise UsageError.of(fault) from None
     folder = (
         run.folder.parent
         / VARIANTS

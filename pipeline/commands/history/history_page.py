@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -23,6 +22,7 @@ from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
+from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.atomic_files import write_atomically, write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages import report
@@ -34,17 +34,16 @@ COMPARED = "compared.html"
 ORDER = 2
 
 
-def show(campaign: str, *, number: int | None, as_json: bool, csv: Path | None = None) -> None:
+def show(campaign: str, *, number: int | None, csv: Path | None = None) -> None:
     """Print the list of runs, or one in full; or write them as a table."""
     run = open_run(campaign)
     for path in damaged(run.folder):
-        print(f"damaged and left out: {path_from_here(path)}", file=sys.stderr)
+        note(f"damaged and left out: {path_from_here(path)}")
     entries = read(run.folder) if number is None else [entry_of(run, number)]
+    answer({"campaign": run.campaign.name, "runs": [asdict(entry) for entry in entries]})
     if csv is not None:
         write_output(csv, to_csv(entries))
         print(f"written: {path_from_here(csv.resolve())}")
-    elif as_json:
-        print(json.dumps([asdict(entry) for entry in entries], indent=1, ensure_ascii=False))
     elif number is not None:
         _print_entry(entries[0])
     elif not entries:
@@ -124,7 +123,7 @@ def write_compared(run: Run, number: int | None) -> Path:
     old = entries[-2] if number is None else entry_of(run, number)
     task = run.task(run.graph.stage("report"), Place(ONCE))
     if not run.is_fresh(task):
-        print(f"the report is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
+        note(f"the report is not up to date: auvid run {run.campaign.name}")
     inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
     content = report.collect(inputs, {"history": comparison(old, entries[-1])})
     path = run.folder / COMPARED

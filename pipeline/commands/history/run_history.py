@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.errors import DataError, UsageError
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.store.artefacts import to_json, to_plain
@@ -144,13 +144,13 @@ def _artefacts(run: Run, schema: str) -> Iterator[Any]:
 
 
 def entry_of(run: Run, number: int) -> Entry:
-    """Return an entry by its number. Raises `DataError` with the numbers there are."""
+    """Return an entry by its number. Raises `UsageError` with the numbers there are."""
     entries = {entry.number: entry for entry in read(run.folder)}
     if number not in entries:
         if (lost := run.folder / FOLDER / f"{number:06d}.json") in damaged(run.folder):
             raise DataError("the entry of this run is damaged", file=lost)
         allowed = f"{min(entries)} to {max(entries)}" if entries else "none yet"
-        raise DataError(
+        raise UsageError(
             "no such run in the history", file=run.folder / FOLDER, value=number, allowed=allowed
         )
     return entries[number]

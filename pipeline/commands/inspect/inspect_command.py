@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from auvid.data_schemas.errors import CampaignError, LogError, PipelineError, UsageError, nearest
+from auvid.data_schemas.errors import LogError, PipelineError, UsageError, nearest
 from auvid.pipeline.commands.check.log_page import LogPage, log_pages, names_campaign
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
+from auvid.pipeline.output import note
 from auvid.pipeline.store.atomic_files import write_output
 from auvid.pipeline.store.pipes import saved_pieces
 from auvid.pipeline.terminal import path_from_here, plain
@@ -110,7 +110,7 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
         raise PipelineError("there is no recording yet", value=run.campaign.name, remedy=remedy)
     task = run.task(stage, Place(ONCE))
     if not run.is_fresh(task):
-        print(f"the recording is not up to date: auvid run {run.campaign.name}", file=sys.stderr)
+        note(f"the recording is not up to date: auvid run {run.campaign.name}")
 
     def draw(preview: bool) -> bytes:
         from auvid.stages import report
@@ -163,7 +163,7 @@ def _page_of_log(pages: list[LogPage], log: str | None, target: str) -> LogPage:
         return pages[0]
     by_log = {page.name.rpartition(": ")[2]: page for page in pages}
     if log not in by_log:
-        raise CampaignError(
+        raise UsageError(
             "no such log", file=target, value=log, allowed=list(by_log), remedy=nearest(log, by_log)
         )
     return by_log[log]

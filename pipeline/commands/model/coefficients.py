@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.hydro.dynamics.hybrid_vehicle import PARAMETER_SETS, parameter_coefficients
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -15,6 +14,7 @@ from auvid.hydro.dynamics.viscous.coefficients import Coefficient, viscous_terms
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle, read_coefficients
 from auvid.pipeline.campaigns.vehicle_files import published_coefficients as coefficient_files
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
+from auvid.pipeline.output import answer
 from auvid.pipeline.terminal import table
 from auvid.stages.number_format import significant
 
@@ -40,6 +40,14 @@ def coefficients_of(
     strip theory has too stand under `model`. Raises `PipelineError` for unknown names,
     a vehicle without geometry, and geometry that cannot be.
     """
+    if parameter_set not in PARAMETER_SETS:
+        raise UsageError(
+            "unknown parameter set",
+            field="--set",
+            value=parameter_set,
+            allowed=PARAMETER_SETS,
+            remedy=nearest(parameter_set, PARAMETER_SETS),
+        )
     path = vehicle_file_of(vehicle)
     loaded = load_vehicle(path)
     of_file = loaded.vehicle
@@ -50,7 +58,7 @@ def coefficients_of(
     rows = [_row(item, of_file.published.get(item.name)) for item in used]
     files = coefficient_files(path)
     if model is not None and model not in files:
-        raise CampaignError(
+        raise UsageError(
             "no published coefficients of this model",
             file=path,
             value=model,
@@ -70,15 +78,11 @@ def coefficients_of(
     }
 
 
-def print_coefficients(
-    vehicle: str, *, parameter_set: str, model: str | None, as_json: bool
-) -> None:
-    """Print `coefficients_of` as text, or as JSON."""
+def print_coefficients(vehicle: str, *, parameter_set: str, model: str | None) -> None:
+    """Print `coefficients_of` as text."""
     document = coefficients_of(vehicle, parameter_set=parameter_set, model=model)
-    if as_json:
-        print(json.dumps(document, indent=2))
-    else:
-        _print(document)
+    answer(document)
+    _print(document)
 
 
 def _used(vehicle: Vehicle, parameter_set: str) -> tuple[Coefficient, ...]:

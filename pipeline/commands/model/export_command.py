@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError
@@ -14,6 +13,7 @@ from auvid.hydro.arrays import AXES
 from auvid.pipeline.campaigns.workspace import find_workspace
 from auvid.pipeline.commands.model.named_model import named_model
 from auvid.pipeline.execution.kept_output import is_as_last_run
+from auvid.pipeline.output import answer, note
 from auvid.pipeline.terminal import path_from_here, plain, table
 
 EXPORTED = "exported"
@@ -47,6 +47,22 @@ def export(
     for path in paths:
         print(f"  {path.name}")
     print("Begin with the README.")
+    losses = prepared.losses
+    answer(
+        {
+            "model": model.name,
+            "vehicle": model.vehicle.title,
+            "sentence": model.use.sentence,
+            "target": target,
+            "written": paths,
+            "lost": [
+                {"what": row.what, "why": row.why, "rms": dict(zip(AXES, row.rms, strict=True))}
+                for row in losses.rows
+            ],
+            "lost_share": losses.shares,
+            "remarks": losses.notes,
+        }
+    )
 
 
 def default_folder() -> Path:
@@ -68,9 +84,7 @@ def warn_of_stale(campaign: str) -> None:
         run = open_run(campaign)
         check_fresh(run, select(run.graph, until="model_file"))
     except PipelineError as fault:
-        print(
-            f"WARNING: the exported model may be out of date: {plain(str(fault))}", file=sys.stderr
-        )
+        note(f"WARNING: the exported model may be out of date: {plain(str(fault))}")
 
 
 def print_losses(losses: ExportLosses) -> None:
@@ -96,5 +110,5 @@ def print_losses(losses: ExportLosses) -> None:
         )
         for row in losses.rows:
             print(plain(f"- {row.what}: {row.why}"))
-    for note in losses.notes:
-        print(plain(f"- {note}"))
+    for remark in losses.notes:
+        print(plain(f"- {remark}"))

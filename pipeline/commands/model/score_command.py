@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -10,13 +9,14 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, DataError, UsageError, nearest
+from auvid.data_schemas.errors import DataError, UsageError, nearest
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.error_measures import TOTAL
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place
 from auvid.pipeline.graph import ONCE
+from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.model_files import read_model
 from auvid.pipeline.terminal import table
 from auvid.stages.number_format import significant
@@ -92,7 +92,7 @@ def sets_named(
         if path.suffix == ".yaml":
             vehicles = {path.stem: path}
         if not vehicles:
-            raise CampaignError(
+            raise UsageError(
                 "not on the shelf",
                 value=name,
                 allowed=[SHELF, *shipped],
@@ -108,17 +108,21 @@ def sets_named(
     return sets, skipped
 
 
-def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
-    """Print `score` as text, the nearest set first, or its rows as JSON."""
+def print_score(campaign: str, others: Sequence[str]) -> None:
+    """Print `score` as text, the nearest set first."""
     scores = score(campaign, others)
     rows = scores.rows
-    if as_json:
-        finite = [{key: _finite(cell) for key, cell in row.items()} for row in rows]
-        print(json.dumps(finite, indent=2, allow_nan=False))
-        return
     for name, why in scores.skipped.items():
-        print(f"not judged: {name}: {why}")
+        note(f"not judged: {name}: {why}")
     best = nearest_set(rows)
+    answer(
+        {
+            "campaign": campaign,
+            "nearest": best and best["set"],
+            "sets": rows,
+            "not_judged": scores.skipped,
+        }
+    )
     if best is None:
         return
     judged = sorted((row for row in rows if row["use"] == best["use"]), key=_total)
@@ -133,10 +137,6 @@ def print_score(campaign: str, others: Sequence[str], *, as_json: bool) -> None:
 def _error(value: float) -> str:
     """Return an error as printed; without one every free run was lost."""
     return "lost" if isnan(value) else significant(value, 2)
-
-
-def _finite(cell: Any) -> Any:
-    return None if isinstance(cell, float) and isnan(cell) else cell
 
 
 def _total(row: Mapping[str, Any]) -> float:

@@ -5,17 +5,15 @@ New golden content comes with a line in the changelog.
 
 from __future__ import annotations
 
-import json
 import os
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import DataError, PipelineError
+from auvid.data_schemas.errors import DataError, PipelineError, UsageError
 from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.commands.open_run import check_fresh, open_run
 from auvid.pipeline.commands.regress import changelog
@@ -25,6 +23,7 @@ from auvid.pipeline.commands.regress.golden_figures import Figures
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, select
+from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages import STAGES
@@ -92,7 +91,7 @@ def error_tables(run: Run) -> Tables:
     return golden.tables_of(artefact.load().to_pylist())
 
 
-def check(setting: Setting, *, as_json: bool) -> bool:
+def check(setting: Setting) -> bool:
     """Print whether all holds, or every cell that does not; True if all holds."""
     old, old_figures = golden.read_tables(setting.folder), figures.read_figures(setting.folder)
     if not old and not any(old_figures.values()):
@@ -105,14 +104,11 @@ def check(setting: Setting, *, as_json: bool) -> bool:
     within, departures = golden.compare(old, setting.tables, tolerances)
     if setting.not_run:
         names = ", ".join(setting.not_run)
-        print(f"not run, and not compared: {names}", file=sys.stderr)
+        note(f"not run, and not compared: {names}")
     ran = figures.without(old_figures, setting.not_run)
     more, moved = figures.compare(ran, setting.figures)
-    if as_json:
-        document = _document(setting, within + more, departures, moved)
-        print(json.dumps(document, indent=1, ensure_ascii=False))
-    else:
-        _print(setting, within + more, departures, moved)
+    answer(_document(setting, within + more, departures, moved))
+    _print(setting, within + more, departures, moved)
     return not departures and not moved
 
 
@@ -181,7 +177,7 @@ def _without_partner(item: Departure) -> str:
     return f"{what}: in the run, not in the baseline"
 
 
-def update(setting: Setting, message: str, *, as_json: bool) -> None:
+def update(setting: Setting, message: str) -> None:
     """Write golden tables and the changelog's message: all of them or nothing.
 
     The message goes to the entries of the stage that it begins with (`fuse: why`), else
@@ -190,7 +186,7 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
     """
     words = " ".join(message.split())
     if not words:
-        raise PipelineError(
+        raise UsageError(
             "the message is empty",
             field="--message",
             remedy="Say what changed and why; it goes into the changelog.",
@@ -231,19 +227,11 @@ def update(setting: Setting, message: str, *, as_json: bool) -> None:
         )
         write_together(changed)
     paths = [path_from_here(path.resolve()) for path in changed]
-    if as_json:
-        print(
-            json.dumps(
-                {"campaign": setting.campaign, "baseline": str(setting.folder), "written": paths},
-                indent=1,
-                ensure_ascii=False,
-            )
-        )
-    else:
-        print(
-            "\n".join(f"written: {path}" for path in paths)
-            or f"{setting.campaign}: the golden tables are the same, nothing is written"
-        )
+    answer({"campaign": setting.campaign, "baseline": str(setting.folder), "written": paths})
+    print(
+        "\n".join(f"written: {path}" for path in paths)
+        or f"{setting.campaign}: the golden tables are the same, nothing is written"
+    )
 
 
 def _old_tables(folder: Path) -> Tables | None:

@@ -8,6 +8,7 @@ from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.reproduce.variants import FILE
 from auvid.pipeline.commands.run.run_summary import comparison_rows, result_files
 from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.output import answer
 from auvid.pipeline.terminal import path_from_here, table
 from auvid.stages.check_published.presentation import check_of, evidence_table, printed_rows
 from auvid.stages.reference_check import count_bounds
@@ -26,6 +27,13 @@ def open_comparison(name: str) -> Run | None:
 def print_comparison(run: Run) -> bool:
     """Print every printed value beside ours, and return whether all bounds are met."""
     rows = comparison_rows(run)
+    answer(
+        {
+            "page": result_files(run).get("report"),
+            "met": all(check_of(row).met is not False for row in rows),
+            "rows": rows,
+        }
+    )
     for name, own in groupby(rows, key=lambda row: row["table"]):
         table(*printed_rows(list(own)), title=name)
         print()

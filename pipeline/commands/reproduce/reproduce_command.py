@@ -32,6 +32,7 @@ from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress, Silent
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, Graph, stages_of_kind
+from auvid.pipeline.output import answer
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages import KINDS, STAGES
 from auvid.stages.base import make_params
@@ -164,6 +165,9 @@ def _run(
 
 def print_tables(done: Reproduced) -> None:
     """Print J/J0 of the first plan next to the published, and missed bounds."""
+    answer(
+        {"page": done.page, "met": not done.missed, "errors": done.errors, "checks": done.checks}
+    )
     plan = done.errors[0]["plan"]
     rows = [row for row in done.errors if row["plan"] == plan]
     variants = list(dict.fromkeys(row["variant"] for row in rows))

@@ -9,7 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from auvid.data_schemas.errors import (
+    CampaignError,
+    PipelineError,
+    UsageError,
+    nearest,
+    raise_faults,
+)
 from auvid.pipeline.campaigns.campaign import ID, Campaign, inside, load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults
 from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_coefficients
@@ -55,7 +61,7 @@ def open_reproduction(name: str) -> Reproduction:
             if names
             else f"It needs a {FILE} beside its campaign.yaml."
         )
-        raise CampaignError("this campaign reproduces nothing", value=campaign.name, remedy=remedy)
+        raise UsageError("this campaign reproduces nothing", value=campaign.name, remedy=remedy)
     document = load_yaml(path)
     document.check("reproduction")
     raise_faults([document.located(fault) for fault in _faults(document, campaign)], file=path)

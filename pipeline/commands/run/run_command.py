@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 
-from auvid.data_schemas.checks import finding_lines
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.commands.history import history_page, run_history
@@ -18,15 +17,14 @@ from auvid.pipeline.commands.run.run_summary import (
     health_of,
     losses,
     print_summary,
-    shortened,
+    summary_document,
 )
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage, select
-from auvid.pipeline.terminal import plain
+from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
 
-FINE, FAILED, LOSSES = 0, 1, 3
 NOTHING = "nothing to do: everything is up to date"
 
 
@@ -48,18 +46,22 @@ def run_campaign(
     start = time.time()
     run = open_run(campaign)
     stages = select(run.graph, only=only, until=until)
-    with redirect_stdout(Recorder(sys.stdout)) as findings:  # type: ignore[type-var]
-        count = execute(run, stages, engine=engine, jobs=jobs, force=force)
+    count = execute(run, stages, engine=engine, jobs=jobs, force=force)
     items = f"{count} item{'s' * (count != 1)} run"
-    print(items if count else NOTHING)
+    if not OUTPUT.quiet:
+        print(items if count else NOTHING)
+    document = {"items_run": count}
     with redirect_stdout(Recorder(sys.stdout)) as results:  # type: ignore[type-var]
         if only is None:
             print_summary(run)
+            document = {**document, **summary_document(run)}
+    answer(document)
     missed = only is None and bound_missed(run, stages)
     status = FAILED if missed else LOSSES if strict and losses(run) else FINE
-    if only is None and until is None:
-        text = "".join([*findings.parts, f"{NOTHING}\n", *results.parts])
-        keep_printed(Printed(text, status), run, start=start, strict=strict)
+    if only is None and until is None and not (OUTPUT.quiet or OUTPUT.verbose):
+        text = "".join([f"{NOTHING}\n", *results.parts])
+        kept = Printed(text, status, {**document, "items_run": 0})
+        keep_printed(kept, run, start=start, strict=strict)
     return status
 
 
@@ -76,7 +78,7 @@ def execute(
 
     Stages behind ingest run only if the findings of the logs let them: `DataError`.
     A run that makes its report again is entered into the history of the campaign.
-    `quiet`: neither progress nor findings are printed.
+    `quiet`: no progress is printed.
     """
     names = [stage.name for stage in stages]
     decoding = stages[: names.index("ingest") + 1] if "ingest" in names else ()
@@ -87,7 +89,7 @@ def execute(
     rest = stages[len(decoding) :]
     if rest:
         if names != ["report"]:
-            _stop_at_findings(run, [stage.name for stage in rest], quiet=quiet)
+            _stop_at_findings(run, [stage.name for stage in rest])
         with show_progress(quiet=quiet) as progress:
             count += run.execute(
                 rest,
@@ -99,16 +101,11 @@ def execute(
     return count
 
 
-def _stop_at_findings(run: Run, stages: Sequence[str], *, quiet: bool) -> None:
-    """Print findings of the logs; raise `DataError` where they stop these stages."""
-    health = health_of(run)
-    lines = finding_lines(run.campaign.document, health)
-    fault = refusal(run.campaign, health, stages, run.params)
+def _stop_at_findings(run: Run, stages: Sequence[str]) -> None:
+    """Raise `DataError` where findings of the logs stop these stages."""
+    fault = refusal(run.campaign, health_of(run), stages, run.params)
     if fault is not None:
         raise fault
-    if lines and not quiet:
-        print(f"findings ({len(lines)}; auvid check {run.campaign.name} tells more):")
-        print("\n".join(f"  {plain(line)}" for line in shortened(list(lines))))
 
 
 def report_file(

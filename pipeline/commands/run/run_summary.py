@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
+from auvid.data_schemas.checks import finding_lines
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
+from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.check_published.presentation import check_of
 from auvid.stages.number_format import fixed, significant
@@ -26,19 +29,25 @@ MAX_LINES = 20
 
 
 def print_summary(run: Run) -> None:
-    """Print losses, warnings, errors in short, the answer, and the result files."""
-    for title, lines in (("lost", losses(run)), ("warnings", warnings(run))):
-        if lines:
-            print(f"\n{title} ({len(lines)}):")
-            print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
+    """Print the answer, errors in short, findings and warnings, and the result files.
+
+    With --quiet without findings and warnings; with --verbose these are not cut.
+    """
+    for text in _of_schema(run, "answer"):
+        print("\n" + "\n".join(map(plain, text.decode("utf-8").splitlines())))
     models = [
-        (model, identified, *(fixed(ratio, 3) for ratio in ratios))
-        for model, identified, *ratios in error_rows(run)
+        (
+            row["model"],
+            f"{row['identified']} of {row['coefficients']}" if row["coefficients"] else "",
+            fixed(row["training"], 3),
+            fixed(row["validation"], 3),
+        )
+        for row in error_rows(run)
     ]
     if models:
         print()
     heads = ("model", "identified", "training", "validation")
-    table(heads, models, title="J/J0 (1 explains nothing)")
+    table(heads, models, title="J/J0 (1 explains nothing), best first")
     errors = [
         (quantity, "  ".join(f"{axis} {significant(value, 2)}" for axis, value in parts), unit)
         for quantity, unit, parts in truth_rows(run)
@@ -56,14 +65,57 @@ def print_summary(run: Run) -> None:
             f"\nbounds on printed values: {count_bounds(printed)}; auvid reproduce"
             f" {run.campaign.name} prints them"
         )
-    for answer in _of_schema(run, "answer"):
-        print()
-        print("\n".join(map(plain, answer.decode("utf-8").splitlines())))
+    if not OUTPUT.quiet:
+        _print_remarks(run)
     files = result_files(run)
     if files:
         print()
     for name, path in files.items():
         print(f"{name + ':':<16}{path_from_here(path)}")
+    name = run.campaign.name
+    if "report" in files:
+        print(f"{'to look at it:':<16}auvid report {name} --open; auvid inspect {name}")
+
+
+def _print_remarks(run: Run) -> None:
+    for title, lines in (
+        (f"findings in the logs, all in auvid check {run.campaign.name}", findings(run)),
+        ("lost", losses(run)),
+        ("warnings", warnings(run)),
+    ):
+        if lines:
+            print(f"\n{title} ({len(lines)}):")
+            print("\n".join(f"  {plain(line)}" for line in shortened(lines)))
+
+
+def summary_document(run: Run) -> dict[str, Any]:
+    """Return the same as a document: verdict, errors, remarks, and the result files."""
+    texts = [text.decode("utf-8") for text in _of_schema(run, "answer")]
+    rankings = list(_of_schema(run, "ranking"))
+    verdict = None
+    if texts:
+        sentence, _, rest = texts[0].partition("\n")
+        verdict = {"sentence": sentence, "text": rest}
+        for ranking in rankings:
+            verdict |= {
+                "model": ranking.choice,
+                "rule": ranking.rule,
+                "usable": ranking.usable and ranking.usable.model_dump(mode="json"),
+            }
+    return {
+        "campaign": run.campaign.name,
+        "verdict": verdict,
+        "models": error_rows(run),
+        "truth": [
+            {"quantity": quantity, "unit": unit, "rms_error": dict(parts)}
+            for quantity, unit, parts in truth_rows(run)
+        ],
+        "bounds": [check.document for check in bounds(run)],
+        "findings": findings(run),
+        "lost": losses(run),
+        "warnings": warnings(run),
+        "files": result_files(run),
+    }
 
 
 def bound_missed(run: Run, stages: Sequence[AnyStage]) -> bool:
@@ -85,29 +137,35 @@ def result_files(run: Run) -> dict[str, Path]:
     return files
 
 
-def error_rows(run: Run) -> list[tuple[str, str, float | None, float | None]]:
-    """Return model, `7 of 18` identified, and J/J0 on both uses over all axes."""
-    merits = {
-        item.name: item.axes["all"]
-        for ranking in _of_schema(run, "ranking")
-        for item in ranking.models
-    }
+def error_rows(run: Run) -> list[dict[str, Any]]:
+    """Return per model how many coefficients are identified, and J/J0 on both uses.
+
+    Over all axes and legs; the recommended model first, then by J/J0 on validation.
+    """
+    rankings = list(_of_schema(run, "ranking"))
+    merits = {item.name: item.axes["all"] for ranking in rankings for item in ranking.models}
+    chosen = {ranking.choice for ranking in rankings}
     rows: dict[str, dict[str, Any]] = {}
     for artefact in _of_schema(run, "error_table"):
         for row in artefact.to_pylist():
             if row["axis"] == row["leg"] == "all":
                 rows.setdefault(row["model"], {})[row["use"]] = row["ratio"]
-    return [
-        (
-            model,
-            f"{merits[model].identified} of {merits[model].coefficients}"
-            if model in merits
-            else "",
-            by_use.get("training"),
-            by_use.get("validation"),
-        )
+    listed = [
+        {
+            "model": model,
+            "recommended": model in chosen,
+            "identified": merits[model].identified if model in merits else None,
+            "coefficients": merits[model].coefficients if model in merits else None,
+            "training": by_use.get("training"),
+            "validation": by_use.get("validation"),
+        }
         for model, by_use in rows.items()
     ]
+    return sorted(listed, key=lambda row: (not row["recommended"], _ratio(row["validation"])))
+
+
+def _ratio(value: float | None) -> float:
+    return inf if value is None or isnan(value) else value
 
 
 def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
@@ -151,6 +209,11 @@ def comparison_rows(run: Run) -> list[dict[str, Any]]:
 def health_of(run: Run) -> dict[str, dict[str, Any]]:
     """Return the health of every log by its id."""
     return dict(_per_item(run, "health"))
+
+
+def findings(run: Run) -> list[str]:
+    """Return the findings of the logs that the campaign does not accept."""
+    return list(finding_lines(run.campaign.document, health_of(run)))
 
 
 def losses(run: Run) -> list[str]:
@@ -216,10 +279,10 @@ def print_checks(
 
 
 def shortened(lines: list[str]) -> list[str]:
-    """Return the first twenty lines and the count of the rest."""
+    """Return the first twenty lines and the count of the rest; all if verbose."""
     return (
         lines
-        if len(lines) <= MAX_LINES
+        if OUTPUT.verbose or len(lines) <= MAX_LINES
         else [*lines[:MAX_LINES], f"... and {len(lines) - MAX_LINES} more"]
     )
 

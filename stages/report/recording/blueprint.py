@@ -14,7 +14,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from auvid.data_schemas.errors import DataError, nearest
+from auvid.data_schemas.errors import UsageError, nearest
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
 from auvid.stages.number_format import visible
@@ -92,7 +92,7 @@ def whole_view(
 
     `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty.
     Also returned is which series have no plot, for the text `LEFT_OUT`; empty if all
-    have. Raises `DataError` for a tab that there is not.
+    have. Raises `UsageError` for a tab that there is not.
     """
     opening, _, leg = tab.partition("/")
     tabs: dict[str, list[Owned]] = {ANSWER: []}
@@ -164,7 +164,7 @@ def opened(pages: Sequence[Any], tab: str = "") -> rrb.Blueprint:
     """
     names = [str(page.name) for page in pages]
     if tab and tab not in names:
-        raise DataError(
+        raise UsageError(
             "no such tab in this recording", value=tab, allowed=names, remedy=nearest(tab, names)
         )
     return rrb.Blueprint(

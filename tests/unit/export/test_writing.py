@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from auvid.data_schemas.errors import DataError, UsageError
+from auvid.data_schemas.errors import DataError, PipelineError, UsageError
 from auvid.data_schemas.records.models import UsableFor
 from auvid.export import TARGETS, check_target, prepare, write
 from auvid.export.losses import sample_envelope
@@ -129,7 +129,7 @@ def test_a_file_is_not_overwritten_without_force(tmp_path: Path) -> None:
     model = model_file()
     (path, _) = write(model, "python", tmp_path, name="rov")
     path.write_text("mine", encoding="utf-8")
-    with pytest.raises(UsageError, match="the file exists"):
+    with pytest.raises(PipelineError, match="the file exists"):
         write(model, "python", tmp_path, name="rov")
     assert path.read_text(encoding="utf-8") == "mine"
     write(model, "python", tmp_path, name="rov", force=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import errno
 import io
+import json
 import re
 import signal
 import subprocess
@@ -19,7 +20,7 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid.hydro.dynamics.viscous.models import MODELS
-from auvid.pipeline import cli
+from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
@@ -136,6 +137,52 @@ def test_run_says_what_ran_and_then_that_nothing_is_to_do(
     assert (toy_workspace / "runs" / ".code" / "decode.txt").read_text().startswith("decode ")
 
 
+def test_quiet_leaves_the_answer(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (toy_workspace / "campaigns" / "toy" / "a.log").write_bytes(b"WARN")
+    code, out, err = auvid(monkeypatch, capsys, "run", "toy", "--quiet")
+    assert (code, err) == (0, "")
+    assert out.split() == ["tables", "as", "text:", "runs/toy/total/tables_text.txt"]
+    assert "toy warning" in auvid(monkeypatch, capsys, "run", "toy")[1]
+
+
+def test_verbose_cuts_no_list(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(run_summary, "losses", lambda run: [str(index) for index in range(30)])
+    assert "... and 10 more" in auvid(monkeypatch, capsys, "run", "toy")[1]
+    assert "  29\n" in auvid(monkeypatch, capsys, "run", "toy", "--verbose")[1]
+
+
+def test_json_of_a_run_is_its_summary(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = auvid(monkeypatch, capsys, "run", "toy", "--json")
+    document = json.loads(out)
+    assert (code, document["exit_code"], document["command"]) == (0, 0, "run")
+    assert document["answer"]["items_run"] == 9
+    assert document["answer"]["files"] == {
+        "tables as text": str(toy_workspace / "runs/toy/total/tables_text.txt")
+    }
+    assert document["answer"]["verdict"] is None
+    assert "total: done" in err
+    (toy_workspace / "campaigns" / "toy" / "a.log").write_bytes(b"BAD")
+    code, out, _ = auvid(monkeypatch, capsys, "run", "toy", "--json")
+    document = json.loads(out)
+    assert (code, document["exit_code"], document["answer"]) == (1, 1, None)
+    assert document["error"]["text"] == "decode, log 'a': a.log: not a toy log"
+
+
+def test_help_has_commands_by_task_and_no_types_of_flags() -> None:
+    shown = CliRunner().invoke(cli.app, ["--help"], env={"COLUMNS": "120"}).output
+    places = [shown.index(f" {panel} ") for panel in output.PANELS]
+    assert places == sorted(places)
+    for name in COMMANDS:
+        shown = CliRunner().invoke(cli.app, [name, "--help"], env={"COLUMNS": "120"}).output
+        assert "<bool>" not in shown
+
+
 def test_user_fault_is_one_line_and_1(
     toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -155,6 +202,7 @@ def test_internal_fault_is_short_unless_the_traceback_is_wanted(
     assert "internal fault: decode, log 'a': ZeroDivisionError: toy crash" in err
     assert "AUVID_TRACEBACK=1" in err
     assert "Traceback" not in err
+    assert "Traceback" in auvid(monkeypatch, capsys, "run", "toy", "--verbose")[2]
     monkeypatch.setenv("AUVID_TRACEBACK", "1")
     assert re.search(
         r"(?s)Traceback.*toy_stages.py.*ZeroDivisionError",
@@ -243,7 +291,7 @@ def test_stages_are_printed_from_their_declarations(
     assert re.search(r"rate_hz +Hz +50.0 +0.1 to 10000 ", one)
     assert "fuse" not in one.split()
     code, _, err = auvid(monkeypatch, capsys, "stages", "resampel")
-    assert code == 1
+    assert code == 2
     assert "Did you mean 'resample'?" in err
 
 

@@ -187,7 +187,7 @@ def test_command_lists_runs_shows_one_and_prints_json() -> None:
     assert "fuse.cutoff_hz: 2.0" in shown
     assert "linear,36,36,2,4,0.5" in shown
     document = json.loads(CliRunner().invoke(cli.app, ["history", "example", "--json"]).output)
-    assert [entry["number"] for entry in document] == [1, 2]
+    assert [entry["number"] for entry in document["answer"]["runs"]] == [1, 2]
     refused = CliRunner().invoke(cli.app, ["history", "example", "--run", "7"]).exception
     assert isinstance(refused, PipelineError)
     assert "allowed: 1 to 2" in str(refused)

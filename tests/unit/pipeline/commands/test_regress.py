@@ -4,7 +4,6 @@ writes, and what is refused.
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from pathlib import Path
@@ -18,6 +17,7 @@ from auvid.pipeline.commands.regress import changelog
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress import regress_command as regress
 from auvid.pipeline.commands.regress.regress_command import Setting
+from auvid.pipeline.output import OUTPUT
 from auvid.stages.reference_check import Tolerance
 
 AXES = "XYZKMN"
@@ -73,7 +73,7 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "CHANGELOG.md").write_text(CHANGES)
     made = Setting("toy", tmp_path / "golden", tmp_path / "CHANGELOG.md", tables())
-    regress.update(made, "validate: first", as_json=False)
+    regress.update(made, "validate: first")
     return made
 
 
@@ -103,7 +103,7 @@ def test_tables_come_back_from_their_files_to_six_digits(setting: Setting) -> No
         validation__fossen__K__ratio=None,
         validation__fossen__M__ratio=math.nan,
     )
-    regress.update(against(setting, new), "x", as_json=False)
+    regress.update(against(setting, new), "x")
     read = golden.read_tables(setting.folder)
     assert read == new
     assert read["training"]["linear"]["J"] == 1.23457
@@ -111,7 +111,7 @@ def test_tables_come_back_from_their_files_to_six_digits(setting: Setting) -> No
 
 
 def test_cells_that_hold_are_counted(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
-    assert regress.check(setting, as_json=False)
+    assert regress.check(setting)
     assert capsys.readouterr().out.splitlines()[-1] == "toy: all 44 cells hold (golden)"
 
 
@@ -122,10 +122,7 @@ def test_cells_that_hold_are_counted(setting: Setting, capsys: pytest.CaptureFix
 def test_relative_tolerance_is_half_a_per_cent_of_the_old_value(
     setting: Setting, new: float, holds: bool
 ) -> None:
-    assert (
-        regress.check(against(setting, tables(training__linear__all__rms=new)), as_json=False)
-        is holds
-    )
+    assert regress.check(against(setting, tables(training__linear__all__rms=new))) is holds
 
 
 def test_departure_is_named_with_model_axis_old_new_tolerance(
@@ -137,7 +134,7 @@ def test_departure_is_named_with_model_axis_old_new_tolerance(
         validation__linear__all__rms=2.5,
         validation__linear__all__rank=35,
     )
-    assert not regress.check(against(setting, new), as_json=False)
+    assert not regress.check(against(setting, new))
     lines = capsys.readouterr().out.splitlines()
     heads = "use model axis quantity reference measured unit change tolerance times tolerance"
     assert lines[0].split() == heads.split()
@@ -172,16 +169,16 @@ def test_missing_and_new_models_axes_and_uses_are_named(
     new["training"]["coe"] = new["training"].pop("linear")
     for row in new["training"].values():
         del row["N"]
-    assert not regress.check(against(setting, new), as_json=False)
+    assert not regress.check(against(setting, new))
     said = capsys.readouterr().out
     assert "training: model linear: in the baseline, not in the run" in said
     assert "training: model coe: in the run, not in the baseline" in said
     assert "training: model fossen: axis N: in the baseline, not in the run" in said
     assert "0 of 32 cells left their tolerance, 3 missing or new" in said
-    assert not regress.check(against(setting, {"training": tables()["training"]}), as_json=False)
+    assert not regress.check(against(setting, {"training": tables()["training"]}))
     assert "validation tables: in the baseline, not in the run" in capsys.readouterr().out
     (setting.folder / "validation.csv").unlink()
-    assert not regress.check(setting, as_json=False)
+    assert not regress.check(setting)
     assert "validation tables: in the run, not in the baseline" in capsys.readouterr().out
 
 
@@ -189,19 +186,18 @@ def test_undefined_cells_hold_only_against_undefined(
     setting: Setting, capsys: pytest.CaptureFixture[str]
 ) -> None:
     new = against(setting, tables(training__fossen__K__ratio=None))
-    assert not regress.check(new, as_json=False)
+    assert not regress.check(new)
     assert ["training", "fossen", "K", "J/J0", "0.5", "undefined"] in [
         line.split()[:6] for line in capsys.readouterr().out.splitlines()
     ]
-    regress.update(new, "no roll moment", as_json=False)
-    assert regress.check(new, as_json=False)
-    assert not regress.check(setting, as_json=False)
+    regress.update(new, "no roll moment")
+    assert regress.check(new)
+    assert not regress.check(setting)
 
 
-def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str]) -> None:
-    capsys.readouterr()
-    assert regress.check(setting, as_json=True)
-    assert json.loads(capsys.readouterr().out) == {
+def test_answer_holds_the_same(setting: Setting) -> None:
+    assert regress.check(setting)
+    assert OUTPUT.answer == {
         "campaign": "toy",
         "baseline": str(setting.folder),
         "holds": True,
@@ -212,8 +208,8 @@ def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str
     }
     new = tables(training__fossen__K__ratio=0.6)
     del new["validation"]["linear"]
-    assert not regress.check(against(setting, new), as_json=True)
-    found = json.loads(capsys.readouterr().out)
+    assert not regress.check(against(setting, new))
+    found = OUTPUT.answer
     assert (found["holds"], found["held"]) == (False, 32)
     model, cell = found["departures"]
     assert "value" not in model
@@ -226,8 +222,8 @@ def test_json_holds_the_same(setting: Setting, capsys: pytest.CaptureFixture[str
         0.6,
     )
     assert (cell["allowed"], cell["times_tolerance"]) == pytest.approx((0.005, 20.0))
-    regress.update(against(setting, new), "fewer models", as_json=True)
-    assert json.loads(capsys.readouterr().out)["written"] == [
+    regress.update(against(setting, new), "fewer models")
+    assert OUTPUT.answer["written"] == [
         "golden/training.csv",
         "golden/validation.csv",
         "CHANGELOG.md",
@@ -242,7 +238,6 @@ def test_update_adds_one_line_beside_the_entries_of_the_stage(setting: Setting) 
     regress.update(
         against(setting, tables(training__linear__all__rms=2.5)),
         "fuse: a lag\n of the DVL",
-        as_json=False,
     )
     line = "- fuse: a lag of the DVL (golden tables of toy: 1 cell changed)\n"
     assert setting.changelog.read_text() == before.replace(
@@ -254,7 +249,7 @@ def test_a_line_goes_to_what_is_unreleased_where_there_is_such_a_heading(setting
     before = setting.changelog.read_text()
     setting.changelog.write_text(before.replace("## ", "## Unreleased\n\n- fuse: new.\n\n## ", 1))
     moved = against(setting, tables(training__linear__all__rms=2.5))
-    regress.update(moved, "fuse: a lag", as_json=False)
+    regress.update(moved, "fuse: a lag")
     line = "- fuse: new.\n- fuse: a lag (golden tables of toy: 1 cell changed)\n\n## "
     assert line in setting.changelog.read_text()
 
@@ -270,7 +265,7 @@ def test_a_line_goes_to_what_is_unreleased_where_there_is_such_a_heading(setting
 def test_stage_follows_from_what_moved_unless_it_is_named(
     setting: Setting, change: dict[str, float], stage: str
 ) -> None:
-    regress.update(against(setting, tables(**change)), "note: better", as_json=False)
+    regress.update(against(setting, tables(**change)), "note: better")
     assert (
         f"\n- {stage}: note: better (golden tables of toy: 1 cell changed)\n"
         in setting.changelog.read_text()
@@ -281,7 +276,7 @@ def test_update_without_a_change_writes_nothing(
     setting: Setting, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     before = contents(tmp_path)
-    regress.update(setting, "again", as_json=False)
+    regress.update(setting, "again")
     assert contents(tmp_path) == before
     assert "nothing is written" in capsys.readouterr().out
 
@@ -293,20 +288,18 @@ def test_update_keeps_tolerances_and_takes_uses_away_that_are_gone(setting: Sett
     regress.update(
         against(setting, {"training": tables(training__linear__all__rms=2.5)["training"]}),
         "training only",
-        as_json=False,
     )
     assert path.read_bytes() == kept
     assert not (setting.folder / "validation.csv").exists()
     assert regress.check(
         against(setting, {"training": tables(training__linear__all__rms=3.0)["training"]}),
-        as_json=False,
     )
 
 
 def test_update_replaces_a_malformed_table(setting: Setting) -> None:
     (setting.folder / "training.csv").write_text("<<<<<<< ours\n")
-    regress.update(setting, "mended", as_json=False)
-    assert regress.check(setting, as_json=False)
+    regress.update(setting, "mended")
+    assert regress.check(setting)
 
 
 @pytest.mark.parametrize(
@@ -331,15 +324,13 @@ def test_update_is_refused_without_a_heading_and_nothing_changes(
         setting.changelog.write_text(text)
     before = contents(tmp_path)
     with pytest.raises(PipelineError, match=says):
-        regress.update(
-            against(setting, tables(training__linear__all__rms=2.5)), "why", as_json=False
-        )
+        regress.update(against(setting, tables(training__linear__all__rms=2.5)), "why")
     assert contents(tmp_path) == before
 
 
 def test_empty_message_is_refused(setting: Setting) -> None:
     with pytest.raises(PipelineError, match="message is empty"):
-        regress.update(setting, " \n", as_json=False)
+        regress.update(setting, " \n")
 
 
 @pytest.mark.parametrize(
@@ -374,7 +365,7 @@ def test_update_that_cannot_finish_takes_everything_back(
         PipelineError,
         match=r"CHANGELOG\.md: cannot be written: Permission denied; nothing is changed",
     ):
-        regress.update(against(setting, new), "why", as_json=False)
+        regress.update(against(setting, new), "why")
     assert contents(tmp_path) == before
 
 
@@ -383,9 +374,7 @@ def test_missing_baseline_says_how_to_make_it(setting: Setting, tmp_path: Path) 
         PipelineError,
         match=r"there are no golden tables\. Make them: auvid regress toy --update --message",
     ):
-        regress.check(
-            Setting("toy", tmp_path / "nowhere", setting.changelog, tables()), as_json=False
-        )
+        regress.check(Setting("toy", tmp_path / "nowhere", setting.changelog, tables()))
 
 
 def test_default_folder_is_that_of_the_workspace_then_of_the_campaign(tmp_path: Path) -> None:

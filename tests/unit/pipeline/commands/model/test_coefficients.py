@@ -25,7 +25,7 @@ def test_text_shows_value_unit_formula_source_and_the_published_value():
 
 def test_json_holds_the_same_and_a_model_that_a_simulation_can_take():
     shown = CliRunner().invoke(cli.app, ["coefficients", "hauv", "--set", "as_simulated", "--json"])
-    found = json.loads(shown.output)
+    found = json.loads(shown.output)["answer"]
     rows = {
         row["name"]: row for row in found["coefficients"] if row["kind"] in ("added_mass", "drag")
     }

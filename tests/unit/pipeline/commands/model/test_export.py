@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, UsageError
 from auvid.pipeline import cli, graph
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.pipeline.commands import open_run as opening
@@ -47,9 +47,9 @@ def test_a_model_is_a_path_a_campaign_or_one_of_its_models(workspace: Path) -> N
 
 
 def test_unknown_models_are_refused_by_name(workspace: Path) -> None:
-    with pytest.raises(CampaignError, match="Did you mean 'dive'"):
+    with pytest.raises(UsageError, match="Did you mean 'dive'"):
         named_model("dives")
-    with pytest.raises(CampaignError, match="Did you mean 'linear'"):
+    with pytest.raises(UsageError, match="Did you mean 'linear'"):
         named_model("dive/linaer")
     with pytest.raises(CampaignError, match="no such model file"):
         named_model("gone.json")
@@ -132,7 +132,7 @@ def test_a_published_set_is_exported_in_an_empty_folder(
     assert "campaign" not in page.partition("## Where it comes from")[2].partition("remarks")[0]
     with pytest.raises(CampaignError, match="Did you mean 'bluerov2_wu_2018'"):
         named_model("bluerov2_wu_2008")
-    with pytest.raises(CampaignError, match=r"Campaigns here: none\. Published sets: bluerov2_"):
+    with pytest.raises(UsageError, match=r"Campaigns here: none\. Published sets: bluerov2_"):
         named_model("zzz")
 
 

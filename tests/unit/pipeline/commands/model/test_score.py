@@ -61,7 +61,7 @@ def test_a_model_file_scores_as_in_the_tables_of_its_run(
     options = [word for file in sorted(files.glob("*.json")) for word in ("--with", str(file))]
     result = CliRunner().invoke(cli.app, ["score", "example", *options, "--json"])
     assert result.exit_code == 0, result.output
-    rows = {(row["set"], row["use"]): row for row in strict_json(result.output)}
+    rows = {(row["set"], row["use"]): row for row in strict_json(result.output)["answer"]["sets"]}
     own = rows["this dive", "validation"]
     name = own["title"].partition(",")[0]
     other = rows[name, "validation"]

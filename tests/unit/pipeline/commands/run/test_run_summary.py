@@ -140,7 +140,8 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
             "error_table", {**columns, **counts, **{name: [1.0] * 3 for name in ERRORS}}
         ),
     )
-    assert error_rows(run) == [("fossen", "3 of 12", 0.5, None)]
+    row = {"model": "fossen", "recommended": True, "identified": 3, "coefficients": 12}
+    assert error_rows(run) == [{**row, "training": 0.5, "validation": None}]
     assert result_files(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
     print_summary(run)
     out = capsys.readouterr().out
@@ -149,9 +150,7 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
     assert f"error table:    {run.folder}/validate/error_table.parquet" in out
 
 
-def test_the_answer_stands_last_before_the_paths(
-    run: Run, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_answer_stands_first(run: Run, capsys: pytest.CaptureFixture[str]) -> None:
     put(run, "report", "campaign", answer=b"Coe: use it\n  not \x1b[31m red\n", report_html=b"")
     print_summary(run)
     out = capsys.readouterr().out

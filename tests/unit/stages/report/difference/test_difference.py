@@ -23,6 +23,7 @@ from auvid.pipeline.commands.diff import diff_operands
 from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.graph import Port
+from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.file_hashes import hash_file
 from auvid.pipeline.store.manifest import Manifest, Record
@@ -228,7 +229,7 @@ def test_command_says_equal_or_names_what_moved(tmp_path: Path) -> None:
     assert "+10 %" in words
     viewer.verify(tmp_path / "d.rrd")
     status, words = call("diff", one, moved, "--json")
-    document = json.loads(words)
+    document = json.loads(words)["answer"]
     assert (status, document["equal"]) == (1, False)
     assert {(item["model"], item["column"]) for item in document["error_tables"]} == {
         ("linear", "J")
@@ -306,14 +307,14 @@ def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_
         bench_folder(tmp_path / "a"),
         bench_folder(tmp_path / "b", shift=0.1, value=-14.0),
     )
-    assert diff.diff(str(first), str(first), as_json=True)
-    assert json.loads(capsys.readouterr().out)["compared"] == {
+    assert diff.diff(str(first), str(first))
+    assert OUTPUT.answer["compared"] == {
         "cells": 0,
         "figures": 1,
         "signals": 4,
     }
-    assert not diff.diff(str(first), str(second), as_json=True)
-    found = json.loads(capsys.readouterr().out)
+    assert not diff.diff(str(first), str(second))
+    found = OUTPUT.answer
     assert [(item["of"], item["quantity"], item["value"]) for item in found["figures"]] == [
         ("surge of leg tank", "X_udot", -14.0)
     ]

@@ -1,0 +1,107 @@
+"""Completion: scripts of three shells, and names that commands take."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from auvid.export.targets import TARGETS
+from auvid.hydro.dynamics.viscous.models import MODELS
+from auvid.pipeline import completion
+from auvid.stages import STAGES
+
+
+@pytest.fixture
+def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A workspace with two campaigns, one of them run twice."""
+    for name in (
+        "params.yaml",
+        "campaigns/dive/campaign.yaml",
+        "campaigns/lake/campaign.yaml",
+        "runs/dive/fuse/manifest.json",
+        "runs/dive/history/000001.json",
+        "runs/dive/history/000002.json",
+        "runs/dive/model_file/model_file/linear.json",
+        "vehicles/mine.yaml",
+        "logs/dive.BIN",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def complete(*words: str) -> list[str]:
+    """What bash offers for the last of these words."""
+    environment = {
+        **os.environ,
+        "_AUVID_COMPLETE": "complete_bash",
+        "COMP_WORDS": " ".join(("auvid", *words)),
+        "COMP_CWORD": str(len(words)),
+    }
+    program = "import sys; sys.argv = ['auvid']; from auvid.pipeline.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.usefixtures("workspace")
+def test_names_of_the_workspace() -> None:
+    assert completion.campaigns("") == ["dive", "lake"]
+    assert completion.campaigns("l") == ["lake"]
+    assert completion.runs("") == ["dive"]
+    assert completion.run_models("dive/") == ["dive/linear"]
+    assert completion.run_or_model("dive@") == ["dive@1", "dive@2", "dive@linear"]
+    assert completion.run_numbers("") == ["1", "2"]
+    assert completion.campaigns_and_files("logs/d") == ["logs/dive.BIN"]
+    assert completion.runs_and_files("l") == ["logs/"]
+    assert "mine" in completion.vehicles("")
+    assert "vt690" in completion.vehicles("")
+
+
+def test_names_of_auvid() -> None:
+    assert completion.stages("") == sorted(stage.name for stage in STAGES)
+    assert completion.models("") == sorted(model.name for model in MODELS)
+    assert completion.targets("") == sorted(TARGETS)
+    assert completion.shelf("sh") == ["shelf"]
+    assert "campaign" in completion.documents("")
+
+
+@pytest.mark.usefixtures("workspace")
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (("ru",), ["run"]),
+        (("run", "d"), ["dive"]),
+        (("run", "dive", "--until", "res"), ["resample", "residual"]),
+        (("history", "dive", "--run", ""), ["1", "2"]),
+        (("export", "dive/l"), ["dive/linear"]),
+        (("run", "dive", "--js"), ["--json"]),
+    ],
+)
+def test_the_shell_is_offered_them(words: tuple[str, ...], names: list[str]) -> None:
+    assert complete(*words) == names
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_scripts_of_three_shells(shell: str) -> None:
+    program = "import sys; sys.argv = ['auvid', '--show-completion', *sys.argv[1:]]; "
+    program += "from auvid.pipeline.cli import main; main()"
+    environment = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", program, shell],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert f"complete_{shell}" in done.stdout
