@@ -742,6 +742,7 @@ app.add_typer(
     name="new",
     rich_help_panel=RUNNING,
     help="Make a workspace (auvid new DIR), or a campaign from logs.",
+    epilog="Example: auvid new ~/campaigns_2026",
 )
 
 

@@ -55,6 +55,7 @@ WRONG_WORDS = [
     "coefficients hauv --set nosuch",
     "coefficients hauv --model nosuch",
     "export nosuch --to python",
+    "export bluerov2_wu_2018 --to nosuch",
     "score nosuch",
     "score hauv_redesign",
 ]
@@ -168,9 +169,11 @@ def test_json_is_one_document_in_one_form(
 
 
 def test_every_command_with_an_answer_takes_the_options_of_the_output() -> None:
+    commands = cli_commands()
+    commands |= commands.pop("new").commands
     without = {
         name
-        for name, command in cli_commands().items()
+        for name, command in commands.items()
         if not {"json", "quiet", "verbose"} <= {param.name for param in command.params}
     }
     assert without == {"code", "inspect", "schema"}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auvid import __version__
-from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, UsageError, nearest
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
 from auvid.pipeline.store.model_files import read_model
@@ -25,8 +25,9 @@ def named_model(name: str) -> NamedModel:
     """Return the model of a path, a published set, CAMPAIGN or CAMPAIGN/MODEL.
 
     Of a campaign alone it is the recommended model; a vehicle file (.yaml) gives its
-    published damping. Raises `CampaignError` for an unknown file, set, campaign or
-    model, and `DataError` where a campaign has no model files yet or recommends none.
+    published damping. Raises `UsageError` for an unknown set, campaign or model,
+    `CampaignError` for an unknown file, and `DataError` where a campaign has no model
+    files yet or recommends none.
     """
     path = Path(name).expanduser()
     if path.suffix == ".yaml" and path.name != "campaign.yaml":
@@ -40,7 +41,7 @@ def named_model(name: str) -> NamedModel:
         if name in shelf:
             return NamedModel(published(shelf[name]))
         campaigns = _campaign_names()
-        raise CampaignError(
+        raise UsageError(
             "no such model",
             value=name,
             allowed="a model file (.json), a campaign, CAMPAIGN/MODEL, or a published set",
@@ -96,7 +97,7 @@ def _of_campaign(name: str) -> NamedModel:
         files = _files(campaign)
     if model is not None:
         if model not in files:
-            raise CampaignError(
+            raise UsageError(
                 "the campaign has no such model",
                 value=model,
                 allowed=list(files),

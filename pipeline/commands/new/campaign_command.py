@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from auvid.data_schemas.errors import DataError, PipelineError
+from auvid.data_schemas.errors import DataError, PipelineError, UsageError
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace
@@ -23,6 +23,7 @@ from auvid.pipeline.commands.new.campaign_text import (
 from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal, way_on
 from auvid.pipeline.commands.new.log_survey import SurveyedLog, survey
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice, choose_vehicle
+from auvid.pipeline.output import FAILED, FINE, answer
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.ingest.health.finding import CheckedLog
 
@@ -109,7 +110,7 @@ def _place(name: str) -> tuple[Path, Mapping[str, Path]]:
     else:
         folder = path if os.sep in name else workspace.campaigns / name
     if not ID.fullmatch(folder.name):
-        raise PipelineError(
+        raise UsageError(
             "not a name for a campaign",
             value=folder.name,
             allowed="at most 100 letters, digits, _ and -, not starting with -",
@@ -253,10 +254,18 @@ def print_new_campaign(
 ) -> int:
     """Write a campaign, print what was written, and return the exit code."""
     result = new_campaign(name, logs, vehicle=vehicle, link=link)
+    answer(
+        {
+            "folder": result.folder,
+            "campaign": result.folder / "campaign.yaml",
+            "lines": result.lines,
+            "stop": result.stop or None,
+        }
+    )
     print(f"wrote {result.folder}")
     print("\n".join(f"  {line}" for line in result.lines))
     if result.stop:
         print(f"\nauvid run would stop: {result.stop}", file=sys.stderr)
-        return 1
+        return FAILED
     print(f"\n    auvid run {name}\n")
-    return 0
+    return FINE

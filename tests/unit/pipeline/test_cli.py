@@ -80,8 +80,8 @@ def test_every_command_has_help_with_an_example(command: str) -> None:
 
 def test_commands_are_those_that_are_tested() -> None:
     names = {
-        str(command.name or getattr(command.callback, "__name__", ""))
-        for command in cli.app.registered_commands
+        str(command.name or getattr(getattr(command, "callback", None), "__name__", ""))
+        for command in (*cli.app.registered_commands, *cli.app.registered_groups)
         if not command.hidden
     }
     assert names == set(COMMANDS)

@@ -130,7 +130,7 @@ def test_a_published_set_is_exported_in_an_empty_folder(
         assert said in " ".join(text.split())
     assert "licence of its numbers: numbers only" in page
     assert "campaign" not in page.partition("## Where it comes from")[2].partition("remarks")[0]
-    with pytest.raises(CampaignError, match="Did you mean 'bluerov2_wu_2018'"):
+    with pytest.raises(UsageError, match="Did you mean 'bluerov2_wu_2018'"):
         named_model("bluerov2_wu_2008")
     with pytest.raises(UsageError, match=r"Campaigns here: none\. Published sets: bluerov2_"):
         named_model("zzz")
