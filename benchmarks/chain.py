@@ -27,7 +27,7 @@ def seconds_of(*command: str, folder: Path) -> float:
     """How long a command takes; its words are shown only if it fails."""
     begin = time.perf_counter()
     subprocess.run(
-        [sys.executable, "-m", "pipeline", *command], cwd=folder, check=True, capture_output=True
+        [sys.executable, "-m", "auvid", *command], cwd=folder, check=True, capture_output=True
     )
     return time.perf_counter() - begin
 

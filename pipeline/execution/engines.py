@@ -19,7 +19,12 @@ ENGINES = ("serial", "processes")
 
 
 class Engine(Protocol):
-    """A way to run tasks; yields their outcomes as they finish."""
+    """A way to run tasks; yields their outcomes as they finish.
+
+    `workers`: how many are under way at a time.
+    """
+
+    workers: int
 
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]: ...
 
@@ -28,6 +33,8 @@ class Engine(Protocol):
 
 class Serial:
     """One item after the other."""
+
+    workers = 1
 
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         return map(execute, tasks)
@@ -44,17 +51,17 @@ class Processes:
     """
 
     def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
+        self.workers = jobs
         self._pool: ProcessPoolExecutor | None = None
         self._waiting: dict[Future[Outcome], str] = {}
 
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
-        if self._jobs < 2 or len(tasks) < 2:
+        if self.workers < 2 or len(tasks) < 2:
             yield from map(execute, tasks)
             return
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
-                self._jobs,
+                self.workers,
                 mp_context=_context(),
                 initializer=_end_with_parent,
             )

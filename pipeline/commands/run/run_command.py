@@ -21,6 +21,7 @@ from auvid.pipeline.commands.run.run_summary import (
 )
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
+from auvid.pipeline.execution.memory import available_bytes, shortage
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage, select
 from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
@@ -90,6 +91,7 @@ def execute(
     if rest:
         if names != ["report"]:
             _stop_at_findings(run, [stage.name for stage in rest])
+            _stop_at_shortage(run, make_engine(engine, jobs).workers)
         with show_progress(quiet=quiet) as progress:
             count += run.execute(
                 rest,
@@ -106,6 +108,16 @@ def _stop_at_findings(run: Run, stages: Sequence[str]) -> None:
     fault = refusal(run.campaign, health_of(run), stages, run.params)
     if fault is not None:
         raise fault
+
+
+def _stop_at_shortage(run: Run, workers: int) -> None:
+    """Raise `DataError` where the longest legs would not fit into memory."""
+    if "resample" in run.params:
+        lengths_s = {log: float(document["duration_s"]) for log, document in health_of(run).items()}
+        rate_hz = run.params["resample"].rate_hz
+        fault = shortage(run.campaign, lengths_s, rate_hz, workers, available_bytes())
+        if fault is not None:
+            raise fault
 
 
 def report_file(

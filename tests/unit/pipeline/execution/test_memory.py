@@ -1,0 +1,59 @@
+"""A leg that is too long for the memory that is left is named before it is begun."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
+from auvid.pipeline.execution import memory
+from auvid.stages import KINDS
+
+VEHICLES = {"rov": Path(__file__).resolve().parents[4] / "vehicles" / "bluerov2_heavy.yaml"}
+MANIFEST = """kind: identification
+vehicle: rov
+logs:
+  - {id: one, file: one.csv}
+legs:
+  - {id: train, log: one, end_s: 600, use: training}
+  - {id: survey, log: one, start_s: 600, use: validation}
+"""
+LENGTHS_S = {"one": 22_200.0}  # survey: 6 h
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Campaign:
+    (tmp_path / "campaign.yaml").write_text(MANIFEST)
+    return load_campaign(tmp_path, kinds=KINDS, vehicles=VEHICLES)
+
+
+def test_a_leg_of_hours_is_refused_with_the_length_that_fits(campaign: Campaign) -> None:
+    assert memory.shortage(campaign, LENGTHS_S, 50.0, 1, 8e9) is None
+    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 1, 4e9)
+    assert fault is not None
+    words = str(fault)
+    assert "leg 'survey' is too long" in words and "21600 s at 50 Hz take about 5.3 GB" in words
+    assert "found '4.0 GB left'" in words and "legs of at most 16000 s" in words
+    assert memory.shortage(campaign, LENGTHS_S, 25.0, 1, 4e9) is None
+
+
+def test_legs_side_by_side_count_together(campaign: Campaign) -> None:
+    assert memory.shortage(campaign, LENGTHS_S, 50.0, 1, 5.5e9) is None
+    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 2, 5.5e9)
+    assert fault is not None and "with 1 more beside it" in str(fault) and "--jobs 1" in str(fault)
+
+
+def test_memory_left_is_that_of_the_machine_or_of_its_group(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("MEMORY_INFO", "LIMIT", "USED"):
+        monkeypatch.setattr(memory, name, tmp_path / name)
+    assert memory.available_bytes() is None
+    (tmp_path / "MEMORY_INFO").write_text("MemTotal: 900 kB\nMemAvailable:   500 kB\n")
+    assert memory.available_bytes() == 512_000
+    (tmp_path / "USED").write_text("100000\n")
+    (tmp_path / "LIMIT").write_text("max\n")
+    assert memory.available_bytes() == 512_000
+    (tmp_path / "LIMIT").write_text("300000\n")
+    assert memory.available_bytes() == 200_000
