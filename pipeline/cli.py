@@ -165,7 +165,14 @@ def run(
 )
 @answering
 def report(
-    campaign: RunName,
+    campaigns: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CAMPAIGN...",
+            help="A campaign; or several, or runs of one as CAMPAIGN@N, on one page.",
+            autocompletion=completion.runs,
+        ),
+    ],
     rebuild: Annotated[
         bool, typer.Option("--rebuild", help="Write the report again from the artefacts.")
     ] = False,
@@ -183,11 +190,29 @@ def report(
             autocompletion=completion.run_numbers,
         ),
     ] = None,
+    history: Annotated[
+        bool, typer.Option("--history", help="All runs of the campaign's history on one page.")
+    ] = False,
 ) -> None:
-    """Print the path of a campaign's report, rebuild it, or open it."""
-    from auvid.pipeline.commands.run.run_command import report_file
+    """Print the path of a campaign's report, rebuild it, or open it.
 
-    page = report_file(campaign, rebuild=rebuild, compare=compare, against=against)
+    Of several campaigns (or runs), write one page that sets them side by side:
+    parameters that differ, error tables, coefficients with intervals, free runs.
+    """
+    if history or len(campaigns) > 1 or "@" in campaigns[0]:
+        from auvid.pipeline.commands.history.runs_page import write_runs_page
+
+        if rebuild or compare or against is not None or (history and len(campaigns) > 1):
+            raise UsageError(
+                "these options are of the report of one campaign",
+                value=" ".join(campaigns),
+                remedy="auvid report A B C, or auvid report CAMPAIGN --history",
+            )
+        page = write_runs_page(campaigns, whole_history=history)
+    else:
+        from auvid.pipeline.commands.run.run_command import report_file
+
+        page = report_file(campaigns[0], rebuild=rebuild, compare=compare, against=against)
     print(page)
     answer({"report": page})
     if open_it:

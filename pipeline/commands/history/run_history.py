@@ -10,11 +10,13 @@ import json
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvid.data_schemas.errors import DataError, UsageError
+from auvid.hydro.arrays import AXES
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.store.artefacts import to_json, to_plain
@@ -49,6 +51,10 @@ class Entry:
     packages: Mapping[str, str]
     error_tables: Tables
     figures: Mapping[str, Mapping[str, Any]]
+    recommended: Mapping[str, Any] = field(default_factory=dict)
+    """The recommended model: name, title, coefficients and free runs; empty for none, and
+    for entries that were written before it was kept.
+    """
 
     @property
     def content(self) -> dict[str, Any]:
@@ -58,6 +64,11 @@ class Entry:
             for name, value in asdict(self).items()
             if name not in ("number", "finished_utc")
         }
+
+
+def entry_now(run: Run) -> Entry:
+    """Return what an entry of the results as they stand would hold, with number 0."""
+    return _entry(run, 0)
 
 
 def add_entry(run: Run) -> None:
@@ -133,7 +144,38 @@ def _entry(run: Run, number: int) -> Entry:
         packages=dict(provenance["packages"]),
         error_tables=to_plain(tables),
         figures=to_plain(figures),
+        recommended=to_plain(_recommended(run)),
     )
+
+
+def _recommended(run: Run) -> dict[str, Any]:
+    """Return the recommended model as an entry keeps it; empty without one."""
+    ranking = next(_artefacts(run, "ranking"), None)
+    if ranking is None or ranking.choice is None:
+        return {}
+    card = next(card for card in _artefacts(run, "model_card") if card.name == ranking.choice)
+    merit = next(model for model in ranking.models if model.name == ranking.choice)
+    return {
+        "model": card.name,
+        "title": card.title,
+        "vehicle": card.vehicle,
+        "coefficients": {
+            f"{axis} {item.term}": {
+                "unit": item.unit,
+                "value": item.value,
+                "standard_error": item.standard_error,
+                "with_assumed": total_error(item.standard_error, item.assumed_shifts),
+                "verdict": item.verdict,
+            }
+            for axis, part in card.axes.items()
+            for item in part.terms
+            if item.value is not None and item.standard_error
+        },
+        "free_run": {axis: merit.axes[axis].free_run for axis in AXES},
+        "free_run_horizon_s": ranking.horizon_s,
+        "free_runs": merit.runs,
+        "free_runs_lost": merit.lost,
+    }
 
 
 def _artefacts(run: Run, schema: str) -> Iterator[Any]:
