@@ -18,7 +18,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
 from auvid.stages.number_format import estimate, significant, term, true_minus
-from auvid.stages.page.first_screen import AXIS_WORDS, Fact, Summary
+from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Fact, Summary, anchor
 from auvid.stages.page.html import render
 from auvid.stages.page.pictures.whisker_picture import WhiskerBox, Whiskers, whisker_picture
 from auvid.stages.presentation import section, table, text
@@ -138,7 +138,7 @@ def _summary(columns: Sequence[RunColumn]) -> Summary:
     """Return the first screen: the run with the least error, where they can be ranked."""
     ratios = {column.name: ratio for column in columns if (ratio := _ratio(column)) is not None}
     doubts = [
-        f"{column.name}: {words}"
+        Alert(f"{column.name}: {words}", anchor("runs"), "poor" if "cannot" in words else "fair")
         for column in columns[1:]
         if (words := " ".join(_departures(columns[0], column)))
     ]
