@@ -231,8 +231,8 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
                 legs.append(
                     ProposedLeg(number, *map(float, at), use, _names(excited[0]), _names(both[0]))
                 )
-    whole, _ = sums.between(np.array([0]), np.array([total]))
-    axes = _names(whole[0])
+    total_excited, _ = sums.between(np.array([0]), np.array([total]))
+    axes = _names(total_excited[0])
     parts: dict[Use, tuple[Mask, Mask]] = {
         "training": sums.outside(np.array([first]), np.array([last])),
         "validation": sums.between(np.array([first]), np.array([last])),

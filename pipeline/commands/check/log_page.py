@@ -11,6 +11,7 @@ from typing import Any
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile, load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
 from auvid.pipeline.campaigns.workspace import workspace_of
@@ -116,11 +117,18 @@ def campaign_refusal(target: str, pages: Sequence[LogPage]) -> PipelineError | N
 
 
 def page_of_log(
-    name: str, log: str, files: Sequence[LogFile], campaign: Campaign | None = None
+    name: str,
+    log: str,
+    files: Sequence[LogFile],
+    campaign: Campaign | None = None,
+    vehicle: Vehicle | None = None,
 ) -> LogPage:
-    """Decode one log and check it; a log that cannot be read gives a page with why."""
+    """Decode one log and check it; a log that cannot be read gives a page with why.
+
+    `vehicle`: the one of a log that is in no campaign.
+    """
     leg_entries: list[Document] = []
-    reader = view = vehicle = None
+    reader = view = None
     if campaign is not None:
         reader, view = campaign.logs[log].get("reader"), campaign.seen_by(log)
         vehicle = campaign.vehicle

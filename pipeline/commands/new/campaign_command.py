@@ -7,13 +7,14 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError, PipelineError, UsageError
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
-from auvid.pipeline.campaigns.workspace import Workspace, find_workspace
+from auvid.pipeline.campaigns.workspace import find_workspace
 from auvid.pipeline.commands.check.log_page import campaign_refusal, log_pages
 from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
@@ -21,8 +22,12 @@ from auvid.pipeline.commands.new.campaign_text import (
     campaign_text,
 )
 from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal, way_on
-from auvid.pipeline.commands.new.log_survey import SurveyedLog, survey
-from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice, choose_vehicle
+from auvid.pipeline.commands.new.log_survey import SurveyedLog, corrected_log, draft_remarks, survey
+from auvid.pipeline.commands.new.vehicle_choice import (
+    VehicleChoice,
+    choose_vehicle,
+    vehicle_of_text,
+)
 from auvid.pipeline.output import FAILED, FINE, answer
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -53,14 +58,17 @@ def new_campaign(
     It stands under campaigns/ of the workspace here, without one in the current folder.
     Raises `PipelineError`, with nothing written, for logs that feed no campaign.
     """
-    folder, files = _place(name)
+    folder = _place(name)
     surveyed = survey(logs)
     feed, kept, left_out = _sort(surveyed)
     ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
     by_id = dict(zip(ids, kept, strict=True))
+    first = checked(kept[0].page)
+    choice = choose_vehicle(first, named=vehicle, normalised=feed.normalised)
+    if not choice.lacking:
+        body = vehicle_of_text(choice.text)
+        by_id = {key: corrected_log(log, body) for key, log in by_id.items()}
     checks = {key: checked(log.page) for key, log in by_id.items()}
-    first = next(iter(checks.values()))
-    choice = choose_vehicle(first, files, named=vehicle, normalised=feed.normalised)
     texts: dict[str, str] = {"vehicle.yaml": choice.text}
     written: dict[str, list[WrittenFile]] = {}
     sources: dict[str, Path] = {}
@@ -99,16 +107,12 @@ def new_campaign(
     return WrittenCampaign(folder, tuple(lines), _stop(folder, choice))
 
 
-def _place(name: str) -> tuple[Path, Mapping[str, Path]]:
-    """Return the folder of a new campaign, and the vehicle files that it can name."""
-    path = Path(name).expanduser()
-    try:
+def _place(name: str) -> Path:
+    """Return the folder of a new campaign."""
+    folder = Path(name).expanduser()
+    with suppress(PipelineError):
         workspace = find_workspace(Path.cwd())
-    except PipelineError:
-        workspace = Workspace(path.resolve())
-        folder = path
-    else:
-        folder = path if os.sep in name else workspace.campaigns / name
+        folder = folder if os.sep in name else workspace.campaigns / name
     if not ID.fullmatch(folder.name):
         raise UsageError(
             "not a name for a campaign",
@@ -121,7 +125,7 @@ def _place(name: str) -> tuple[Path, Mapping[str, Path]]:
             file=folder / "campaign.yaml",
             remedy="Choose another name, or remove the folder.",
         )
-    return folder, workspace.vehicle_files()
+    return folder
 
 
 def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], list[str]]:
@@ -137,7 +141,7 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
             continue
         feed, reasons = feed_of(log.page)
         if feed is None:
-            lines = [*reasons, f"way on: {way_on(log.page)}"]
+            lines = [*reasons, *draft_remarks(log), f"way on: {way_on(log.page)}"]
             refused.append(f"{log.name}:" + "".join(f"\n  {line}" for line in lines))
         else:
             feeds.append((log, feed))
@@ -240,9 +244,9 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
     """Return why a run of the written campaign would stop, empty if it goes on."""
     if choice.lacking:
         return (
-            f"{choice.lacking}: no log tells, and there is no default. Fill them in in"
-            f" {folder / 'vehicle.yaml'}, or name a vehicle: --vehicle bluerov2_heavy"
-            " (auvid vehicles lists all)."
+            f"no log tells {choice.lacking}, and there is no default. Fill it in in"
+            f" {folder / 'vehicle.yaml'}, or remove {folder} and name a vehicle: --vehicle"
+            " bluerov2_heavy (auvid vehicles lists all)."
         )
     pages = log_pages(str(folder), None)
     refusal = campaign_refusal(str(folder), pages)

@@ -25,6 +25,7 @@ from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
 CHANNELS = ("u", "v", "w", "r")
 """Channels of which one alone can be told; roll and pitch need the restoring moment."""
 LEAST_SAMPLES = 50
+NOT_UNDER_WATER = "not an underwater vehicle"
 STEPS_PER_GAP = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
 
@@ -54,6 +55,8 @@ class Route:
 
 def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
     """Return the feed of a force model in six axes, or what the log lacks for it."""
+    if log.under_water is False:
+        return NOT_UNDER_WATER
     rows = {item["name"]: item for item in health["capabilities"]}
     needed = ("resample", "fuse (kinematic)", "residual")
     lacking = [str(rows[name]["reason"]) for name in needed if not rows[name]["possible"]]
@@ -75,7 +78,7 @@ def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
 def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
     """Return the feed of single channels (surge, sway, heave, yaw), or what is lacking."""
     if log.under_water is False:
-        return "not an underwater vehicle"
+        return NOT_UNDER_WATER
     if not log.has("actuators"):
         return "no actuators"
     commands = {name.removeprefix("command_") for name in log.commands()}
@@ -121,15 +124,16 @@ ROUTES = (
 
 
 def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[Feed | None, list[str]]:
-    """Return what a log feeds, and why not the routes before (None: no route at all)."""
+    """Return what a log feeds; None and the reason of every route for one that feeds none."""
     assert page.health is not None
-    log, reasons = checked(page, vehicle), []
+    log = checked(page, vehicle)
+    titles: dict[str, list[str]] = {}
     for route in ROUTES:
         feed = route.feed(log, page.health)
         if isinstance(feed, Feed):
-            return feed, reasons
-        reasons.append(f"{route.title}: {feed}")
-    return None, reasons
+            return feed, []
+        titles.setdefault(feed, []).append(route.title)
+    return None, [f"{' and '.join(names)}: {why}" for why, names in titles.items()]
 
 
 def way_on(page: LogPage) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import LogFile
 from auvid.pipeline.commands.check.log_page import LogPage, page_of_log
 from auvid.pipeline.store.atomic_files import contents
@@ -19,6 +20,7 @@ from auvid.stages.ingest.registry import reader_of
 
 SHARED = 0.5
 """Files of one dive share so much of the time of the shorter one."""
+LISTED = 12
 ROUNDS = 5
 """Corrections of a drafted column map, each after a new check of the log."""
 
@@ -45,13 +47,13 @@ def survey(paths: Sequence[Path]) -> list[SurveyedLog]:
 
     Raises `PipelineError` for a file that is not there or is named twice.
     """
-    seen: set[Path] = set()
+    named: set[Path] = set()
     for path in paths:
         if not path.is_file():
             raise PipelineError("there is no such log", file=path)
-        if path.resolve() in seen:
+        if path.resolve() in named:
             raise PipelineError("the log is named twice", file=path)
-        seen.add(path.resolve())
+        named.add(path.resolve())
     logs: list[list[SurveyedFile]] = []
     refused: dict[Path, str] = {}
     for path in paths:
@@ -103,18 +105,30 @@ def _surveyed(files: Sequence[SurveyedFile], refused: Mapping[Path, str]) -> Sur
         faults.append(_nothing(draft))
     if faults:
         return SurveyedLog(name, tuple(files), LogPage(name, refused="; ".join(faults)))
-    page = _page(files)
+    return corrected_log(SurveyedLog(name, tuple(files), _page(files)))
+
+
+def corrected_log(log: SurveyedLog, vehicle: Vehicle | None = None) -> SurveyedLog:
+    """Return a log whose drafted column maps are corrected by the findings of its checks.
+
+    With a vehicle these know how the thrusters push.
+    """
+    if all(file.draft is None for file in log.files):
+        return log
+    if vehicle is not None:
+        log = replace(log, page=_page(log.files, vehicle))
     for _ in range(ROUNDS):
-        if page.health is None:
+        if log.page.health is None:
             break
-        better = [
-            SurveyedFile(file.path, file.draft and corrected(file.draft, page.health["findings"]))
-            for file in files
-        ]
-        if better == list(files):
+        findings = log.page.health["findings"]
+        files = tuple(
+            replace(file, draft=file.draft and corrected(file.draft, findings))
+            for file in log.files
+        )
+        if files == log.files:
             break
-        files, page = better, _page(better)
-    return SurveyedLog(name, tuple(files), page)
+        log = replace(log, files=files, page=_page(files, vehicle))
+    return log
 
 
 def _nothing(draft: ColumnDraft | None) -> str:
@@ -127,9 +141,21 @@ def _nothing(draft: ColumnDraft | None) -> str:
     )
 
 
-def _page(files: Sequence[SurveyedFile]) -> LogPage:
+def draft_remarks(log: SurveyedLog) -> list[str]:
+    """Return what drafted column maps leave out, as sentences."""
+    lines = []
+    for file in log.files:
+        if file.draft is not None:
+            lines += [f"{file.path.name}: {remark}" for remark in file.draft.remarks]
+            if file.draft.unused:
+                names = ", ".join(file.draft.unused[:LISTED])
+                lines.append(f"{file.path.name}: no meaning found for {names}")
+    return lines
+
+
+def _page(files: Sequence[SurveyedFile], vehicle: Vehicle | None = None) -> LogPage:
     logs = [
         LogFile(file.path.name, file.path, file.draft.document() if file.draft else None)
         for file in files
     ]
-    return page_of_log(files[0].path.name, files[0].path.stem, logs)
+    return page_of_log(files[0].path.name, files[0].path.stem, logs, vehicle=vehicle)

@@ -10,8 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES
+from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
 from auvid.stages.ingest.health.vehicle import NEUTRAL_US
 
@@ -78,15 +83,14 @@ class VehicleChoice:
     lacking: str = ""
 
 
-def choose_vehicle(
-    log: CheckedLog, files: Mapping[str, Path], *, named: str | None, normalised: bool
-) -> VehicleChoice:
+def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> VehicleChoice:
     """Return the vehicle named in the call, else that of the log, else a skeleton.
 
-    files: vehicle files by name. `normalised`: no force comes from the vehicle file.
+    `normalised`: no force comes from the vehicle file. Raises `PipelineError` for a name
+    that no vehicle has.
     """
     if named is not None:
-        path = files.get(named) or Path(named)
+        path = vehicle_file_of(named)
         return VehicleChoice(path.stem, "named by --vehicle", _annotated(path, log))
     if normalised:
         why = "commands have no unit of force: only ratios to its mass come out"
@@ -148,6 +152,12 @@ def _skeleton(log: CheckedLog, actuators: str) -> str:
 def _annotated(path: Path, log: CheckedLog) -> str:
     """Return a vehicle file with remedies, outputs and directions of the log in place."""
     text = path.read_text(encoding="utf-8")
+    text = re.sub(
+        r"^(  measured_inertia: )(\S+)$",
+        lambda match: f"{match[1]}{(path.parent / match[2]).resolve()}",
+        text,
+        flags=re.MULTILINE,
+    )
     parameters = log.info.parameters
     outputs = {
         MOTOR_OF_FUNCTION[function]: number
@@ -172,3 +182,8 @@ def _with_remedies(text: str) -> str:
         lines.append(line)
         before = line
     return "\n".join(lines) + "\n"
+
+
+def vehicle_of_text(text: str) -> Vehicle:
+    """Return the vehicle of the text of its file."""
+    return vehicle_from_document(VehicleDocument.model_validate(read_yaml(text)))

@@ -39,6 +39,7 @@ UNIX_TIMES = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
 POSSIBLE_STEPS = (5e-4, 10.0)
 """Steps [s] between rows of a log."""
 PULSES = (800.0, 2200.0)
+FEWEST_OUTPUTS = 3
 NEAR_ONE, NEAR_GRAVITY = (0.8, 1.2), (8.5, 11.0)
 """Median length of an accelerometer at rest in g and in m/s^2."""
 FASTEST_M_S, FASTEST_CM_S = 15.0, 300.0
@@ -46,6 +47,7 @@ FASTEST_M_S, FASTEST_CM_S = 15.0, 300.0
 FASTEST_RAD_S = 8.0
 """Larger rates (99th percentile) are in deg/s."""
 HELD_SHARE = 0.5
+PRESSURES = ("mbar", "dbar", "bar", "kPa", "Pa")
 FROM_ABOVE = "up"
 """Mark of a height that is negative under water."""
 MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
@@ -190,10 +192,11 @@ def draft_columns(file: RawFile) -> ColumnDraft:
     columns = [item for item in named_columns(head.names) if item.name in texts]
     time, time_check = _time(columns, values, texts, file.name)
     rest = [item for item in columns if item.name != time["column"]]
+    rest = _with_pulses(rest, values)
     t_s = _seconds(time, values[time["column"]], texts[time["column"]])
     draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
-    known = t_s[np.isfinite(t_s)]
-    draft = replace(draft, span_s=(float(known[0]), float(known[-1])))
+    finite = t_s[np.isfinite(t_s)]
+    draft = replace(draft, span_s=(float(finite[0]), float(finite[-1])))
     return _with_columns(draft, _with_commands(rest, values, t_s), values)
 
 
@@ -287,23 +290,23 @@ def _clock(
     item: NamedColumn, values: Array, texts: Sequence[str]
 ) -> tuple[dict[str, str], str] | None:
     """Return the entry of a time column and what was assumed; None if it is no clock."""
-    known = values[np.isfinite(values)]
-    if known.size < 0.9 * len(texts) or known.size < 3:
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.9 * len(texts) or finite.size < 3:
         filled = [text for text in texts[:200] if text]
         if len(filled) > 2 and iso_microseconds(pa.array(filled)) is not None:
             return {"column": item.name, "unit": "iso8601", "epoch": "unix"}, ""
         return None
-    steps = np.diff(known)
-    if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or known[-1] <= known[0]:
+    steps = np.diff(finite)
+    if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or finite[-1] <= finite[0]:
         return None
-    size = float(np.median(known))
+    size = float(np.median(finite))
     unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
     if unix is not None and (not item.unit or item.unit == unix):
         return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
     if item.unit in ("s", "ms", "us", "ns"):
         return {"column": item.name, "unit": item.unit, "epoch": "boot"}, ""
     # A coarse clock repeats its stamps: rows over the whole time tell the rate.
-    step = float(known[-1] - known[0]) / steps.size
+    step = float(finite[-1] - finite[0]) / steps.size
     factors = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
     fits = [
         unit
@@ -372,7 +375,8 @@ def _with_columns(
     chosen: dict[tuple[str, str], NamedColumn] = {}
     for item in columns:
         filled = np.isfinite(values[item.name]).mean() if values[item.name].size else 0.0
-        if item.place is not None and filled > 0.01:
+        nameless = "press" in item.words and item.unit not in PRESSURES
+        if item.place is not None and filled > 0.01 and not nameless:
             chosen.setdefault(item.place, item)
     remarks: list[str] = []
     chosen = _possible_outputs(chosen, values, remarks)
@@ -415,6 +419,31 @@ def _with_columns(
     )
 
 
+def _with_pulses(columns: Sequence[NamedColumn], values: Mapping[str, Array]) -> list[NamedColumn]:
+    """Return the columns with numbered ones that hold pulses as outputs, by their number.
+
+    Only where no name tells an output.
+    """
+    if any(item.place is not None and item.place[1].startswith("pwm_") for item in columns):
+        return list(columns)
+    stems: dict[str, list[NamedColumn]] = {}
+    for item in columns:
+        match = re.fullmatch(r"(.*\D)(\d{1,2})", item.words)
+        finite = values[item.name][np.isfinite(values[item.name])]
+        pulses = finite.size and np.mean((finite >= PULSES[0]) & (finite <= PULSES[1])) >= 0.95
+        if match and pulses and item.place is None:
+            stems.setdefault(match[1], []).append(item)
+    outputs = max(stems.values(), key=len, default=[])
+    if len(outputs) < FEWEST_OUTPUTS:
+        return list(columns)
+    return [
+        replace(item, place=("actuators", f"pwm_{int(item.words.split()[-1])}_us"))
+        if item in outputs
+        else item
+        for item in columns
+    ]
+
+
 def _possible_outputs(
     chosen: dict[tuple[str, str], NamedColumn],
     values: Mapping[str, Array],
@@ -425,17 +454,20 @@ def _possible_outputs(
     if not outputs:
         return chosen
     rest = {place: item for place, item in chosen.items() if place not in outputs}
-    known = np.concatenate([values[item.name] for item in outputs.values()])
-    known = known[np.isfinite(known) & (known != 0.0)]
-    inside = (known >= PULSES[0]) & (known <= PULSES[1])
-    if not known.size or inside.mean() < 0.95:
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    known_units = {item.unit for item in outputs.values() if item.unit}
+    finite = np.concatenate([values[item.name] for item in outputs.values()])
+    finite = finite[np.isfinite(finite) & (finite != 0.0)]
+    inside = (finite >= PULSES[0]) & (finite <= PULSES[1])
+    unit = "us" if finite.size and inside.mean() >= 0.95 else _normalised(finite)
+    if not unit or known_units - {unit, "1"}:
+        low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
         remarks.append(
             f"outputs {', '.join(item.name for item in outputs.values())} are no pulses in us"
-            f" ({low:g} to {high:g}); a column map takes pulses of each output, or commands of"
-            " surge, sway, heave, roll, pitch, yaw."
+            f" ({low:g} to {high:g}); a column map takes pulses or normalised commands of each"
+            " output, or commands of surge, sway, heave, roll, pitch, yaw."
         )
         return rest
+    outputs = {place: replace(item, unit=unit) for place, item in outputs.items()}
     numbers = [int(name.split("_")[1]) for _, name in outputs]
     shift = 1 if 0 in numbers else 0
     if shift:
@@ -448,6 +480,15 @@ def _possible_outputs(
     return rest | moved
 
 
+def _normalised(finite: Array) -> str:
+    """Return the unit of commands from -1 to 1 or from -100 to 100 %, '' for others."""
+    largest = float(np.abs(finite).max()) if finite.size else 0.0
+    both = bool(finite.size) and float(finite.min()) < 0.0 < float(finite.max())
+    if not both or largest > 100.0:
+        return ""
+    return "1" if largest <= 1.05 else "percent" if largest > 5.0 else ""
+
+
 def _depth_of_others(
     chosen: dict[tuple[str, str], NamedColumn],
     columns: Sequence[NamedColumn],
@@ -458,11 +499,16 @@ def _depth_of_others(
         return chosen
     for item in columns:
         if re.search(r"\b(?:altitude|alt|height)\b", item.words) and "amsl" not in item.words:
-            known = values[item.name][np.isfinite(values[item.name])]
-            if known.size and float(np.median(known)) < 0.0:  # above the surface, so below it
+            finite = values[item.name][np.isfinite(values[item.name])]
+            if finite.size and float(np.median(finite)) < 0.0:  # above the surface, so below it
                 return chosen | {("depth", "depth_m"): replace(item, frame=FROM_ABOVE)}
-    height = chosen.get(("position", "z_m"))
-    return chosen if height is None else chosen | {("depth", "depth_m"): height}
+    height = chosen.get(("position", "z_m")) or next(
+        (item for item in columns if item.place == ("position", "z_m")), None
+    )
+    if height is None:
+        return chosen
+    below = float(np.nanmedian(values[height.name])) < 0.0
+    return chosen | {("depth", "depth_m"): replace(height, frame=FROM_ABOVE if below else "")}
 
 
 def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
@@ -470,8 +516,10 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
     if name.startswith("command_"):
         return "1", ""
     if name.startswith("pwm_"):
-        return "us", ""
+        return item.unit, "" if item.unit == "us" else "full command taken for 1100 or 1900 us"
     depth = "" if stream != "depth" or "depth" in item.words else f"depth from {item.name}"
+    if depth and item.unit in PRESSURES:
+        depth = "pressure as depth of sea water; its zero may not be the surface"
     if item.unit:
         return item.unit, depth
     size = _percentile(group)
@@ -492,8 +540,8 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
 
 def _percentile(group: Sequence[Array]) -> float:
     """Return the 99th percentile of the moduli of signals, 0 without any."""
-    known = np.concatenate([np.abs(each[np.isfinite(each)]) for each in group])
-    return float(np.percentile(known, 99.0)) if known.size else 0.0
+    finite = np.concatenate([np.abs(each[np.isfinite(each)]) for each in group])
+    return float(np.percentile(finite, 99.0)) if finite.size else 0.0
 
 
 def _accelerometer(columns: Sequence[DraftColumn], values: Mapping[str, Array]) -> str:

@@ -42,6 +42,11 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
     "r": ("gyro_z_rad_s",),
 }
 """Fields by what users call their axis."""
+NEUTRAL_US = 1500.0
+NORMALISED: Mapping[str, float] = {"1": 400.0, "percent": 4.0}
+"""Units of a normalised output, and microseconds of one: full thrust is 1100 or 1900 us."""
+WEIGHT_OF_WATER = 1025.0 * 9.80665
+"""Sea water, N/m^3: a pressure as the depth of so much water, zero where the sensor has it."""
 HALF_TURN = 3.141592653589793 / 2
 
 # Factor and offset (in SI) that turn a field of another frame into FRD and NED. Fields
@@ -223,7 +228,11 @@ def _mapped(
         )
     spec = fields[name]
     factor, offset = 1.0, 0.0
-    if spec.dtype not in ("string", "bool"):
+    if name.startswith("pwm_") and entry["unit"] in NORMALISED:
+        factor, offset = NORMALISED[entry["unit"]], NEUTRAL_US
+    elif name == "depth_m" and convertible(entry["unit"], "Pa"):
+        factor = factor_and_offset(entry["unit"], "Pa")[0] / WEIGHT_OF_WATER
+    elif spec.dtype not in ("string", "bool"):
         factor, offset = _unit(entry["unit"], spec.unit, f"{path}.unit", faults)
     if len(faults.faults) > before:
         return None

@@ -40,6 +40,12 @@ UNIT_WORDS: tuple[tuple[str, str], ...] = (
     (r"volt|volts", "V"),
     (r"amp|amps|ampere", "A"),
     (r"rpm", "rpm"),
+    (r"mbar|millibar|hpa", "mbar"),
+    (r"dbar|decibar", "dbar"),
+    (r"kpa", "kPa"),
+    (r"pa|pascal", "Pa"),
+    (r"bar", "bar"),
+    (r"percent|pct", "percent"),
 )
 UNIT_TEXTS: Mapping[str, str] = {
     "m/s": "m/s",
@@ -62,6 +68,7 @@ UNIT_TEXTS: Mapping[str, str] = {
     "v": "V",
     "a": "A",
     "g": "g0",
+    "%": "percent",
     "-": "1",
     "1": "1",
     "pwm": "us",
@@ -117,7 +124,7 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
         COMMAND,
     ),
     (
-        r"^(?:pwm|servo|motor|thruster|output|thr|rcou|rc out|esc|servo output|mot|thrust)"
+        r"^(?:pwm|pulse|servo|motor|thruster|output|thr|rcou|rc out|esc|servo output|mot|thrust)"
         r"(?: out| c| pwm)? ?(\d+)(?: raw| pwm| output)?$"
         r"|^(?:ch|chan|channel|c|t|m) ?(\d+)(?: out)?$",
         "actuators",
@@ -131,7 +138,7 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
         "{}_rad",
         ANGLE,
     ),
-    (r"\bdepth(?: value)?$", "depth", "depth_m", {}),
+    (r"\b(?:depth(?: value)?|pressure|press|water pressure)$", "depth", "depth_m", {}),
     (r"^(?:pos|position|pose position|p|loc|location)? ?([xyz])$", "position", "{}_m", {}),
     (r"\b(northing|easting)$", "position", "{}_m", PLACE),
     (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),

@@ -22,6 +22,7 @@ def corrected(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> Colu
     A unit that a name says stays; a sign or axis that no name says is turned, and the
     draft says why.
     """
+    draft = _from_above(draft, findings)
     for item in findings:
         change = _change(item)
         if change is not None:
@@ -29,6 +30,26 @@ def corrected(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> Colu
             if columns != draft.columns:
                 draft = replace(draft, columns=columns)
     return draft
+
+
+def _from_above(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> ColumnDraft:
+    """Return the draft in forward-left-up axes where sway and yaw answer reversed.
+
+    Two axes at once are a frame; one alone may as well be a thruster of the vehicle file.
+    """
+    reversed_fields = {
+        field for item in findings if item["id"] == "response_sign" for field in item["fields"]
+    }
+    if not {"v_m_s", "gyro_z_rad_s"} <= reversed_fields or "u_m_s" in reversed_fields:
+        return draft
+    why = "forward-left-up: sway and yaw answer the thrusters the wrong way round otherwise"
+    columns = tuple(
+        replace(item, frame="flu", sign=1, check=why)
+        if item.stream in ("velocity", "imu", "attitude") and not item.frame
+        else item
+        for item in draft.columns
+    )
+    return replace(draft, columns=columns)
 
 
 def _change(item: Mapping[str, Any]) -> Callable[[DraftColumn], DraftColumn] | None:

@@ -133,13 +133,52 @@ def test_outputs_that_are_no_pulses_and_parts_of_a_stream_are_left_out_and_said(
             "t_s": T_S,
             "depth_m": 3.0 + wave(1.0),
             "roll_rad": wave(0.1),
-            "motor1": wave(0.5),
-            "motor2": wave(0.5),
+            "motor1": 3000.0 + wave(0.5),
+            "motor2": 3000.0 + wave(0.5),
         }
     )
     assert draft.streams == ("depth",)
     assert any("no pulses" in remark for remark in draft.remarks)
     assert any("attitude is left out" in remark for remark in draft.remarks)
+
+
+def test_outputs_by_their_values() -> None:
+    normalised = drafted({"t_s": T_S, "thr_0": wave(0.9), "thr_1": wave(0.5)})
+    assert [(item.field, item.unit) for item in normalised.columns] == [
+        ("pwm_1_us", "1"),
+        ("pwm_2_us", "1"),
+    ]
+    assert "counted from 0" in " ".join(normalised.remarks)
+    pulses = drafted({"t_s": T_S, **{f"aux {n}": 1500.0 + wave(200.0) for n in (1, 2, 3)}})
+    assert [item.field for item in pulses.columns] == ["pwm_1_us", "pwm_2_us", "pwm_3_us"]
+
+
+def test_a_pressure_is_depth_only_with_its_unit() -> None:
+    (depth,) = drafted({"t_s": T_S, "pressure_mbar": 1100.0 + wave(50.0)}).columns
+    assert (depth.field, depth.unit) == ("depth_m", "mbar")
+    assert "surface" in depth.check
+    assert drafted_streams({"t_s": T_S, "pressure": 1100.0 + wave(50.0)}) == ()
+
+
+def drafted_streams(columns: dict[str, np.ndarray]) -> tuple[str, ...]:
+    rows = "\n".join(
+        ",".join(f"{value:.4f}" for value in row) for row in zip(*columns.values(), strict=True)
+    )
+    data = f"{','.join(columns)}\n{rows}\n".encode()
+    return draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None)).streams
+
+
+def test_a_forward_left_up_body_is_a_frame_and_one_axis_is_none() -> None:
+    draft = drafted(
+        {"t_s": T_S, "vx": wave(1.0), "vy": wave(1.0), "vz": wave(1.0)}
+        | {f"gyro_{axis}": wave(0.3) for axis in "xyz"}
+    )
+    both = [
+        {"id": "response_sign", "fields": [name], "text": "Reversed.", "value": -9.0}
+        for name in ("v_m_s", "gyro_z_rad_s")
+    ]
+    assert {item.frame for item in corrected(draft, both).columns} == {"flu"}
+    assert corrected(draft, both[:1]) == draft
 
 
 def test_numbered_commands_go_to_the_axes_that_answer_them() -> None:
