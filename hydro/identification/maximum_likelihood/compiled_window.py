@@ -148,24 +148,26 @@ def _jacobians(
     for j in range(MOTION):
         if j == 2 or j == 3:  # heading and depth act on nothing but themselves
             continue
-        moved[j] = x[j] + STEP
+        # Away from 0, where moduli have a kink and V sign(w) (C.11) a jump.
+        h = STEP if x[j] >= 0.0 else -STEP
+        moved[j] = x[j] + h
         _rates(moved, inputs, c, decay, there, work)
         _outputs(moved, there, g, y_there)
         for i in range(MOTION):
-            A[i, j] = (there[i] - rate[i]) / STEP
+            A[i, j] = (there[i] - rate[i]) / h
         for i in range(MEASURED):
-            H[i, j] = (y_there[i] - y[i]) / STEP
+            H[i, j] = (y_there[i] - y[i]) / h
         for p in range(len(pull)):
             kind, row, column = kinds[p, 0], kinds[p, 1], kinds[p, 2]
             if kind == VISCOUS:
-                pull[p, row, j] = (work[3][FACTOR_COUNT + column] - terms[column]) / STEP
+                pull[p, row, j] = (work[3][FACTOR_COUNT + column] - terms[column]) / h
             elif kind == INERTIA:
                 _inertia_force(x, rate, row, column, force)
                 for i in range(6):
-                    pull[p, i, j] = -force[i] / STEP
+                    pull[p, i, j] = -force[i] / h
                 _inertia_force(moved, there, row, column, force)
                 for i in range(6):
-                    pull[p, i, j] += force[i] / STEP
+                    pull[p, i, j] += force[i] / h
         moved[j] = x[j]
     for k in range(n - MOTION):
         for i in range(6):

@@ -155,6 +155,26 @@ def test_sensitivities_are_derivatives_of_the_predictions() -> None:
         )
 
 
+@pytest.mark.parametrize("w", [-4e-7, 4e-7])
+def test_a_jump_of_the_force_beside_the_state_is_in_no_derivative(w: float) -> None:
+    """|q| V sign(w) (C.11) jumps where w changes its sign, here half a difference away."""
+    terms = {axis: tuple(own) for axis, own in TRUTH.items()}
+    terms["Z"] = (*terms["Z"], "|q|*Vw")
+    parameters = UnknownParameters(VT690, terms)
+    values = {f"{axis} {term}": value for axis, own in TRUTH.items() for term, value in own.items()}
+    theta = parameters.vector(values | {"Z |q|*Vw": -60.0})
+    windows, _ = cut_windows([exact_leg()], length_s=None)
+    likelihood = Likelihood([exact_leg()], windows, parameters, False, np.full(10, 0.1))
+    first = likelihood_of(exact_leg(), filtering=False)[2]
+    jacobians = []
+    for start in (w, 1e-4 * np.sign(w)):
+        first[0, 6] = start
+        common = np.concatenate([theta, np.zeros(6)])
+        jacobians.append(likelihood.run(common, first, SD, sensitive=True)[0].jacobian)
+    scale = np.abs(jacobians[1]).max(axis=0)
+    np.testing.assert_allclose(jacobians[0] / scale, jacobians[1] / scale, atol=1e-2)
+
+
 def test_a_filter_that_trusts_its_motion_predicts_as_a_free_run() -> None:
     leg = exact_leg()
     free, common, start = likelihood_of(leg, filtering=False)
