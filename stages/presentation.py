@@ -70,6 +70,11 @@ def text(words: str) -> Block:
     return {"kind": "text", "text": words}
 
 
+def paste(words: str) -> Block:
+    """Return paragraphs, one per line, that the reader can copy as a whole."""
+    return {"kind": "paste", "text": words}
+
+
 def remark(words: str, level: Literal["finding", "note", "warning"] = "note") -> Block:
     """A sentence set apart: a finding, a note, or a warning."""
     return {"kind": "remark", "level": level, "text": words}

@@ -22,6 +22,7 @@ from auvid.stages.base import Collection, Document, FileWriter, Stage, every, pa
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Alert, Level, Summary, anchor
 from auvid.stages.page.html import render
+from auvid.stages.page.methods import methods_section
 from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.report.summary.figure_summary import summarise_results
@@ -143,6 +144,9 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             inputs.shelf or {},
         )
     summary = replace(summary, log_findings=log_findings(inputs))
+    sections["methods"] = methods_section(
+        inputs.provenance, inputs.vehicle, segments, cards, summary
+    )
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
 
 

@@ -1,0 +1,160 @@
+"""The methods of a run as a text to paste into a paper, with references and versions."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from auvid.data_schemas.documents.model import assumed_quantities
+from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.base import Document
+from auvid.stages.page.first_screen import ALL, Summary
+from auvid.stages.presentation import paste, section
+
+ORDER = 999
+REFERENCES = {
+    "McCarter 2014": (
+        "McCarter, B. R. Experimental Evaluation of Viscous Hydrodynamic Force Models for"
+        " Autonomous Underwater Vehicles. MSc thesis, Virginia Tech, 2014."
+    ),
+    "Craven and Wahba 1979": (
+        "Craven, P., and Wahba, G. Smoothing noisy data with spline functions. Numerische"
+        " Mathematik 31 (1979), 377-403."
+    ),
+    "Rauch et al. 1965": (
+        "Rauch, H. E., Tung, F., and Striebel, C. T. Maximum likelihood estimates of linear"
+        " dynamic systems. AIAA Journal 3 (1965), 1445-1450."
+    ),
+    "Newey and West 1987": (
+        "Newey, W. K., and West, K. D. A simple, positive semi-definite, heteroskedasticity and"
+        " autocorrelation consistent covariance matrix. Econometrica 55 (1987), 703-708."
+    ),
+    "Schwarz 1978": (
+        "Schwarz, G. Estimating the dimension of a model. Annals of Statistics 6 (1978), 461-464."
+    ),
+}
+"""Key in the text -> entry of the list of references."""
+SMOOTHING = {
+    "gcv": "by smoothing splines chosen by generalised cross-validation (Craven and Wahba 1979)",
+    "cutoff": "by smoothing splines with a half-amplitude frequency of {cutoff_hz:g} Hz",
+    "none": "by interpolating splines",
+}
+"""Parameter `smoothing` of resample -> words; its other parameters fill them in."""
+FUSION = {
+    "kinematic": "taken from the velocity log, with its arm, the attitude and the gyro",
+    "thesis": "integrated from the accelerometer with a constant bias (McCarter 2014, chapter 2)",
+    "smoother": "estimated by a Rauch-Tung-Striebel smoother of all sensors (Rauch et al. 1965)",
+}
+"""Parameter `method` of fuse -> words."""
+
+
+def methods_section(
+    provenance: Document,
+    vehicle: Vehicle,
+    segments: Mapping[str, SegmentRecord],
+    cards: Mapping[str, ModelCard],
+    summary: Summary,
+) -> dict[str, Any]:
+    """Return the section: what was done in sentences, references, versions."""
+    parameters = {name: entry["parameters"] for name, entry in provenance["stages"].items()}
+    sentences = [*_data(vehicle, segments), *_signals(parameters)]
+    sentences += _models(parameters, cards, summary)
+    words = " ".join(sentences)
+    named = [entry for key, entry in REFERENCES.items() if key in words]
+    versions = {"Python": platform.python_version(), **provenance["packages"]}
+    software = ", ".join(f"{name} {number}" for name, number in versions.items() if name != "auvid")
+    version = provenance["packages"].get("auvid", "")
+    software = f"All results were computed with auvid {version}".rstrip() + f" ({software});"
+    software += f" stages in order: {', '.join(parameters)}."
+    paragraphs = [words, software, *named]
+    return section(
+        "Methods text",
+        [paste("\n".join(filter(None, paragraphs)))],
+        order=ORDER,
+        look_for="To paste into a paper: what this run did, with references and versions.",
+    )
+
+
+def _data(vehicle: Vehicle, segments: Mapping[str, SegmentRecord]) -> list[str]:
+    assumed = len(list(assumed_quantities(vehicle.document)))
+    first = f"The vehicle is {vehicle.title}."
+    if assumed:
+        first += f" Of its mass, inertia, added mass, thrust and sensors {assumed} values are"
+        first += " assumed, not measured."
+    words = []
+    for use in ("training", "validation"):
+        of_use = [item for item in segments.values() if item.use == use]
+        if of_use:
+            seconds = sum(item.duration_s for item in of_use)
+            legs = len({item.leg for item in of_use})
+            words.append(f"{seconds:.0f} s in {legs} leg{'s' * (legs > 1)} for {use}")
+    logs = len({item.log for item in segments.values()})
+    return [first] + (
+        [f"Of {logs} log{'s' * (logs > 1)} we used {' and '.join(words)}."] if words else []
+    )
+
+
+def _signals(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    sentences = []
+    if resample := parameters.get("resample"):
+        words = SMOOTHING[resample["smoothing"]].format(**resample)
+        sentences.append(f"All sensors were brought to {resample['rate_hz']:g} Hz {words}.")
+    if fuse := parameters.get("fuse"):
+        words = f"Velocity and acceleration of the body were {FUSION[fuse['method']]}"
+        if fuse.get("cutoff_hz"):
+            words += (
+                f", and all channels passed one zero-phase low-pass of {fuse['cutoff_hz']:g} Hz"
+            )
+        sentences.append(f"{words}.")
+    if "residual" in parameters:
+        sentences.append(
+            "The residual force is what rigid body, added mass, restoring force and actuators"
+            " leave unexplained (McCarter 2014, equation 4.4)."
+        )
+    return sentences
+
+
+def _models(
+    parameters: Mapping[str, Mapping[str, Any]], cards: Mapping[str, ModelCard], summary: Summary
+) -> list[str]:
+    if not cards:
+        return []
+    sentences = [
+        f"To it we fitted {len(cards)} models by least squares: {_listed(cards)}."
+        " Their 95 % intervals allow for coloured residuals (Newey and West 1987)"
+        + (
+            " and for the spread of assumed values of the vehicle."
+            if any(card.spreads for card in cards.values())
+            else "."
+        )
+    ]
+    if any(card.limits for card in cards.values()):
+        sentences.append("Damping was held within physical limits.")
+    if any(card.prior is not None for card in cards.values()):
+        share = parameters.get("synthesise", {}).get("prior_sd", 0.0)
+        sentences.append(
+            f"Coefficients that the data hardly determine had a prior with a standard deviation of"
+            f" {100 * share:g} % of the published value."
+        )
+    chosen = next((item for item in summary.models if item.name == summary.recommended), None)
+    if chosen is not None:
+        merit = chosen.axes[ALL]
+        words = (
+            f"{chosen.title} was chosen as {summary.rule.removeprefix('Chosen as ').rstrip('.')}"
+        )
+        words += " (BIC: Schwarz 1978)" if "BIC" in summary.rule else ""
+        if merit.validation is not None and summary.judged_on == "validation":
+            words += f"; on the validation legs its error is {merit.validation:.2f} of the force"
+            words += " (J/J0, root mean squares; McCarter 2014, equations 4.22 to 4.27)"
+        if chosen.runs:
+            words += f", and {chosen.runs - chosen.lost} of {chosen.runs} free runs stayed bounded"
+        sentences.append(f"{words}.")
+    return sentences
+
+
+def _listed(cards: Mapping[str, ModelCard]) -> str:
+    titles: Sequence[str] = [f"{card.title} ({card.n_bar} terms)" for card in cards.values()]
+    return ", ".join(titles)
