@@ -12,15 +12,17 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
+from auvid.arguments import as_numbers, finite, worded_for_arrays
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.errors import DataError, UsageError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
+from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.force_input import driven_by_force, force_pulses
 from auvid.models import VehicleModel
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -121,9 +123,13 @@ def fit(
         Shapes that do not fit, degrees for radians, an actuator without a command, too
         few data.
     """
-    t_s = np.asarray(time, dtype=np.float64)
-    if t_s.ndim != 1 or len(t_s) < 2 or not np.all(np.diff(t_s) > 0.0):
-        raise DataError("times do not ascend", field="time", value=t_s.shape)
+    _check_model(model)
+    t_s = finite(as_numbers(time, "time"), "time")
+    if t_s.ndim != 1 or len(t_s) < 2:
+        raise DataError("wrong shape", field="time", value=t_s.shape, allowed="(n,), n from 2")
+    if not np.all(np.diff(t_s) > 0.0):
+        row = int(np.argmin(np.diff(t_s) > 0.0)) + 1
+        raise DataError("times do not ascend", field="time", row=row, value=float(t_s[row]))
     own = _vehicle(vehicle)
     acting, commands = _actuators(
         own, t_s, tau, {"pulses": pulses, "fins": fins, "propeller_rev_s": propeller_rev_s}
@@ -138,12 +144,36 @@ def fit(
         None if voltage is None else _rows(voltage, t_s, 0, "voltage"),
     )
     deviations = None if velocity_sd is None else _deviations(velocity_sd)
-    params = _parameters(model, settings or {}, "fixed" if deviations is None else "errors")
+    excitation = "fixed" if deviations is None else "errors"
+    with worded_for_arrays():
+        params = _parameters(model, settings or {}, excitation)
     origin = _origin(own, streams, params)
     acting = replace(acting, dvl=AT_ORIGIN, imu=AT_ORIGIN, depth_sensor=AT_ORIGIN)
     name = OWN if isinstance(model, Mapping) else model
-    files = _chain(t_s, validate_from, streams, own, acting, params, origin, deviations)
+    split = None if validate_from is None else float(as_numbers(validate_from, "validate_from"))
+    with worded_for_arrays():
+        files = _chain(t_s, split, streams, own, acting, params, origin, deviations)
     return VehicleModel(files[name])
+
+
+def _check_model(model: str | Mapping[str, list[str]]) -> None:
+    """Raise `UsageError` for a form that is not known, before anything is worked out."""
+    if isinstance(model, str):
+        known = [item.name for item in (*synthesise.STRUCTURES, *MODELS)]
+        if model not in known:
+            remedy = nearest(model, known)
+            raise UsageError(
+                "unknown model", field="model", value=model, allowed=known, remedy=remedy
+            )
+    elif not isinstance(model, Mapping) or not model:
+        raise UsageError(
+            "not a model",
+            field="model",
+            value=model,
+            allowed='a name as "symmetric", or axis -> terms as {"X": ["u", "u|u|"]}',
+        )
+    elif unknown := [axis for axis in model if axis not in AXES]:
+        raise UsageError("unknown axis", field="model", value=unknown[0], allowed=AXES)
 
 
 def _chain(
@@ -278,24 +308,22 @@ def _actuators(
 
 def _rows(values: ArrayLike, t_s: Array, width: int, name: str) -> Array:
     """Return an array (n, width), or (n,) for no width, of finite numbers."""
-    array = np.asarray(values, dtype=np.float64)
+    array = as_numbers(values, name)
     shape = (len(t_s), width) if width else (len(t_s),)
     if array.shape != shape:
-        raise DataError("wrong shape", field=name, value=array.shape, allowed=shape)
-    wrong = ~np.isfinite(array)
-    if wrong.any():
+        turned = array.ndim == 2 and array.shape[::-1] == shape
         raise DataError(
-            "not finite",
+            "wrong shape",
             field=name,
-            row=int(np.argwhere(wrong)[0, 0]),
-            value=int(wrong.sum()),
-            remedy="Leave out the rows that are not known.",
+            value=array.shape,
+            allowed=f"{shape}, a row for each time",
+            remedy=f"Turn it: {name}.T." if turned else None,
         )
-    return array
+    return finite(array, name)
 
 
 def _deviations(values: ArrayLike) -> Array:
-    array = np.asarray(values, dtype=np.float64)
+    array = as_numbers(values, "velocity_sd")
     if array.shape != (6,) or not np.all(np.isfinite(array) & (array >= 0.0)):
         raise DataError(
             "no standard deviations of u v w p q r",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from auvid.arguments import as_numbers, finite
 from auvid.data_schemas.errors import DataError, UsageError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.hydro import model_file
@@ -113,6 +115,9 @@ class VehicleModel:
     @property
     def coefficients(self) -> pd.DataFrame:
         """Coefficients of the viscous force, indexed by symbol.
+
+        Constant forces have rows too, where the run fitted them; "7 of 18" in its report
+        counts the others, of which 7 are determined.
 
         Columns axis, term, unit, value (nan where the run gives none), standard_error,
         low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
@@ -228,9 +233,9 @@ class VehicleModel:
         Raises
         ------
         PipelineError
-            The clock is not uniform, shapes do not fit, values are not finite, an
-            actuator has no command, a command has no actuator, `tau` stands beside
-            commands.
+            Neither a force nor commands, the clock is not uniform, shapes do not fit,
+            values are not finite, an actuator has no command, a command has no actuator,
+            `tau` stands beside commands.
         """
         t_s = _clock(time)
         count, vehicle = len(t_s), self.vehicle
@@ -250,6 +255,14 @@ class VehicleModel:
             )
         if idle:
             raise UsageError("the vehicle has no actuator for a command", value=idle)
+        if tau is None:
+            _refuse_missing(
+                {
+                    f"pulses (n, {thrusters})": (vehicle.thrusters, pulses),
+                    "fins (n, 4)": (vehicle.fins, fins),
+                    "propeller_rev_s (n,)": (screw, propeller_rev_s),
+                }
+            )
         speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
         if tau is not None:
             force = _rows_or_one(tau, count, "tau")
@@ -323,6 +336,18 @@ class VehicleModel:
         )
 
 
+def _refuse_missing(commands: Mapping[str, tuple[object, object]]) -> None:
+    """Raise `UsageError` for actuators without a command; name, shape -> both."""
+    missing = [name for name, (part, values) in commands.items() if part and values is None]
+    if missing or not any(part for part, _ in commands.values()):
+        raise UsageError(
+            "what moves the vehicle is missing",
+            field=missing[0].partition(" ")[0] if missing else "tau",
+            remedy=f"Give {', '.join([*missing, 'or '] if missing else [])}tau (n, 6) or (6,),"
+            " the force of all actuators; zeros let it drift.",
+        )
+
+
 def open_model(name: str | PathLike[str]) -> VehicleModel:
     """Open a model by name, as the command ``auvid export`` does.
 
@@ -356,10 +381,10 @@ def _minimum_speed(file: ModelFile) -> float:
 
 def _shaped(values: ArrayLike, name: str) -> Array:
     """Return an array (6,) or (n, 6) of finite numbers."""
-    array = np.asarray(values, dtype=np.float64)
+    array = as_numbers(values, name)
     if array.ndim not in (1, 2) or array.shape[-1] != 6:
         raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,) or (n, 6)")
-    return _finite(array, name)
+    return finite(array, name)
 
 
 def _rows_or_one(values: ArrayLike, count: int, name: str) -> Array:
@@ -383,24 +408,18 @@ def _series(values: ArrayLike | None, count: int, width: int, name: str) -> Arra
     """Return finite numbers (count, width); (count,), also from a scalar, for width 0."""
     if values is None:
         return None
-    array, shape = np.asarray(values, dtype=np.float64), (count, width) if width else (count,)
+    array, shape = as_numbers(values, name), (count, width) if width else (count,)
     if array.ndim == 0 and not width:
         array = np.full(count, array)
     if array.shape != shape:
         raise DataError(
             "one row for each time is needed", field=name, value=array.shape, allowed=str(shape)
         )
-    return _finite(array, name)
-
-
-def _finite(array: Array, name: str) -> Array:
-    if not np.isfinite(array).all():
-        raise DataError("not finite", field=name, value=float(array[~np.isfinite(array)][0]))
-    return array
+    return finite(array, name)
 
 
 def _clock(time: ArrayLike) -> Array:
-    t_s = np.asarray(time, dtype=np.float64)
+    t_s = finite(as_numbers(time, "time"), "time")
     steps = np.diff(t_s) if t_s.ndim == 1 else np.zeros(0)
     if len(steps) < 1 or not np.allclose(steps, np.mean(steps), rtol=1e-6) or steps[0] <= 0.0:
         raise DataError(

@@ -175,8 +175,18 @@ def open_run(campaign: str | PathLike[str]) -> RunResults:
     -------
     RunResults
         What has been made so far.
+
+    Raises
+    ------
+    PipelineError
+        No such campaign, or nothing of it has been run.
     """
-    return RunResults(open_folder(fspath(campaign)))
+    results = RunResults(open_folder(fspath(campaign)))
+    if not results:
+        raise DataError(
+            "the campaign has not been run", value=results.name, remedy=f'auvid.run("{campaign}")'
+        )
+    return results
 
 
 def run(

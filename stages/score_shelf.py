@@ -339,9 +339,9 @@ def shelf_section(rows: Sequence[Mapping[str, Any]], horizon_s: float) -> dict[s
     )
     blocks: list[Block] = [
         text(
-            "Published sets of coefficients with their own mass, inertia, added mass and buoyancy,"
-            " moved by the thrust of this dive. Each has a constant force per axis fitted to the"
-            " training legs, as the models of this dive have."
+            "Published sets of coefficients that the campaign names under `shelf`, with their own"
+            " mass, inertia, added mass and buoyancy, moved by the thrust of this dive. Each has a"
+            " constant force per axis fitted to the training legs, as the models of this dive have."
         )
     ]
     if best is not None:
@@ -357,12 +357,13 @@ def shelf_section(rows: Sequence[Mapping[str, Any]], horizon_s: float) -> dict[s
         )
     used = best["use"] if best is not None else "training"
     judged = sorted((row for row in rows if row["use"] == used), key=lambda row: row["ratio"])
-    heads = ("set", *(AXIS_WORDS[axis] for axis in AXES), "total")
+    heads = ("set", "name", *(AXIS_WORDS[axis] for axis in AXES), "total")
     cells = [
-        [row["title"], *(significant(row[RATIOS[axis]], 2) for axis in (*AXES, TOTAL))]
+        [row["title"], row["set"], *(significant(row[RATIOS[axis]], 2) for axis in (*AXES, TOTAL))]
         for row in judged
     ]
-    blocks.append(table(f"J/J0 on {used}", heads, cells, note="Above 1: worse than no force."))
+    note = "Nearest first. Above 1: worse than no force. auvid export takes a set by its name."
+    blocks.append(table(f"J/J0 on {used}", heads, cells, note=note))
     flown = [row for row in judged if row["starts"]]
     if flown:
         units = ["m/s"] * 3 + ["rad/s"] * 3

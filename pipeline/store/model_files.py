@@ -24,8 +24,22 @@ def read_model(path: Path) -> ModelFile:
         content = path.read_bytes()
     try:
         document = json.loads(content)
-    except ValueError as fault:
-        raise SchemaError(f"not JSON: {fault}", file=path, remedy=REMEDY) from None
+    except UnicodeDecodeError:
+        raise SchemaError("not a text file, so no model file", file=path, remedy=REMEDY) from None
+    except json.JSONDecodeError as fault:
+        # Cut off, a text ends in a string, in a word as `false`, or with a bracket open.
+        last_word = len(fault.doc.rstrip()) - len("false")
+        cut = fault.pos >= last_word or "Unterminated" in fault.msg
+        if cut and fault.doc.lstrip().startswith("{"):
+            raise SchemaError(
+                "the model file ends in the middle: it was cut off",
+                file=path,
+                row=fault.doc.count("\n") + 1,
+                remedy="Copy it anew, or run its campaign again.",
+            ) from None
+        raise SchemaError(
+            f"not JSON, so no model file: {fault.msg}", file=path, row=fault.lineno, remedy=REMEDY
+        ) from None
     if not isinstance(document, dict) or document.get("kind") != "auvid model":
         value = document.get("kind") if isinstance(document, dict) else type(document).__name__
         raise SchemaError(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +14,7 @@ import numpy.typing as npt
 import pytest
 
 import auvid
+from auvid.data_schemas.errors import PipelineError
 from auvid.export import write
 from auvid.pipeline.commands.model.score_command import score as command_score
 
@@ -184,7 +188,7 @@ def test_a_fit_refuses_in_words(
         ([0.0, 1.0, 3.0], np.zeros(6), "not uniform"),
         ([0.0, 0.1], np.zeros(5), "wrong shape"),
         ([0.0, 0.1], np.full(6, np.inf), "not finite"),
-        ([0.0, 0.1], None, "thruster pulses"),
+        ([0.0, 0.1], None, "Give pulses"),
     ],
 )
 def test_a_simulation_refuses_in_words(
@@ -321,3 +325,98 @@ def test_a_vehicle_that_tips_over_is_named(fossen: auvid.Model) -> None:
     rolled = fossen.simulate(t_s, [0.0, 0.0, 0.0, 40.0, 0.0, 0.0])
     assert not [words for words in calm.attrs["warnings"] if "tips over" in words]
     assert [words for words in rolled.attrs["warnings"] if "phi reaches" in words]
+
+
+def test_a_published_set_opens_by_name_and_falls_into_a_simulation() -> None:
+    """At the end of a long push along x, drag X_u u + X_u|u| u|u| is the push."""
+    model = auvid.open_model("bluerov2_wu_2018")
+    assert "no intervals, no range of validity, no actuators" in model.use
+    assert set(model.coefficients.verdict) == {"published"}
+    assert model.coefficients.value["X_u|u|"] == -18.18
+    lift = model.file.dynamics.buoyancy_N - model.file.dynamics.weight_N
+    motion = model.simulate(np.arange(0.0, 30.0, 0.02), [10.0, 0.0, lift, 0.0, 0.0, 0.0])
+    speed = motion.u_m_s.iloc[-1]
+    assert 4.03 * speed + 18.18 * speed**2 == pytest.approx(10.0, rel=1e-3)
+    assert motion.attrs["warnings"] == ["nothing says up to which velocities this model holds"]
+
+
+T = np.arange(0.0, 2.0, 0.1)
+BAD: dict[str, tuple[Callable[[auvid.Model], object], str]] = {
+    "no force": (lambda m: m.simulate(T), r"what moves the vehicle is missing\. Give tau"),
+    "words": (lambda m: m.simulate("abc", np.zeros(6)), "'time': not an array of numbers"),
+    "words for a force": (lambda m: m.simulate(T, "abc"), "'tau': not an array of numbers"),
+    "a mapping": (lambda m: m.force({"u": 1.0}), "'nu': not an array of numbers"),
+    "rows of two lengths": (lambda m: m.force([[1.0], [1.0, 2.0]]), "'nu': not an array"),
+    "shape": (lambda m: m.simulate(T, np.zeros((20, 5))), r"found \(20, 5\); allowed: \(6,\)"),
+    "nan": (lambda m: m.force([0, 0, np.nan, 0, 0, 0]), "not finite; found 'nan, 1 of 6'"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_no_motion_is_refused_by_name(case: str) -> None:
+    call, words = BAD[case]
+    with pytest.raises(PipelineError, match=words):
+        call(auvid.open_model("bluerov2_wu_2018"))
+
+
+def test_commands_that_are_missing_are_named_with_their_shapes() -> None:
+    model = auvid.open_model("vt690_fossen")
+    with pytest.raises(PipelineError, match=r"Give fins \(n, 4\), propeller_rev_s \(n,\), or tau"):
+        model.simulate(T)
+    with pytest.raises(PipelineError, match=r"Give propeller_rev_s \(n,\), or tau"):
+        model.simulate(T, fins=np.zeros((20, 4)))
+
+
+WRONG_FITS: dict[str, tuple[dict[str, object], str]] = {
+    "model": ({"model": "symetric"}, "'model': unknown model.*Did you mean 'symmetric'"),
+    "axis": ({"model": {"Q": ["u"]}}, "'model': unknown axis; found 'Q'"),
+    "term": ({"model": {"X": ["uu|"]}}, r"field 'model\.X': unknown basis term"),
+    "list": ({"model": ["symmetric"]}, "'model': not a model"),
+    "words": ({"nu": "abc"}, "'nu': not an array of numbers"),
+    "turned": ({"nu": np.zeros((6, 1200))}, r"allowed: \(1200, 6\), a row.*Turn it: nu\.T"),
+    "time": ({"time": np.zeros((1200, 1))}, r"'time': wrong shape; found \(1200, 1\)"),
+    "late": ({"validate_from": 59.9}, r'no part of the data from validate_from on.*settings\["re'),
+    "still": ({"tau": np.zeros((1200, 6))}, "no actuator acts in the data to fit.*Give data in"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_FITS)
+def test_fit_speaks_of_arrays_not_of_legs(case: str) -> None:
+    change, words = WRONG_FITS[case]
+    random = np.random.default_rng(0)
+    arguments: dict[str, object] = {
+        "time": np.arange(0.0, 60.0, 0.05),
+        "nu": 0.001 * np.cumsum(random.normal(size=(1200, 6)), axis=0),
+        "angles": np.zeros((1200, 3)),
+        "vehicle": "bluerov2_heavy",
+        "tau": random.normal(size=(1200, 6)),
+    }
+    with pytest.raises(PipelineError, match=words) as caught:
+        auvid.fit(**(arguments | change))  # type: ignore[arg-type]
+    assert not re.search(r"\b(leg|segment)s?\b|stages\.|manifest", str(caught.value))
+
+
+def test_a_campaign_that_has_not_run_opens_with_words(
+    short_workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(short_workspace)
+    folder = short_workspace / "campaigns/later"
+    shutil.copytree(short_workspace / "campaigns/example", folder, symlinks=True)
+    with pytest.raises(PipelineError, match="the campaign has not been run; found 'later'"):
+        auvid.open_run(folder)
+    shutil.rmtree(folder)
+
+
+@pytest.mark.parametrize("end", [0.3, 0.7, 0.99])
+def test_a_model_file_cut_off_is_named_as_that(end: float, tmp_path: Path) -> None:
+    path = auvid.open_model("lauv").save(tmp_path / "lauv.json")
+    content = path.read_bytes()
+    path.write_bytes(content[: int(end * len(content))])
+    with pytest.raises(PipelineError, match="ends in the middle: it was cut off"):
+        auvid.Model.load(path)
+    path.write_bytes(b'{"kind" "auvid model"}')
+    with pytest.raises(PipelineError, match="not JSON, so no model file"):
+        auvid.Model.load(path)
+    path.write_bytes(b"\x80\x81\xff")
+    with pytest.raises(PipelineError, match="not a text file"):
+        auvid.Model.load(path)

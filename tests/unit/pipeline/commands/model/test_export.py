@@ -41,9 +41,9 @@ def test_a_model_is_a_path_a_campaign_or_one_of_its_models(workspace: Path) -> N
     taken = {"dive": "dive", "campaigns/dive": "campaigns/dive"}
     others = {"dive/fossen": "dive", str(workspace / "fossen.json"): None}
     for name, campaign in (taken | others).items():
-        found = named_model(name)
-        assert found.campaign == campaign
-        assert found.model.use.recommended == (name in taken)
+        each = named_model(name)
+        assert each.campaign == campaign
+        assert each.model.use.recommended == (name in taken)
 
 
 def test_unknown_models_are_refused_by_name(workspace: Path) -> None:
@@ -124,10 +124,10 @@ def test_a_published_set_is_exported_in_an_empty_folder(
     output = CliRunner().invoke(cli.app, words, catch_exceptions=False)
     assert output.exit_code == 0
     folder = tmp_path / "exported/bluerov2_wu_2018_gazebo"
-    said = "it has no intervals, no range of validity, no actuators"
+    lacking = "it has no intervals, no range of validity, no actuators"
     page = (folder / "README_bluerov2_wu_2018_gazebo.md").read_text(encoding="utf-8")
     for text in (output.output, page, (folder / "bluerov2_wu_2018.sdf").read_text("utf-8")):
-        assert said in " ".join(text.split())
+        assert lacking in " ".join(text.split())
     assert "licence of its numbers: numbers only" in page
     assert "campaign" not in page.partition("## Where it comes from")[2].partition("remarks")[0]
     with pytest.raises(UsageError, match="Did you mean 'bluerov2_wu_2018'"):
