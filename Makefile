@@ -6,8 +6,9 @@ CAMPAIGN = $(or $(NAME),bluerov2_dvl)
 TWIN = $(or $(NAME),vt690_twin)
 GOLDEN = $(or $(NAME),$(notdir $(wildcard tests/golden/*)))
 VENV := .venv
-# What is installed: all that running needs, and on top of it all that testing needs.
+# What is installed: all that running needs, on top of it DVC, and all that testing needs.
 RUN := $(VENV)/.run-installed
+WITH_DVC := $(VENV)/.dvc-installed
 TEST := $(VENV)/.test-installed
 TYPING := build/typing/auvid
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
@@ -35,31 +36,42 @@ help:
 	@echo "make agreement LOGS=DIR   readers against pymavlink and pyulog on every log of a folder"
 	@echo "make declarations         write params.yaml, dvc.yaml and the reference pages of docs/ from the code"
 	@echo "make docs                 build the site of the documents into build/docs"
-	@echo "make lock                 pin the dependencies: one set for running, one for testing"
+	@echo "make lock                 pin the dependencies: for running, with DVC, for testing"
 	@echo "make clean                remove results and caches, not .venv"
 
 setup: $(TEST) typing
 
-# $(call install,LOCK): uv when present (seconds), pip otherwise.
+# $(call install,LOCK): uv when present, pip otherwise; either shows what it is at. Byte code is made
+# now, else the first runs make it.
 define install
-@if command -v uv >/dev/null; then pip="uv pip install --quiet --python $(VENV)/bin/python"; \
-	else pip="$(VENV)/bin/python -m pip install --quiet"; fi; \
-	$$pip --require-hashes -r $(1) && $$pip --no-deps --no-build-isolation -e .
+@echo "installing $$(grep -c '==' $(1)) packages of $(1) into $(VENV)/: with uv a minute or less, with pip some minutes"
+@if command -v uv >/dev/null; then pip="uv pip install --compile-bytecode --python $(VENV)/bin/python"; \
+	else pip="$(VENV)/bin/python -m pip install --disable-pip-version-check --no-warn-script-location"; fi; \
+	$$pip --require-hashes -r $(1) && $$pip --no-deps --no-build-isolation -e . \
+	|| { echo "the installation into $(VENV)/ did not finish; it needs a network and 2 GB of disk. Then: make $(MAKECMDGOALS)"; exit 1; }
 @touch $@
 endef
 
 $(VENV)/bin/python:
+	@command -v $(PYTHON) >/dev/null || \
+		{ echo "auvid needs Python 3.11 or newer, and '$(PYTHON)' is not there. Debian, Ubuntu: apt-get install python3 python3-venv. Another one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-		{ echo "auvid needs Python 3.11 or newer. Say which one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
-	@$(PYTHON) -m venv $(VENV)
+		{ echo "auvid needs Python 3.11 or newer, and '$(PYTHON)' is $$($(PYTHON) --version 2>&1). Say which one: make $(MAKECMDGOALS) PYTHON=python3.12"; exit 1; }
+	@echo "making $(VENV)/ with $$($(PYTHON) --version 2>&1)"
+	@$(PYTHON) -m venv $(VENV) || \
+		{ rm -rf $(VENV); echo "$(PYTHON) has no venv. Debian, Ubuntu: apt-get install python3-venv"; exit 1; }
 
 # Nothing is fetched again until a lock or pyproject.toml changes.
 $(RUN): requirements.lock pyproject.toml setup.py | $(VENV)/bin/python
 	$(call install,requirements.lock)
 
+$(WITH_DVC): requirements-dvc.lock pyproject.toml setup.py | $(VENV)/bin/python
+	$(call install,requirements-dvc.lock)
+	@touch $(RUN)
+
 $(TEST): requirements-test.lock pyproject.toml setup.py | $(VENV)/bin/python
 	$(call install,requirements-test.lock)
-	@touch $(RUN)
+	@touch $(RUN) $(WITH_DVC)
 
 # Folder links in which mypy and editors find the package: build/typing/auvid/stages -> stages.
 typing:
@@ -68,12 +80,13 @@ typing:
 		ln -sfn ../../../$$part $(TYPING)/$$(basename $$part); done
 
 demo: $(RUN)
+	@echo "running a dive of 130 s from its log to the report: about half a minute"
 	auvid run bluerov2_dvl
 
 # Whether dvc.yaml has a report of the campaign: a target that matches nothing means all to DVC.
 DECLARED = grep -A1 -E '^  report(-[a-z_]+)?:' dvc.yaml | grep -qE 'foreach: (.\{campaigns|\[(.*, )?$(CAMPAIGN)[],])'
 
-campaign: $(RUN) .dvc/config.local
+campaign: $(WITH_DVC) .dvc/config.local
 	@grep -qE "^ *- +$(CAMPAIGN) *(#|$$)" params.yaml || { echo "campaign $(CAMPAIGN) is not in the list 'campaigns:' of params.yaml: add a line '  - $(CAMPAIGN)'"; exit 1; }
 	@$(DECLARED) || python -m auvid.pipeline.execution.generate_dvc dvc.yaml
 	@$(DECLARED) || { echo "no stage 'report' of dvc.yaml has campaign $(CAMPAIGN)"; exit 1; }
@@ -149,13 +162,15 @@ docs: $(TEST)
 	@python tools/check_site.py build/docs
 	@echo "$(CURDIR)/build/docs/index.html"
 
-COMPILE = uv pip compile pyproject.toml --universal --python-version 3.11 --generate-hashes --no-header \
+# setuptools installs auvid itself.
+COMPILE = echo "setuptools>=77" | uv pip compile pyproject.toml - --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-annotate --no-emit-index-url --no-emit-find-links --quiet
 
-# The set for testing takes the versions of the set for running.
+# Three sets, each within the next: for running, with DVC, and for testing.
 lock:
-	$(COMPILE) -o requirements.lock
-	$(COMPILE) --extra test --extra docs -c requirements.lock -o requirements-test.lock
+	$(COMPILE) --extra view -o requirements.lock
+	$(COMPILE) --extra view --extra dvc -c requirements.lock -o requirements-dvc.lock
+	$(COMPILE) --extra view --extra dvc --extra test --extra docs -c requirements-dvc.lock -o requirements-test.lock
 
 bench: $(RUN)
 	@python -m benchmarks
@@ -167,5 +182,5 @@ clean:
 	rm -rf runs build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 # DVC works with git, and without it (an unpacked archive) if told so.
-.dvc/config.local: | $(RUN)
+.dvc/config.local: | $(WITH_DVC)
 	@if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then touch $@; else dvc config --local core.no_scm true; fi

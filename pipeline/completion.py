@@ -26,14 +26,14 @@ def _with_start(names: Iterator[str], start: str) -> list[str]:
 
 def campaigns(incomplete: str) -> list[str]:
     """Return the campaigns of the workspace here whose names begin so."""
-    found = _root().glob("campaigns/*/campaign.yaml")
-    return _with_start((path.parent.name for path in found), incomplete)
+    paths = _root().glob("campaigns/*/campaign.yaml")
+    return _with_start((path.parent.name for path in paths), incomplete)
 
 
 def runs(incomplete: str) -> list[str]:
     """Return the campaigns that have been run."""
-    found = _root().glob("runs/*/*/manifest.json")
-    return _with_start((path.parents[1].name for path in found), incomplete)
+    paths = _root().glob("runs/*/*/manifest.json")
+    return _with_start((path.parents[1].name for path in paths), incomplete)
 
 
 def campaigns_and_files(incomplete: str) -> list[str]:
@@ -50,16 +50,16 @@ def _files(start: str) -> list[str]:
     """Return the files and folders whose paths begin so, folders with a slash."""
     folder, _, name = start.rpartition("/")
     base = Path(folder or ("/" if start.startswith("/") else ".")).expanduser()
-    found = [path for path in base.glob("*") if path.name.startswith(name)]
+    paths = [path for path in base.glob("*") if path.name.startswith(name)]
     before = start[: len(start) - len(name)]
-    return sorted(f"{before}{path.name}{'/' * path.is_dir()}" for path in found)
+    return sorted(f"{before}{path.name}{'/' * path.is_dir()}" for path in paths)
 
 
 def run_models(incomplete: str) -> list[str]:
     """Return CAMPAIGN and CAMPAIGN/MODEL of the runs that have model files."""
-    found = list(_root().glob("runs/*/model_file/model_file/*.json"))
-    names = (path.parents[2].name for path in found)
-    both = (f"{path.parents[2].name}/{path.stem}" for path in found)
+    paths = list(_root().glob("runs/*/model_file/model_file/*.json"))
+    names = (path.parents[2].name for path in paths)
+    both = (f"{path.parents[2].name}/{path.stem}" for path in paths)
     return _with_start(
         (name for pair in zip(names, both, strict=True) for name in pair), incomplete
     )
@@ -83,8 +83,8 @@ def run_or_model(incomplete: str) -> list[str]:
 
 def run_numbers(incomplete: str) -> list[str]:
     """Return the numbers of the runs in the histories of this workspace."""
-    found = _root().glob("runs/*/history/[0-9]*.json")
-    return _with_start((str(int(path.stem)) for path in found), incomplete)
+    paths = _root().glob("runs/*/history/[0-9]*.json")
+    return _with_start((str(int(path.stem)) for path in paths), incomplete)
 
 
 def stages(incomplete: str) -> list[str]:
@@ -103,14 +103,14 @@ def models(incomplete: str) -> list[str]:
 def vehicles(incomplete: str) -> list[str]:
     """Return the vehicles of the workspace and those that come with auvid."""
     folders = (PACKAGE / "vehicles", _root() / "vehicles")
-    found = (path.stem for folder in folders for path in folder.glob("*.yaml"))
-    return _with_start(found, incomplete)
+    paths = (path.stem for folder in folders for path in folder.glob("*.yaml"))
+    return _with_start(paths, incomplete)
 
 
 def shelf(incomplete: str) -> list[str]:
     """Return the published sets of the shelf, and its name for all of them."""
-    found = (path.stem for path in (PACKAGE / "vehicles" / "shelf").glob("*.yaml"))
-    return _with_start(iter(["shelf", *found]), incomplete)
+    paths = (path.stem for path in (PACKAGE / "vehicles" / "shelf").glob("*.yaml"))
+    return _with_start(iter(["shelf", *paths]), incomplete)
 
 
 def targets(incomplete: str) -> list[str]:

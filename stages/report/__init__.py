@@ -7,9 +7,11 @@ and the provenance.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.util import find_spec
 
 import pyarrow as pa
 
@@ -60,7 +62,7 @@ class Params:
 class Outputs:
     report_html: bytes = port("report_html")
     answer: bytes = port("answer")
-    recording: FileWriter = port("recording")
+    recording: FileWriter | None = port("recording", optional=True)
 
 
 @dataclass(frozen=True)
@@ -76,11 +78,19 @@ class ReportContent:
 
 def run(inputs: Inputs, params: Params) -> Outputs:
     content = collect(inputs)
-    return Outputs(
-        report_html=page(inputs, content),
-        answer=answer_text(content.summary).encode("utf-8"),
-        recording=partial(render_recording, inputs, params, content),
+    outputs = Outputs(
+        report_html=page(inputs, content), answer=answer_text(content.summary).encode("utf-8")
     )
+    if find_spec("rerun") is None:
+        warnings.warn(NO_RECORDING, stacklevel=1)
+        return outputs
+    return replace(outputs, recording=partial(render_recording, inputs, params, content))
+
+
+NO_RECORDING = (
+    "there is no recording for auvid inspect, because rerun-sdk is not installed: pip install"
+    " 'auvid[view]', then auvid report CAMPAIGN --rebuild"
+)
 
 
 def page(inputs: Inputs, content: ReportContent) -> bytes:

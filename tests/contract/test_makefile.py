@@ -1,11 +1,15 @@
-"""`make campaign` never leaves it to DVC to take another campaign."""
+"""`make campaign` never leaves it to DVC to take another campaign; `make demo` says what
+it waits for; the locks hold what they should.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -19,7 +23,7 @@ def folder(tmp_path: Path) -> Path:
     """A copy of what `make campaign` looks at, with a campaign more and a stub for DVC."""
     for name in ("Makefile", "params.yaml", "dvc.yaml"):
         shutil.copy(ROOT / name, tmp_path)
-    for name in ("requirements.lock", "pyproject.toml", "setup.py"):
+    for name in ("requirements-dvc.lock", "pyproject.toml", "setup.py"):
         (tmp_path / name).touch()
     programs = tmp_path / ".venv" / "bin"
     programs.mkdir(parents=True)
@@ -27,7 +31,7 @@ def folder(tmp_path: Path) -> Path:
     (programs / "dvc").chmod(0o755)
     (programs / "python").write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
     (programs / "python").chmod(0o755)
-    (tmp_path / ".venv" / ".run-installed").touch()
+    (tmp_path / ".venv" / ".dvc-installed").touch()
     (tmp_path / ".dvc").mkdir()
     (tmp_path / ".dvc" / "config.local").touch()
     for path in ROOT.glob("campaigns/*/campaign.yaml"):
@@ -40,11 +44,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def make(folder: Path) -> subprocess.CompletedProcess[str]:
+def make(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     # Without what a make around the tests hands on: its level and its flags.
     settings = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     return subprocess.run(
-        ["make", "campaign", "NAME=mydive"],
+        ["make", *(words or ("campaign", "NAME=mydive"))],
         cwd=folder,
         env=settings,
         capture_output=True,
@@ -70,3 +74,59 @@ def test_campaign_outside_params_is_refused(folder: Path) -> None:
     assert done.returncode != 0
     assert "mydive is not in the list 'campaigns:'" in done.stdout
     assert not (folder / "called").exists()
+
+
+def test_machine_without_python_is_told_what_to_install(folder: Path) -> None:
+    shutil.rmtree(folder / ".venv")
+    shutil.copy(ROOT / "requirements.lock", folder)
+    done = make(folder, "demo", "PYTHON=python3.99")
+    assert done.returncode != 0
+    assert "needs Python 3.11 or newer, and 'python3.99' is not there" in done.stdout
+    assert "make demo PYTHON=" in done.stdout
+
+
+def test_demo_says_what_it_waits_for(folder: Path) -> None:
+    """With stubs in place of uv, or of what pip installs: no network here."""
+    shutil.copy(ROOT / "requirements.lock", folder)
+    (folder / ".venv" / "bin" / "uv").write_text(STUB)
+    (folder / ".venv" / "bin" / "uv").chmod(0o755)
+    (folder / ".venv" / "bin" / "auvid").write_text(STUB)
+    (folder / ".venv" / "bin" / "auvid").chmod(0o755)
+    done = make(folder, "demo")
+    assert done.returncode == 0, done.stderr
+    lines = (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines()
+    count = sum("==" in line for line in lines)
+    assert f"installing {count} packages of requirements.lock" in done.stdout
+    assert "running a dive" in done.stdout
+    first, second, third = (folder / "called").read_text().splitlines()
+    assert "--require-hashes -r requirements.lock" in first
+    assert "--compile-bytecode" in second
+    assert third == "run bluerov2_dvl"
+    assert "installing" not in make(folder, "demo").stdout
+
+
+@pytest.mark.parametrize(
+    ("lock", "has", "lacks"),
+    [
+        ("requirements.lock", {"rerun-sdk", "setuptools"}, {"dvc", "mypy", "ruff", "pyulog"}),
+        ("requirements-dvc.lock", {"rerun-sdk", "dvc"}, {"mypy", "ruff", "pyulog", "hypothesis"}),
+        ("requirements-test.lock", {"rerun-sdk", "dvc", "mypy", "ruff", "pyulog"}, set()),
+    ],
+)
+def test_locks_hold_their_sets_with_hashes_and_without_addresses(
+    lock: str, has: set[str], lacks: set[str]
+) -> None:
+    text = (ROOT / lock).read_text(encoding="utf-8")
+    names = set(re.findall(r"^([\w.-]+)==", text, re.MULTILINE))
+    assert has <= names
+    assert not names & lacks
+    entries = re.split(r"^(?=[\w.-]+==)", text, flags=re.MULTILINE)[1:]
+    assert all("--hash=sha256:" in entry for entry in entries)
+    assert "://" not in text
+
+
+def test_a_user_does_not_get_what_only_tests_and_extras_need() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    base = {re.split(r"[<>=]", item)[0] for item in project["dependencies"]}
+    assert not base & {"rerun-sdk", "dvc", "mypy", "ruff", "hypothesis", "pyulog", "pytest"}
+    assert {"view", "dvc", "test"} <= set(project["optional-dependencies"])

@@ -12,6 +12,7 @@ from typing import Any
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.commands.diff.diff_operands import RunData, common, read_operand
+from auvid.pipeline.commands.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.inspect.inspect_command import check_suffix, photograph
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
@@ -127,6 +128,7 @@ def diff(
     for path, suffix, option in ((save, ".rrd", "--save"), (picture, ".png", "--screenshot")):
         if path is None:
             continue
+        viewer.require_rerun()
         from auvid.stages.report.difference.recording import record_difference
 
         check_suffix(path, suffix, option)

@@ -54,6 +54,7 @@ def inspect(
 
     Raises `PipelineError` where there is nothing to show, or nothing to show it with.
     """
+    viewer.require_rerun()
     subject = find_subject(target, log=log, columns=columns, tab=tab)
     if preview:
         subject = Subject(subject.name, subject.preview, subject.preview)

@@ -8,12 +8,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from auvid.data_schemas.errors import PipelineError
 
+INSTALL = "Install it with: pip install 'auvid[view]', or pip install rerun-sdk pillow."
 PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
 PICTURE_TIMEOUT_S = 180.0
 QUIET = {"RUST_LOG": "error"}
@@ -33,15 +35,18 @@ and more.
 """
 
 
+def require_rerun() -> None:
+    """Raise `PipelineError` where the package that draws recordings is not installed."""
+    if find_spec("rerun") is None:
+        raise PipelineError("rerun-sdk is not installed", remedy=INSTALL)
+
+
 def program() -> Path:
     """Return the Rerun viewer. Raises `PipelineError` where it is not installed."""
     own = Path(sys.executable).with_name("rerun")
     path = own if own.is_file() else shutil.which("rerun")
     if path is None:
-        remedy = (
-            "Install it with: pip install rerun-sdk; or keep the recording with --save FILE.rrd and"
-            " open it elsewhere."
-        )
+        remedy = f"{INSTALL} Or keep the recording with --save FILE.rrd and open it elsewhere."
         raise PipelineError("the Rerun viewer is not installed", remedy=remedy)
     return Path(path)
 
