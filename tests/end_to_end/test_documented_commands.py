@@ -1,0 +1,152 @@
+"""Commands of README and docs/ run as they stand there, in a workspace with the bundled
+dive; those that do not are listed with the reason.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import pytest
+import typer
+
+from auvid.pipeline import cli
+from tests.support.campaign_runs import copy_workspace, made_once, run_campaign
+from tests.support.documents import ROOT, commands, documents
+
+DIVE = "bluerov2_dvl"
+LEFT_OUT = {
+    r"auvid inspect (?!.*--save)": "opens a window or needs a display (test_inspect.py)",
+    r"auvid (run|reproduce) (vt690|hauv|thaus|remus|bluerov2_twin)": (
+        "takes minutes (test_twin_short.py, test_bench_twins.py, test_hauv_control.py)"
+    ),
+    r"auvid run campaigns/my_twin": "takes a minute (test_twin_short.py)",
+    r"auvid simulate": "takes a minute (test_simulate.py)",
+    r"auvid (run|report) mybench": "its files run in test_bench_readme.py",
+    r"auvid diff .*@\w+\.\w+=": "runs the chain again (test_diff.py)",
+    r"auvid report .*--compare": "needs an earlier run (test_look_back.py)",
+    r"\. \.venv/bin/activate": "changes the shell",
+    r"make campaign NAME=example": "through DVC (test_engines.py)",
+}
+"""Pattern of a command -> why it is not run here, and which test runs its like."""
+SHORTER = {
+    r"auvid run (harbour|example)$": " --until ingest",
+    r"auvid export .* --to draws": " --draws 20",
+}
+"""Pattern -> words that make a command short."""
+EXIT_CODES = {r"auvid diff": 1}
+"""Pattern -> exit code that is right where it is not 0: something differs."""
+
+
+@pytest.fixture(scope="module")
+def workspace(committed_run: Callable[[str], Path], session_folder: Path) -> Path:
+    """A workspace as the repository is one, with the dive run to its report."""
+
+    def make(folder: Path) -> None:
+        copy_workspace(committed_run(DIVE), folder)
+        run_campaign(folder, DIVE, None)
+        for path in (ROOT / "campaigns").iterdir():
+            if not (folder / "campaigns" / path.name).exists():
+                (folder / "campaigns" / path.name).symlink_to(path, target_is_directory=True)
+        (folder / "tests").symlink_to(ROOT / "tests", target_is_directory=True)
+        shutil.copytree(folder / "runs" / DIVE, folder / "runs/older")
+        give_logs(folder)
+
+    return made_once(session_folder / "documents", make)
+
+
+def give_logs(folder: Path) -> None:
+    """Put the logs that the documents name into a folder."""
+    log = next((ROOT / "campaigns" / DIVE / "logs").glob("*.BIN"))
+    shutil.copy(log, folder / "dive.BIN")
+    shutil.copy(ROOT / "campaigns/bluerov2_dvl_csv/logs/attitude.csv", folder / "dive.csv")
+    (folder / "columns").mkdir()
+    shutil.copy(
+        ROOT / "campaigns/bluerov2_dvl_csv/columns/attitude.yaml", folder / "columns/dive.yaml"
+    )
+
+
+def left_out(line: str) -> str | None:
+    """Return why a command is not run; None where it is."""
+    return next((why for pattern, why in LEFT_OUT.items() if re.match(pattern, line)), None)
+
+
+def execute(line: str, folder: Path) -> tuple[Path, int, str]:
+    """Run one command in a folder; return the folder after it, exit code and output."""
+    words, _, file = line.partition(" > ")
+    program, *arguments = shlex.split(words)
+    if program == "cd":
+        return folder / arguments[0], 0, ""
+    if program == "make":
+        done = subprocess.run(
+            ["make", "--dry-run", *arguments], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        return folder, done.returncode, done.stderr
+    if program != "auvid":
+        done = subprocess.run(shlex.split(words), cwd=folder, capture_output=True, check=False)
+        return folder, done.returncode, str(done.stderr)
+    code, output = call(arguments, folder)
+    if file:
+        (folder / file).write_text(output, encoding="utf-8")
+    if len(arguments) == 2 and arguments[0] == "new":
+        give_logs(folder / arguments[1])
+    return folder, code, output
+
+
+def call(arguments: list[str], folder: Path) -> tuple[int, str]:
+    """Call the program in this process; return exit code and output."""
+    output, before = io.StringIO(), Path.cwd()
+    os.chdir(folder)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("sys.argv", ["auvid", *arguments])
+            patch.setattr(typer, "launch", lambda address: None)
+            with redirect_stdout(output), redirect_stderr(output):
+                cli.main()
+        return 0, output.getvalue()
+    except SystemExit as end:
+        return int(end.code or 0), output.getvalue()
+    finally:
+        os.chdir(before)
+
+
+DOCUMENTS = [
+    name
+    for name in documents()
+    if any(left_out(command.line) is None for command in commands(name))
+]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_commands_run_as_written(document: str, workspace: Path, tmp_path: Path) -> None:
+    folder = copy_workspace(workspace, tmp_path / "workspace")
+    for line in [command.line for command in commands(document)]:
+        if left_out(line) is not None:
+            continue
+        short = next((more for text, more in SHORTER.items() if re.match(text, line)), "")
+        folder, code, output = execute(line + short, folder)
+        right = next((code for text, code in EXIT_CODES.items() if re.match(text, line)), 0)
+        assert code == right, f"{line}\n{output}"
+
+
+def test_reasons_are_those_of_commands_that_stand_in_a_document() -> None:
+    lines = [command.line for name in documents() for command in commands(name)]
+    for pattern in [*LEFT_OUT, *SHORTER, *EXIT_CODES]:
+        assert any(re.match(pattern, line) for line in lines), pattern
+
+
+def test_tests_that_run_the_others_exist() -> None:
+    names = {path.name for path in (ROOT / "tests").rglob("test_*.py")}
+    assert set(re.findall(r"test_\w+\.py", " ".join(LEFT_OUT.values()))) <= names
+
+
+def test_a_command_that_fails_is_noticed(workspace: Path) -> None:
+    assert execute("auvid run nothing", workspace)[1] == 2
+    assert execute("make nothing", workspace)[1] != 0
