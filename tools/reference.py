@@ -114,7 +114,8 @@ def type_words(annotation: Any, limits: Iterable[object], links: Mapping[type[Mo
     if annotation is Quantity:
         return "[quantity](#quantity)" + "".join(map(_limit, limits))
     if isinstance(annotation, type) and issubclass(annotation, Model):
-        return f"[{annotation.__name__}]({links[annotation]})"
+        own = links[annotation] == f"#{annotation.__name__.lower()}"
+        return f"[{annotation.__name__ if own else 'mapping'}]({links[annotation]})"
     word = SIMPLE.get(annotation, "any")
     return word + "".join(map(_limit, limits))
 
@@ -149,7 +150,9 @@ def _value(value: object) -> str:
     return words[value] if value is None or isinstance(value, bool) else str(value)
 
 
-def part_of_page(kind: type[Model], links: Mapping[type[Model], str], *, written: bool) -> str:
+def part_of_page(
+    kind: type[Model], links: Mapping[type[Model], str], *, written: bool, title: str = ""
+) -> str:
     """Return the section of one model: a row per key."""
     rows = []
     for name, item in kind.model_fields.items():
@@ -162,23 +165,45 @@ def part_of_page(kind: type[Model], links: Mapping[type[Model], str], *, written
         rows.append(cells)
     head = ("key", "type", "default", "meaning") if written else ("field", "type", "meaning")
     words = re.sub(r"\n\s*\n", "\n\n", prose(kind))
-    return f"\n## {kind.__name__}\n\n{words}\n\n{table(head, rows)}"
+    return f"\n## {title or kind.__name__}\n\n{words}\n\n{table(head, rows)}"
 
 
 def document_page(name: str) -> str:
     """Return the page of a document that users write."""
     title, place = DOCUMENTS[name]
-    kind = model_of(name)
-    kinds = parts_of(kind, (), [])
-    links = {part: f"#{part.__name__.lower()}" for part in kinds}
-    body = "".join(part_of_page(part, links, written=True) for part in kinds)
+    places = places_of(model_of(name))
+    links = {part: "#" + re.sub(r"[^\w-]", "", at.lower()) for part, at in places.items()}
+    links[model_of(name)] = "#top-level"
+    body = "".join(
+        part_of_page(part, links, written=True, title=f"`{at}`" if at else "Top level")
+        for part, at in places.items()
+    )
     if "(#quantity)" in body:
         body += part_of_page(Quantity, links, written=True)
     source = f"`data_schemas/{MODELS[name].rpartition('.')[0].replace('.', '/')}.py`"
     return (
-        f"# {title}\n\nWhere: {place}. {WRITTEN.format(source)}\n`auvid schema {name}` prints"
-        f" the JSON schema.\n{body}"
+        f"# {title}\n\nWhere: {place}. `auvid schema {name}` prints the JSON schema.\n{body}"
+        f"\n---\n\n{WRITTEN.format(source)}\n"
     )
+
+
+def places_of(kind: type[Model]) -> dict[type[Model], str]:
+    """Return each model in a document with the path of keys at which it first stands."""
+    places = {kind: ""}
+    todo = [kind]
+    while todo:
+        outer = todo.pop(0)
+        for name, item in outer.model_fields.items():
+            for inner in models_in(item.annotation):
+                if inner not in places:
+                    places[inner] = f"{places[outer]}.{name}".lstrip(".")
+                    todo.append(inner)
+    return dict(sorted(places.items(), key=lambda entry: _order(kind, entry[1])))
+
+
+def _order(kind: type[Model], path: str) -> tuple[int, str]:
+    names = list(kind.model_fields)
+    return (names.index(path.partition(".")[0]) if path else -1, path)
 
 
 MODEL_FILE_HEAD = f"""# The model file
@@ -378,7 +403,7 @@ def artefacts_page() -> str:
 Tables are Parquet files. Read one with `pandas.read_parquet`, or in Python as
 `auvid.open_run(CAMPAIGN)["fuse/train/fused"]` with units in `attrs["units"]`; each file
 carries its units in the metadata of its columns too. A name in braces stands for
-several columns: `{u,v,w}_m_s` is `u_m_s`, `v_m_s` and `w_m_s`. JSON documents of a run
+several columns: `{u, v, w}_m_s` is `u_m_s`, `v_m_s` and `w_m_s`. JSON documents of a run
 are on the page [Documents of a run](records.md).
 """,
     ]
@@ -402,7 +427,7 @@ def _column(entry: tuple[str, Mapping[str, Any]]) -> tuple[str, str, str, str]:
     unit = str(spec.get("unit", "1")) if spec["dtype"] != "string" else "text"
     meaning = line(str(spec["meaning"]).replace("{}", "…"))
     return (
-        f"`{name}`",
+        f"`{name.replace(',', ', ')}`",
         line(unit),
         str(spec.get("frame", "")),
         meaning + (f" ({', '.join(notes)})" if notes else ""),
