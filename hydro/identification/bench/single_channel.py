@@ -80,6 +80,9 @@ figures from the first.
 BOTH = "linear and quadratic"
 PARAMETERS = ("M", "D_1", "D_2", "C")
 
+WIDEST = 100.0
+"""Largest half width of an interval of a logarithm."""
+
 
 @dataclass(frozen=True)
 class Symbols:
@@ -158,8 +161,12 @@ class ChannelFit:
 
     @property
     def mass_interval(self) -> tuple[float, float]:
-        """Return the 95 % interval of M > 0, symmetric in its logarithm."""
-        width = NORMAL_95 * float(self.standard_errors[0] / self.values[0])
+        """Return the 95 % interval of M > 0, symmetric in its logarithm.
+
+        An M whose error is many times M is anything: a width of e^100 says so, and is
+        still a number.
+        """
+        width = min(NORMAL_95 * float(self.standard_errors[0] / self.values[0]), WIDEST)
         return float(self.values[0] * np.exp(-width)), float(self.values[0] * np.exp(width))
 
     def normalised(self) -> tuple[Array, Array]:
