@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,10 +51,16 @@ class WrittenCampaign:
 
 
 def new_campaign(
-    name: str, logs: Sequence[Path], *, vehicle: str | None = None, link: bool = False
+    name: str,
+    logs: Sequence[Path],
+    *,
+    vehicle: str | None = None,
+    link: bool = False,
+    ask: Callable[[VehicleChoice], str] | None = None,
 ) -> WrittenCampaign:
     """Write a campaign from logs and return what was written.
 
+    `ask` returns the name of a vehicle in the place of a guess, '' to keep the guess.
     It stands under campaigns/ of the workspace here, without one in the current folder.
     Raises `PipelineError`, with nothing written, for logs that feed no campaign.
     """
@@ -65,6 +71,9 @@ def new_campaign(
     by_id = dict(zip(ids, kept, strict=True))
     first = checked(kept[0].page)
     choice = choose_vehicle(first, named=vehicle, normalised=feed.normalised)
+    if ask is not None and (choice.guessed or choice.lacking):
+        named = ask(choice)
+        choice = choose_vehicle(first, named=named, normalised=False) if named else choice
     if not choice.lacking:
         body = vehicle_of_text(choice.text)
         by_id = {key: corrected_log(log, body) for key, log in by_id.items()}
@@ -253,11 +262,18 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
     return "" if refusal is None else str(refusal)
 
 
+def _ask(choice: VehicleChoice) -> str:
+    """Return the vehicle that the user names, '' for an empty answer."""
+    print(f"vehicle: {choice.name} ({choice.why}). Name another or its file, or press Enter:")
+    return input("> ").strip()
+
+
 def print_new_campaign(
     name: str, logs: Sequence[Path], *, vehicle: str | None = None, link: bool = False
 ) -> int:
     """Write a campaign, print what was written, and return the exit code."""
-    result = new_campaign(name, logs, vehicle=vehicle, link=link)
+    terminal = sys.stdin.isatty() and sys.stdout.isatty()
+    result = new_campaign(name, logs, vehicle=vehicle, link=link, ask=_ask if terminal else None)
     answer(
         {
             "folder": result.folder,

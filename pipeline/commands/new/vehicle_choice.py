@@ -74,13 +74,15 @@ actuators:
 class VehicleChoice:
     """A vehicle for a log: name, why, and the text of its file.
 
-    `lacking`: what must be filled in before any run; empty if nothing.
+    `lacking`: what must be filled in before any run; empty if nothing. `guessed`: the log
+    does not name it.
     """
 
     name: str
     why: str
     text: str
     lacking: str = ""
+    guessed: bool = False
 
 
 def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> VehicleChoice:
@@ -110,6 +112,7 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
             name,
             f"guessed, {len(driven)} outputs are driven and the log names no frame",
             _annotated(SHIPPED_VEHICLES / f"{name}.yaml", log),
+            guessed=True,
         )
     return _unknown(log, driven, frame)
 

@@ -10,6 +10,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import new_campaign
+from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.stages import KINDS
 from tests.support.tools import ROOT
 
@@ -68,3 +69,19 @@ def test_nothing_is_overwritten() -> None:
 def test_a_named_vehicle_is_taken() -> None:
     result = new_campaign("pier", [DIVE], vehicle="bluerov2_heavy")
     assert "named by --vehicle" in (result.folder / "campaign.yaml").read_text()
+
+
+def test_a_terminal_is_asked_for_a_vehicle_that_the_log_does_not_name() -> None:
+    reasons: list[str] = []
+
+    def answer(choice: VehicleChoice) -> str:
+        reasons.append(choice.why)
+        return "bluerov2"
+
+    result = new_campaign("asked", [DIVE], ask=answer)
+    assert "guessed" in reasons[0]
+    assert "\nname: bluerov2\n" in "\n" + (result.folder / "vehicle.yaml").read_text()
+    kept = new_campaign("kept", [DIVE], ask=lambda choice: "")
+    assert "\nname: bluerov2_heavy\n" in "\n" + (kept.folder / "vehicle.yaml").read_text()
+    new_campaign("named", [DIVE], vehicle="bluerov2_heavy", ask=answer)
+    assert len(reasons) == 1
