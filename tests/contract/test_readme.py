@@ -9,11 +9,10 @@ import re
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from auvid.pipeline import cli
-from tests.support.documents import blocks, commands, documents
+from tests.support.documents import blocks, commands, documents, own_log
 
 ROOT = Path(__file__).resolve().parents[2]
 README = documents()["README.md"]
@@ -74,32 +73,6 @@ def test_own_csv_campaign_runs_as_described(
     assert (folder / "runs" / "mine" / "fuse" / "train" / "fused.parquet").is_file()
     assert auvid(monkeypatch, "run", "mine", "--until", "fuse") == 0
     assert "nothing to do" in capsys.readouterr().out
-
-
-def own_log() -> str:
-    """40 s at 10 Hz in the columns, units and frames of that column map."""
-    t = np.arange(400) / 10.0
-    yaw = 20.0 * np.sin(0.3 * t)
-    columns = {
-        "t": 1000.0 * t,
-        "roll": 0.0 * t,
-        "pitch": 0.0 * t,
-        "heading": yaw,
-        "p": 0.0 * t,
-        "q": 0.0 * t,
-        "r": 6.0 * np.cos(0.3 * t),
-        "pressure_depth": 5.0 + 0.1 * np.sin(0.2 * t),
-        "forward": 0.5 + 0.2 * np.sin(0.4 * t),
-        "left": 0.05 * np.cos(0.4 * t),
-        "up": -0.02 * np.cos(0.2 * t),
-        "m1": 1600.0 + 50.0 * np.sin(0.4 * t),
-        "battery": 16.0 + 0.0 * t,
-    }
-    rows = [
-        ",".join(f"{value:.4f}" for value in row) for row in np.column_stack(list(columns.values()))
-    ]
-    rows[100] = rows[100].rpartition(",")[0] + ",n/a"
-    return "\n".join([",".join(columns), *rows]) + "\n"
 
 
 def auvid(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:

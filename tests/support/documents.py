@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parents[2]
 GENERATED = "Written by `make declarations`"
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -73,3 +75,29 @@ def anchors(path: Path) -> frozenset[str]:
         counts[name] = number + 1
         names.add(f"{name}-{number}" if number else name)
     return frozenset(names)
+
+
+def own_log() -> str:
+    """40 s at 10 Hz in the columns, units and frames of the map of docs/howto/own_csv.md."""
+    t = np.arange(400) / 10.0
+    yaw = 20.0 * np.sin(0.3 * t)
+    columns = {
+        "t": 1000.0 * t,
+        "roll": 0.8 * np.sin(0.5 * t),
+        "pitch": 0.6 * np.cos(0.4 * t),
+        "heading": yaw,
+        "p": 0.4 * np.cos(0.5 * t),
+        "q": -0.24 * np.sin(0.4 * t),
+        "r": 6.0 * np.cos(0.3 * t),
+        "pressure_depth": 5.0 + 0.1 * np.sin(0.2 * t),
+        "forward": 0.5 + 0.2 * np.sin(0.4 * t),
+        "left": 0.05 * np.cos(0.4 * t),
+        "up": -0.02 * np.cos(0.2 * t),
+        "m1": 1600.0 + 50.0 * np.sin(0.4 * t),
+        "battery": 16.0 + 0.0 * t,
+    }
+    rows = [
+        ",".join(f"{value:.4f}" for value in row) for row in np.column_stack(list(columns.values()))
+    ]
+    rows[100] = rows[100].rpartition(",")[0] + ",n/a"
+    return "\n".join([",".join(columns), *rows]) + "\n"
