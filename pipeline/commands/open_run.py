@@ -59,7 +59,11 @@ def show_progress(*, quiet: bool = False) -> Iterator[Progress]:
         with Bars() as bars:
             yield bars
     else:
-        yield ProgressLines(verbose=OUTPUT.verbose)
+        lines = ProgressLines(verbose=OUTPUT.verbose)
+        try:
+            yield lines
+        finally:
+            lines.close()
 
 
 def write_codes() -> None:

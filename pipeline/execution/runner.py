@@ -54,6 +54,7 @@ from auvid.pipeline.store.fingerprints import as_document, fingerprint_line, sta
 from auvid.pipeline.store.manifest import Manifest
 from auvid.pipeline.store.package_versions import package_versions
 from auvid.stages.base import ports
+from auvid.stages.steps import listening
 
 
 class StageFault(PipelineError):
@@ -165,11 +166,12 @@ class Run:
             total=len(places),
             level=ONCE if self.title else stage.maps_over,
         )
-        for outcome in engine.map(stale):
-            outcomes[outcome.item] = outcome
-            if outcome.record is not None:
-                manifest.write({**manifest.records, outcome.item: outcome.record}, order)
-            progress.item(outcome.item)
+        with listening(progress.part):
+            for outcome in engine.map(stale):
+                outcomes[outcome.item] = outcome
+                if outcome.record is not None:
+                    manifest.write({**manifest.records, outcome.item: outcome.record}, order)
+                progress.item(outcome.item)
         remove_stale_files(
             manifest.folder,
             {manifest.path, *(artefact.path for *_, artefact in self.artefacts(stage))},

@@ -42,6 +42,7 @@ from auvid.stages.sensor_motion import (
     depth_below_origin,
     sensor_motion,
 )
+from auvid.stages.steps import counted
 
 ARM, ANGLES = ("arm_x", "arm_y", "arm_z"), ("angle_x", "angle_y", "angle_z")
 SCALES = ("velocity_scale", "depth_scale")
@@ -100,7 +101,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     legs: list[str] = []
     left_out: dict[str, str] = {}
     conventions: set[str] = set()
-    for key, segment in inputs.segment.items():
+    for key, segment in counted("leg", list(inputs.segment.items())):
         convention = inputs.log_info[str(segment.log)].accelerometer or inputs.vehicle.accelerometer
         try:
             leg = _leg(inputs, key, convention)

@@ -38,6 +38,7 @@ from auvid.stages.refine.legs import SegmentSamples, leg_record
 from auvid.stages.refine.presentation import refine_section
 from auvid.stages.refine.refined_card import refined_card
 from auvid.stages.sensor_motion import VelocityLogPlacement
+from auvid.stages.steps import counted
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     cards = _chosen(inputs.model_card, params)
     legs, left_out, warnings = _legs(inputs)
     refined: dict[str, ModelCard] = {}
-    for name, card in cards.items():
+    for name, card in counted("model", cards.items()):
         try:
             fit = _fit(inputs, params, card, legs)
         except DataError as fault:

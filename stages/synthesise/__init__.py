@@ -45,6 +45,7 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.steps import counted
 from auvid.stages.synthesise.error_choice import (
     EQUAL,
     WEIGHTS,
@@ -227,7 +228,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     others = others_of(factors)
     fits, turns = {}, {}
     held_out: dict[str, HeldOut] = {}
-    for model in models:
+    for model in counted("model", models):
         without = {}
         for axis in AXES:
             fit = partial(solve_axis, axis=axis, terms=model.terms.get(axis, ()), trim=params.trim)

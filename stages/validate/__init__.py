@@ -52,6 +52,7 @@ from auvid.stages.columns import (
 )
 from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.presentation import Block
+from auvid.stages.steps import tell
 from auvid.stages.validate.flight import (
     FreeFlight,
     ModelDraws,
@@ -233,7 +234,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     free: dict[tuple[str, str], FreeRuns] = {}
     resting = resting_velocities(cards)
     causes: dict[str, Growth] = {}
-    for key, use, residual, measured, predicted in judged():
+    steps = 2 * len(segments) + len(models)
+    for done, (key, use, residual, measured, predicted) in enumerate(judged()):
+        tell(f"leg {done + 1} of {len(segments)}", done, steps)
         for name, force in predicted.items():
             errors = ErrorSums.of(measured, force)
             for group in groups(key, name):
@@ -265,6 +268,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     error_table = error_rows(errors_of, cards)
     free_run = free_run_table(free, list(models))
     per_one = _samples_per_one(inputs, models[reference_model(cards)], segments)
+    tell("each model by itself", len(segments), steps)
     ranking = rank(
         cards,
         error_table.to_pylist(),
@@ -273,6 +277,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         check=partial(_motion_check, inputs, params, models, cards),
     )
     ranking = ranking.model_copy(update={"constant": constant_ratios(covered)})
+    tell("draws of the chosen model", steps - len(segments), steps)
     flights, flight_parts = _flights(inputs, params, models, cards, ranking.choice, per_one)
     titles = {name: card.title for name, card in cards.items()}
     return Outputs(

@@ -22,6 +22,7 @@ SHARED_IN_STAGES = {
     "columns",
     "free_run",
     "sensor_motion",
+    "steps",
     "truth_lookup",
     "reference_check",
     "number_format",

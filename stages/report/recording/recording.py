@@ -50,6 +50,7 @@ from auvid.stages.report.recording.flights import send_flights
 from auvid.stages.report.recording.path import send_paths
 from auvid.stages.report.recording.rerun_stream import Recording
 from auvid.stages.report.recording.text import markdown, stage_texts
+from auvid.stages.steps import counted
 
 MODELS_SHOWN = 3
 TABLES_KEPT = 4
@@ -129,7 +130,7 @@ def _send_groups(
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     sent: dict[str, LoggedSeries] = {}
-    for entity, owner, bundle in _bundles(groups):
+    for entity, owner, bundle in counted("recording: group", _bundles(groups)):
         name = find_table(names, owner, str(bundle[0]["table"]))
         if name is None:
             continue

@@ -128,7 +128,11 @@ def test_run_says_what_ran_and_then_that_nothing_is_to_do(
     code, out, err = auvid(monkeypatch, capsys, "run", "toy")
     assert (code, out.splitlines()[0]) == (0, "9 items run")
     assert "tables as text: runs/toy/total/tables_text.txt" in out
-    assert "spread: segment three" in err
+    assert "spread: done (" in err
+    assert re.search(
+        r"spread: segment three \(\d+\.\d s\)",
+        auvid(monkeypatch, capsys, "run", "toy", "--force", "--verbose")[2],
+    )
     code, out, err = auvid(monkeypatch, capsys, "run", "campaigns/toy")
     assert (code, out.splitlines()[0]) == (0, "nothing to do: everything is up to date")
     assert err.splitlines() == [

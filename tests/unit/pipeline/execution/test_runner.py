@@ -60,6 +60,9 @@ def ran(run: Run) -> dict[str, list[str]]:
         def stage(self, name: str, *, todo: int, total: int, level: str) -> None:
             self.now = name
 
+        def part(self, words: str, share: float) -> None:
+            pass
+
         def item(self, name: str) -> None:
             seen[self.now].append(name)
 
