@@ -16,6 +16,7 @@ from auvid.data_schemas.records.models import (
     RankingRecord,
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.dynamics.steady_motion import TIPPED_RAD
 from auvid.hydro.dynamics.viscous.basis import basis
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
@@ -57,7 +58,7 @@ def rank(
     models = []
     for name, card in cards.items():
         count, lost = _losses(runs, name)
-        faults = _faults(card, count, lost)
+        faults = _faults(card, count, lost) + _tipped(runs, name)
         total = of.get((judge, name, ALL), {})
         models.append(
             MeritRecord(
@@ -286,6 +287,18 @@ def _counts(card: ModelCard, axis: str) -> dict[str, int]:
 def _faults(card: ModelCard, runs: int, lost: int) -> list[str]:
     faults = [f"{axis} damping gives energy" for axis in pushing_axes(card)]
     return faults + ([f"{lost} of {runs} free runs are lost"] if lost else [])
+
+
+def _tipped(rows: Iterable[Row], model: str) -> list[str]:
+    """Return the fault of free runs that turn over while the vehicle did not."""
+    errors = [
+        error
+        for row in rows
+        if row["model"] == model
+        for error in (row["phi_rms_rad"], row["theta_rms_rad"])
+        if error is not None and error > TIPPED_RAD
+    ]
+    return [f"free runs tip over (error {np.degrees(max(errors)):.0f} degrees)"] if errors else []
 
 
 def _losses(rows: Iterable[Row], model: str) -> tuple[int, int]:

@@ -44,6 +44,8 @@ from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
 _decimals = partial(fixed, places=2, empty="unknown")
 OVERFIT = 2.0
+CLEARLY = 0.9
+"""Ratio of two errors below which one is clearly the smaller."""
 NO_RANKING = RankingRecord(
     models=[], choice=None, rule="", legs_left_out=0, horizon_s=None, usable=None
 )
@@ -223,6 +225,8 @@ def _missing(
             )
         )
     best = chosen or (models[0] if models else None)
+    if chosen is not None and card is not None:
+        missing += [Alert(words, "models") for words in unlike_legs(chosen, card, models, cards)]
     if best is not None and judged:
         ratio = (best.axes[ALL].validation or 0) / (best.axes[ALL].training or math.inf)
         if ratio > OVERFIT:
@@ -247,6 +251,36 @@ def _missing(
             words = f"Log {name} is {log.status}" + (f": {lost:.1f} s are lost." if lost else ".")
             missing.append(Alert(words, anchor("ingest", name)))
     return missing
+
+
+def unlike_legs(
+    chosen: MeritRecord,
+    card: ModelCard,
+    models: Sequence[MeritRecord],
+    cards: Mapping[str, ModelCard],
+) -> list[str]:
+    """Return training legs that a simpler sound model predicts better when left out.
+
+    Such a leg is unlike the others, as new motion may be: a model of many terms that
+    predicts legs like its own says nothing of it.
+    """
+    words = []
+    for leg, own in card.held_out.items():
+        simpler = [
+            (error, model)
+            for model in models
+            if not model.faults and model.terms < chosen.terms
+            if (error := cards[model.name].held_out.get(leg, {}).get(ALL)) is not None
+        ]
+        ratio = own.get(ALL)
+        error, model = min(simpler, key=lambda item: item[0], default=(math.inf, chosen))
+        if ratio is not None and error < CLEARLY * ratio:
+            words.append(
+                f"Left out, training leg {leg} is predicted better by {model.title}"
+                f" ({model.terms} terms, J/J0 {error:.2f}) than by {chosen.title} ({chosen.terms},"
+                f" {ratio:.2f}): in motion unlike the training legs take {model.title}."
+            )
+    return words
 
 
 def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> tuple[Alert, ...]:

@@ -162,6 +162,17 @@ def tipping(axis: str) -> MotionCheck:
     return MotionCheck.model_construct(ranges=ranges)
 
 
+def test_free_runs_that_tip_over_are_a_fault(run: ExampleRun) -> None:
+    """They stay within all bounds of velocity, so none of them is lost."""
+    set_sse(run, {"prestero": 1.0, "coe": 2.0})
+    rolled = (*ALWAYS[:6], 1.2, *ALWAYS[7:])
+    record = ranked(run, [*rows("prestero", rolled), *rows("coe", ALWAYS)[:1]])
+    assert record.choice == "coe"
+    faults = {model.name: model.faults for model in record.models}
+    assert faults["prestero"] == ["free runs tip over (error 69 degrees)"]
+    assert faults["coe"] == []
+
+
 def test_nothing_is_chosen_where_no_model_beats_no_force(run: ExampleRun) -> None:
     for row in run.errors:
         if row["axis"] == "all":

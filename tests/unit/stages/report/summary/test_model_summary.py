@@ -200,6 +200,18 @@ def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, ob
     ]
 
 
+def test_a_leg_that_a_simpler_model_predicts_better_is_named(run: ExampleRun) -> None:
+    """Only where it is clearly better, and sound."""
+    set_ratio(run, "validation", {"coe": 0.2})
+    errors = {"coe": (0.19, 0.04), "fossen": (0.14, 0.3), "linear": (0.05, 0.01)}
+    for name, (one, two) in errors.items():
+        held_out = {"depth": {"all": one}, "yaw": {"all": two}}
+        run.cards[name] = run.cards[name].model_copy(update={"held_out": held_out})
+    words = [words for words in summary_of(run).missing if str(words).startswith("Left out")]
+    (words,) = words
+    assert "leg depth is predicted better by Fossen (12 terms, J/J0 0.14)" in str(words)
+
+
 def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> None:
     facts = {fact.label: fact.value for fact in summary_of(run).facts}
     assert facts["training"] == "4 s"
