@@ -26,6 +26,7 @@ from auvid.stages.page.first_screen import Alert, Level, Summary, anchor
 from auvid.stages.page.html import render
 from auvid.stages.page.methods import methods_section
 from auvid.stages.report.first_pictures import first_pictures
+from auvid.stages.report.recording.identity import run_properties
 from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.report.summary.figure_summary import summarise_results
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
@@ -201,6 +202,13 @@ def render_recording(
         content.logs,
         params.path_rate_hz,
         content.sections,
+        content=inputs.provenance,
+        properties=run_properties(
+            content.title,
+            inputs.vehicle.name,
+            content.summary,
+            dict(inputs.model_card or {}),
+        ),
         preview=preview,
         tab=tab,
         path=path,

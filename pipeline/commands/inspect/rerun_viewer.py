@@ -17,7 +17,8 @@ from auvid.data_schemas.errors import PipelineError
 
 INSTALL = "Install it with: pip install 'auvid[view]', or pip install rerun-sdk pillow."
 PACKAGES = ("xvfb", "xauth", "mesa-vulkan-drivers")
-PICTURE_TIMEOUT_S = 180.0
+TIMEOUTS_S = (180.0, 360.0, 600.0)
+"""Of the tries to take a picture: a slow or busy machine gets more time each time."""
 QUIET = {"RUST_LOG": "error"}
 """Else the viewer's warnings (of containers, of drawing in software) lie over the
 picture for some seconds.
@@ -29,6 +30,7 @@ ELSEWHERE = (
 )
 WINDOW = (1600, 1000)
 COLOURS, STEP = 256, 8
+LEAST_DRAWN = 0.01
 LEAST_BYTES = 15_000
 """A picture of the viewer that opened nothing has 11 kB, one with a page of text 40 kB
 and more.
@@ -144,40 +146,67 @@ def picture(recording: Path, *, size: tuple[int, int] = WINDOW) -> bytes:
         "127.0.0.1",
     ]
     try:
+        for timeout in TIMEOUTS_S:
+            target.unlink(missing_ok=True)
+            try:
+                return _taken(command, target, size, timeout)
+            except ViewerFault as fault:
+                last = fault
+        raise PipelineError(last.message, value=last.value, remedy=last.remedy) from None
+    finally:
+        target.unlink(missing_ok=True)
+
+
+class ViewerFault(Exception):
+    """A picture that was not taken, or shows nothing; another try may do better."""
+
+    def __init__(self, message: str, value: str, remedy: str) -> None:
+        super().__init__(message)
+        self.message, self.value, self.remedy = message, value, remedy
+
+
+def _taken(command: list[str], target: Path, size: tuple[int, int], timeout: float) -> bytes:
+    """Return a picture that shows something. Raises `ViewerFault` without one."""
+    try:
         done = subprocess.run(
             command,
             capture_output=True,
             text=True,
-            timeout=PICTURE_TIMEOUT_S,
+            timeout=timeout,
             check=False,
             env={**os.environ, **QUIET},
         )
-        if not target.is_file():
-            words = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
-            raise PipelineError(
-                "the viewer took no picture",
-                value=words,
-                remedy=f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.",
-            )
-        drawn = _small(target.read_bytes(), size)
-        if len(drawn) < LEAST_BYTES:
-            remedy = (
-                "Too many plots, or a recording of another version: keep it with --save FILE.rrd"
-                " and look at it in the viewer."
-            )
-            raise PipelineError(
-                "the viewer took a picture without the recording in it",
-                value=f"{len(drawn)} bytes",
-                remedy=remedy,
-            )
-        return drawn
     except subprocess.TimeoutExpired:
-        remedy = "Draw less: --save FILE.rrd, and open it on a machine with a graphics card."
-        raise PipelineError(
-            "the viewer took too long", value=f"{PICTURE_TIMEOUT_S:g} s", remedy=remedy
+        raise ViewerFault(
+            "the viewer took too long",
+            f"{timeout:g} s in the last of {len(TIMEOUTS_S)} tries",
+            "Draw less: --save FILE.rrd, and open it on a machine with a graphics card.",
         ) from None
-    finally:
-        target.unlink(missing_ok=True)
+    if not target.is_file():
+        words = (done.stderr.strip().splitlines() or ["nothing said"])[-1][:300]
+        raise ViewerFault(
+            "the viewer took no picture",
+            words,
+            f"It draws with Vulkan: apt-get install {PACKAGES[-1]}.",
+        )
+    drawn = _small(target.read_bytes(), size)
+    if len(drawn) < LEAST_BYTES or drawn_share(drawn) < LEAST_DRAWN:
+        raise ViewerFault(
+            "the viewer took a picture without the recording in it",
+            f"{len(drawn)} bytes, {100 * drawn_share(drawn):.2g} % of it drawn",
+            "Too many plots, or a recording of another version: keep it with --save FILE.rrd"
+            " and look at it in the viewer.",
+        )
+    return drawn
+
+
+def drawn_share(content: bytes) -> float:
+    """Return the share of a picture, below its bars, that is not of its commonest colour."""
+    from PIL import Image
+
+    with Image.open(io.BytesIO(content)) as image:
+        inner = np.asarray(image.convert("L"))[image.height // 12 : -image.height // 12]
+    return 1.0 - float(np.bincount(inner.ravel()).max()) / inner.size
 
 
 def verify(recording: Path) -> None:

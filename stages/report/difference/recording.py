@@ -35,7 +35,7 @@ def record_difference(
 
     `words`: what changed, in Markdown. Times are those of the first run.
     """
-    out = Recording(f"{first.name} against {second.name}", preview=preview)
+    out = Recording(f"{first.name} against {second.name}", content=words, preview=preview)
     out.document("answer/text", words)
     starts = make_clock(first.segments, first.logs).logs
     sent: dict[str, dict[str, LoggedSeries]] = {}

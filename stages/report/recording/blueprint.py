@@ -6,7 +6,7 @@ The answer comes first, all of it in view.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,12 +83,15 @@ def parent(group: Document) -> str:
 
 
 def whole_view(
-    groups: Sequence[Owned], seen: VisibleTabs, tab: str = ""
+    groups: Sequence[Owned],
+    seen: VisibleTabs,
+    tab: str = "",
+    first: Callable[[Any], Any] | None = None,
 ) -> tuple[rrb.Blueprint, str]:
     """Return the blueprint of a run, and the series that have no plot.
 
     Tabs: `Answer` with the summary next to it, the path, one per tab of the views,
-    texts of the stages, and messages.
+    texts of the stages, and messages. `first` makes a tab before them, beside the summary.
 
     `tab`: where it opens, as `State` or `Answer/leg`; the first where that is empty.
     Also returned is which series have no plot, for the text `LEFT_OUT`; empty if all
@@ -108,7 +111,8 @@ def whole_view(
     left = (
         in_pages(answer, None, 2, leg) if answer else paths_view(seen.paths) if seen.paths else None
     )
-    pages: list[Any] = [
+    pages: list[Any] = [] if first is None else [first(words)]
+    pages += [
         (
             rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER)
             if left is not None
@@ -257,14 +261,11 @@ def _plots(
     an earlier plot is not repeated.
     """
     below_of = {parent(group) for _, group in every}
-    kinds = {
-        above: {
-            (group["tab"], group["unit"])
-            for _, group in every
-            if f"{visible(group['entity'])}/".startswith(f"{above}/")
-        }
-        for above in below_of
-    }
+    kinds: dict[str, set[tuple[str, str]]] = defaultdict(set)
+    for _, group in every:
+        parts = str(visible(group["entity"])).split("/")
+        for count in range(1, len(parts) + 1):
+            kinds["/".join(parts[:count])].add((str(group["tab"]), str(group["unit"])))
     chosen: dict[str, Document] = {}
     named: dict[str, list[str]] = defaultdict(list)
     for _, group in groups:

@@ -30,6 +30,7 @@ from auvid.stages.base import Document
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
+from auvid.stages.report.recording.identity import log_properties
 from auvid.stages.report.recording.recording import line_inks
 from auvid.stages.report.recording.rerun_stream import Recording
 
@@ -75,7 +76,12 @@ def record_log(
     `tables`: its streams, `info` and `health`: its documents (schemas `log_info`,
     `health`); `legs`: id, use, start_s and end_s of each.
     """
-    out = Recording(f"Log {name}", preview=preview)
+    out = Recording(
+        f"Log {name}",
+        content=[health, info.start_us, info.end_us],
+        properties=log_properties(name, health),
+        preview=preview,
+    )
     origin_us = int(info.start_us)
     clocks = {
         stream: (column(table, "time_us") - origin_us) * 1e-6 for stream, table in tables.items()

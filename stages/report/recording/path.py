@@ -15,14 +15,18 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.number_format import visible
-from auvid.stages.page.colours import ROLES
+from auvid.stages.page.colours import GREEN, ROLES, Ink
 from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 FORCE = ("tau_bar_X_N", "tau_bar_Y_N", "tau_bar_Z_N")
 BODY_HALF_SIZE_M = (0.4, 0.15, 0.15)
 ARROWS = 40
+FREE_RUN = Ink(*GREEN)
+FREE_RUN_WIDTH = -1.5
+"""Negative radii are points of the screen, not metres."""
 LONGEST = 0.2
 """Length of the strongest force (its 95th percentile), in sizes of the path."""
 
@@ -34,8 +38,9 @@ def send_paths(
     segments: Mapping[str, SegmentRecord],
     starts: Mapping[str, float],
     rate_hz: float,
+    model: str = "",
 ) -> Array | None:
-    """Send the path of each segment with the forces on it.
+    """Send the path of each segment with the forces on it, and free runs of `model`.
 
     Returns the corners (2, 3) of the box around all in m NED, None for no path.
     """
@@ -80,6 +85,17 @@ def send_paths(
             rr.LineStrips3D([pose[:, :3]], colors=[ROLES[use].rgb], labels=[label]),
         )
         out.body("path/vehicle", times, pose)
+        flown = tables.get(f"validate/simulated_motion/{name}")
+        if flown is not None:
+            out.static(
+                f"path/{part}/free_run",
+                rr.LineStrips3D(
+                    free_paths(flown, times - starts[name], pose),
+                    colors=[FREE_RUN.rgb],
+                    labels=[str(visible(f"free run of {model}"))],
+                    radii=[FREE_RUN_WIDTH],
+                ),
+            )
         force = forces[name]
         if force is not None and scale > 0:
             _send_forces(
@@ -103,6 +119,31 @@ def send_paths(
             rr.Arrows3D.from_fields(colors=[ROLES["measured"].rgb], labels=[words], radii=[0.02]),
         )
     return corners
+
+
+def free_paths(flown: pa.Table, t_s: Array, pose: Array) -> list[Array]:
+    """Return the path (k, 3) of every free run in m NED, from its measured start on.
+
+    p(t) = p(0) + integral of R(Theta) v dt by trapezoids, with velocity and attitude of
+    the run; t_s (n,), pose (n, 6): the measured ones. A run of one sample has no path.
+    """
+    times, velocity, attitude = (
+        column(flown, "t_s"),
+        matrix(flown, LINEAR_VELOCITY),
+        matrix(flown, POSE[3:]),
+    )
+    good = np.isfinite(velocity).all(axis=1) & np.isfinite(attitude).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    paths = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        if last - first < 2:
+            continue
+        run = slice(first, last)
+        rates = np.einsum("nij,nj->ni", rotation_body_to_ned(attitude[run]), velocity[run])
+        steps = np.diff(times[run])[:, None] * (rates[1:] + rates[:-1]) / 2.0
+        start = np.array([np.interp(times[first], t_s, pose[:, axis]) for axis in range(3)])
+        paths.append(start + np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]))
+    return paths
 
 
 def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pyarrow as pa
@@ -46,9 +46,11 @@ from auvid.stages.report.recording.blueprint import (
     parent,
     whole_view,
 )
+from auvid.stages.report.recording.dive import dive_view, send_dive
 from auvid.stages.report.recording.flights import send_flights
+from auvid.stages.report.recording.identity import Property
 from auvid.stages.report.recording.path import send_paths
-from auvid.stages.report.recording.rerun_stream import Recording
+from auvid.stages.report.recording.rerun_stream import NO_PROPERTIES, Recording
 from auvid.stages.report.recording.text import markdown, stage_texts
 from auvid.stages.steps import counted
 
@@ -70,18 +72,21 @@ def record(
     path_rate_hz: float,
     sections: Mapping[str, Document] = NOTHING,
     *,
+    content: object = "",
+    properties: Mapping[str, Property] = NO_PROPERTIES,
     preview: bool = False,
     tab: str = "",
     path: str,
 ) -> None:
     """Save the recording to `path`; it opens on `tab` (see `whole_view`).
 
-    One group of series is in memory at a time.
+    One group of series is in memory at a time. `content` and `properties`: see
+    `Recording`.
 
     `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab
     per stage.
     """
-    out = Recording(title, preview=preview, path=path)
+    out = Recording(title, content=content, properties=properties, preview=preview, path=path)
     clock = make_clock(segments, logs)
     load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
@@ -90,15 +95,23 @@ def record(
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
     sent = _send_groups(out, groups, tables, load, clock, _preferred(summary))
+    dive: dict[str, LoggedSeries] = {}
+    best = next(iter(_preferred(summary)), "")
     if fused:
-        box = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz)
+        dive = send_dive(out, fused, tables, segments, logs, clock)
+        box = send_paths(out, fused, tables, segments, clock.segments, path_rate_hz, best)
         paths = {} if box is None else {"path": box}
     else:
         paths = send_flights(out, tables, inks_of(roles_of(sections)))
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
     try:
-        blueprint, left_out = whole_view(groups, VisibleTabs(sent, paths, tuple(texts), lanes), tab)
+        blueprint, left_out = whole_view(
+            groups,
+            VisibleTabs(sent, paths, tuple(texts), lanes),
+            tab,
+            partial(dive_view, dive, lanes) if dive else None,
+        )
     except DataError:  # a tab that there is not
         out.discard()
         raise

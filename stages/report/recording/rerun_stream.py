@@ -16,7 +16,8 @@ import rerun as rr
 
 from auvid.hydro.arrays import Array
 from auvid.stages.number_format import visible
-from auvid.stages.page.colours import AXIS_INKS, Ink, key
+from auvid.stages.page.colours import AXIS_INKS, Ink
+from auvid.stages.report.recording.identity import Property, recording_id
 
 TIMELINE = "t"
 CHUNK_ROWS = 50_000
@@ -25,18 +26,29 @@ KEPT_BITS = np.uint64(0xFFFF_FFFF_0000_0000)
 HALF = np.uint64(1 << 31)
 LEVELS = {"error": "ERROR", "warning": "WARN", "note": "INFO"}
 AXIS_LENGTH_M = 0.6
+NO_PROPERTIES: Mapping[str, Property] = {}
 
 
 class Recording:
     """One recording, in memory or saved to `path` as it comes.
 
+    Its id is that of title and `content`; `properties` are typed columns of a catalogue.
+
     `preview`: series are thinned by minimum and maximum per bin, for pictures and for
     slow machines.
     """
 
-    def __init__(self, title: str, *, preview: bool = False, path: str | None = None) -> None:
+    def __init__(
+        self,
+        title: str,
+        *,
+        content: object = "",
+        properties: Mapping[str, Property] = NO_PROPERTIES,
+        preview: bool = False,
+        path: str | None = None,
+    ) -> None:
         self.stream = rr.RecordingStream(
-            "auvid", recording_id=key(title) or "campaign", send_properties=False
+            "auvid", recording_id=recording_id(title, content), send_properties=False
         )
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
@@ -45,6 +57,12 @@ class Recording:
         if path is not None:
             self.stream.save(path)
         self.stream.send_recording_name(str(visible(title)))
+        if properties:
+            plain = {
+                name: str(visible(value)) if isinstance(value, str) else value
+                for name, value in properties.items()
+            }
+            self.stream.send_property("auvid", rr.AnyValues(**plain))
 
     def finish(self, blueprint: Any) -> bytes:
         """End the recording with its blueprint; what is in memory is given as .rrd bytes."""

@@ -133,7 +133,8 @@ def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) 
         made.segments,
         made.logs,
         made.sections,
-        made.vehicle.document,
+        made.vehicle,
+        {},
     )
     words = markdown(
         "A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments
