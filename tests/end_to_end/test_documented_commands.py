@@ -31,6 +31,7 @@ LEFT_OUT = {
     r"auvid simulate": "takes a minute (test_reproduce.py)",
     r"auvid (run|report) mybench": "its files run in test_bench_readme.py",
     r"auvid diff .*@\w+\.\w+=": "runs the chain again (test_look_back.py)",
+    r"auvid new campaign (tank|lake|harbour --from dive_1)": "other logs (test_new_campaign.py)",
     r"auvid report bluerov2_dvl bluerov2_dvl_csv": "needs another run (test_runs_page.py)",
     r"auvid report .*--compare": "needs an earlier run (test_look_back.py)",
     r"\. \.venv/bin/activate": "changes the shell",
