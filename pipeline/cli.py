@@ -11,10 +11,9 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from click import Context
 
 from auvid import __version__
 from auvid.data_schemas.errors import PipelineError, UsageError
@@ -37,6 +36,9 @@ from auvid.pipeline.output import (
     note,
 )
 from auvid.pipeline.terminal import plain_lines
+
+if TYPE_CHECKING:
+    from typer._click.core import Context
 
 app = typer.Typer(
     name="auvid",

@@ -20,6 +20,8 @@ STEP_S = 0.5
 """Width of the pieces of a dive; a vehicle answers a command within one to three seconds."""
 SHORTEST_LEG_S = 8.0
 """Five seconds that resample needs for a segment, and the ends that filters cut off."""
+LONGEST_LEG_S = 1800.0
+"""Longer ones are cut, so that one fits into the memory of a small machine."""
 NEAR_S = 5.0
 """Motion within this time belongs to a stretch that moves."""
 LONGEST_REST_S = 30.0
@@ -225,15 +227,17 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
             (max(low, last), high, "training"),
         )
         for begin, end, use in cuts:
-            if (end - begin) * STEP_S >= SHORTEST_LEG_S:
-                at = (start + begin - low) * STEP_S, (start + end - low) * STEP_S
-                excited, both = sums.between(np.array([begin]), np.array([end]))
-                legs.append(
-                    ProposedLeg(number, *map(float, at), use, _names(excited[0]), _names(both[0]))
-                )
+            if (end - begin) * STEP_S < SHORTEST_LEG_S:
+                continue
+            parts = int(np.ceil((end - begin) * STEP_S / LONGEST_LEG_S))
+            marks = np.linspace(begin, end, parts + 1).astype(np.intp)
+            for at, stop in zip(marks[:-1], marks[1:], strict=True):
+                excited, both = sums.between(np.array([at]), np.array([stop]))
+                times = float(start + at - low) * STEP_S, float(start + stop - low) * STEP_S
+                legs.append(ProposedLeg(number, *times, use, _names(excited[0]), _names(both[0])))
     total_excited, _ = sums.between(np.array([0]), np.array([total]))
     axes = _names(total_excited[0])
-    parts: dict[Use, tuple[Mask, Mask]] = {
+    by_use: dict[Use, tuple[Mask, Mask]] = {
         "training": sums.outside(np.array([first]), np.array([last])),
         "validation": sums.between(np.array([first]), np.array([last])),
     }
@@ -243,7 +247,7 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
             for axis in axes
             if axis not in _names(both[0])
         }
-        for use, (excited, both) in parts.items()
+        for use, (excited, both) in by_use.items()
     }
     return LegProposal(tuple(legs), axes, lacking)
 

@@ -137,12 +137,7 @@ def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[Feed | None,
 
 
 def way_on(page: LogPage) -> str:
-    """Return what would make a log feed a campaign, for one that feeds none.
-
-    Empty where the refusal of the log says it already.
-    """
-    if page.health is None:
-        return ""
+    """Return what would make a decoded log feed a campaign, for one that feeds none."""
     log = checked(page)
     acting = activity(log) if log.has("actuators") else None
     if log.under_water is False:
@@ -151,9 +146,10 @@ def way_on(page: LogPage) -> str:
         )
     if not log.has("actuators"):
         return (
-            "name all CSV files of the dive in one call (--from imu.csv dvl.csv outputs.csv), they"
-            " become one log; without commands nothing tells forces"
-            if page.health["formats"] == ["CSV"]
+            "without commands nothing tells forces: pulses of each output, or commands of surge,"
+            " sway, heave, yaw. All CSV files of a dive in one call (--from imu.csv dvl.csv"
+            " outputs.csv) become one log"
+            if log.info.files[0].format == "CSV"
             else "log what drives the vehicle (docs/streams.md): without it nothing tells forces"
         )
     if acting is None or not acting.any() or driven_s(log) < SHORTEST_DRIVEN_S:

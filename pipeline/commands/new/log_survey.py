@@ -20,7 +20,7 @@ from auvid.stages.ingest.registry import reader_of
 
 SHARED = 0.5
 """Files of one dive share so much of the time of the shorter one."""
-LISTED = 12
+LISTED = 6
 ROUNDS = 5
 """Corrections of a drafted column map, each after a new check of the log."""
 
@@ -136,7 +136,7 @@ def _nothing(draft: ColumnDraft | None) -> str:
     assert draft is not None
     remarks = " ".join(draft.remarks)
     return (
-        f"{draft.file}: no columns fill a stream (columns: {', '.join(draft.unused[:12])})."
+        f"{draft.file}: no columns fill a stream (columns: {', '.join(draft.unused[:LISTED])})."
         f" {remarks} Rename them so that they tell (depth_m, roll_deg, u_mps, pwm_1 ...)."
     )
 

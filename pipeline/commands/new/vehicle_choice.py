@@ -15,8 +15,7 @@ from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.pipeline.campaigns.vehicle_files import SHIPPED_VEHICLES
-from auvid.pipeline.campaigns.workspace import vehicle_file_of
+from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES, vehicle_file_of
 from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
 from auvid.stages.ingest.health.vehicle import NEUTRAL_US
 

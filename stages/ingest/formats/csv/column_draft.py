@@ -52,6 +52,7 @@ FROM_ABOVE = "up"
 """Mark of a height that is negative under water."""
 MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
 """Marks of commands that were matched to the axis that answers them."""
+SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
 LARGEST_COMMAND = 1.5
 AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
@@ -401,7 +402,8 @@ def _with_columns(
     }
     for stream, lack in partial.items():
         if lack:
-            remarks.append(f"{stream} is left out: nothing looks like {', '.join(lack)}.")
+            names = ", ".join(SPOKEN.get(name, name) for name in lack)
+            remarks.append(f"{stream} is left out: nothing looks like {names}.")
     if (
         any(QUATERNION.search(item.words) for item in columns)
         and ("attitude", "phi_rad") not in chosen

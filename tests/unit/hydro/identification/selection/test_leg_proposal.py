@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.selection.leg_proposal import (
+    LONGEST_LEG_S,
     SHORTEST_LEG_S,
     DivePieces,
     dive_pieces,
@@ -120,4 +122,8 @@ def test_four_hours_take_one_pass() -> None:
     motion = {axis: (t_s, 0.2 * np.sin(t_s / (5.0 + k))) for k, axis in enumerate("uvwpqr")}
     pieces = dive_pieces(float(t_s[-1]), motion, clocks=(t_s,))
     assert pieces.usable.size == 28_799
-    assert len(propose_legs([pieces]).legs) == 2
+    legs = propose_legs([pieces]).legs
+    assert {leg.use for leg in legs} == {"training", "validation"}
+    assert max(leg.end_s - leg.start_s for leg in legs) <= LONGEST_LEG_S
+    assert sum(leg.end_s - leg.start_s for leg in legs) > 0.99 * 4 * 3600.0
+    assert all(a.end_s == b.start_s for a, b in pairwise(legs))
