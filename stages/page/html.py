@@ -370,7 +370,7 @@ def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
     if column == "term":
         return Cell(term(words), words, "term")
     if column == "unit":
-        return Cell("" if words == "1" else printed_unit(words), words)
+        return Cell("" if words == "1" else printed_unit(words).replace(" ", "\u00a0"), words)
     verdict = verdict_of(words)
     kind = (
         f"verdict {verdict}"

@@ -61,7 +61,7 @@ def methods_section(
     """Return the section: what was done in sentences, references, versions."""
     parameters = {name: entry["parameters"] for name, entry in provenance["stages"].items()}
     sentences = [*_data(vehicle, segments), *_signals(parameters)]
-    sentences += _models(parameters, cards, summary)
+    sentences += _models(cards, summary)
     words = " ".join(sentences)
     named = [entry for key, entry in REFERENCES.items() if key in words]
     versions = {"Python": platform.python_version(), **provenance["packages"]}
@@ -93,7 +93,7 @@ def _data(vehicle: Vehicle, segments: Mapping[str, SegmentRecord]) -> list[str]:
             words.append(f"{seconds:.0f} s in {legs} leg{'s' * (legs > 1)} for {use}")
     logs = len({item.log for item in segments.values()})
     return [first] + (
-        [f"Of {logs} log{'s' * (logs > 1)} we used {' and '.join(words)}."] if words else []
+        [f"From {logs} log{'s' * (logs > 1)} we used {' and '.join(words)}."] if words else []
     )
 
 
@@ -117,9 +117,7 @@ def _signals(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return sentences
 
 
-def _models(
-    parameters: Mapping[str, Mapping[str, Any]], cards: Mapping[str, ModelCard], summary: Summary
-) -> list[str]:
+def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
     if not cards:
         return []
     sentences = [
@@ -131,14 +129,6 @@ def _models(
             else "."
         )
     ]
-    if any(card.limits for card in cards.values()):
-        sentences.append("Damping was held within physical limits.")
-    if any(card.prior is not None for card in cards.values()):
-        share = parameters.get("synthesise", {}).get("prior_sd", 0.0)
-        sentences.append(
-            f"Coefficients that the data hardly determine had a prior with a standard deviation of"
-            f" {100 * share:g} % of the published value."
-        )
     chosen = next((item for item in summary.models if item.name == summary.recommended), None)
     if chosen is not None:
         merit = chosen.axes[ALL]
@@ -152,6 +142,24 @@ def _models(
         if chosen.runs:
             words += f", and {chosen.runs - chosen.lost} of {chosen.runs} free runs stayed bounded"
         sentences.append(f"{words}.")
+        sentences += _limits_and_priors(next(c for c in cards.values() if c.name == chosen.name))
+    return sentences
+
+
+def _limits_and_priors(card: ModelCard) -> list[str]:
+    """Return what holds the coefficients of the chosen model beside its data."""
+    sentences = []
+    if card.damping != "free":
+        sentences.append(f"Its damping was held within physical limits ({card.damping}).")
+    if card.prior is not None:
+        names = [f"{axis}_{term}" for axis, terms in card.prior.means.items() for term in terms]
+        source = {"strip_theory": "strip theory", "vehicle": "published coefficients"}
+        sentences.append(
+            f"{', '.join(names)} had a prior from {source[card.prior.source]} with a standard"
+            f" deviation of {100.0 * card.prior.relative_sd:g} % of each value."
+        )
+    for prior in card.measured_priors:
+        sentences.append(f"A prior with its covariance came from {prior.file}.")
     return sentences
 
 

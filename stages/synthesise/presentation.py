@@ -72,10 +72,13 @@ def synthesise_section(
             "Every model is a choice of terms of the viscous basis xi (McCarter 3.12).",
         )
     )
-    notes = list(dict.fromkeys(_method(card) for card in cards.values()))
-    blocks += [text(words) for words in notes if len(notes) == 1]
+    methods: dict[str, list[str]] = {}
     for card in cards.values():
-        blocks += _model_blocks(card, note="" if len(notes) == 1 else _method(card))
+        methods.setdefault(_method(card), []).append(card.title)
+    words = [f"{', '.join(titles)}: {note}" for note, titles in methods.items()]
+    blocks += fold("How the numbers and their intervals came about", list(map(text, words)))
+    for card in cards.values():
+        blocks += _model_blocks(card)
     return section(
         "Models and coefficients",
         blocks,
@@ -84,7 +87,7 @@ def synthesise_section(
     )
 
 
-def _model_blocks(card: ModelCard, *, note: str) -> list[dict[str, Any]]:
+def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     """Return a fold with the coefficients of a model, and one with the remarks on them."""
     rows, kept = [], []
     for axis, part in card.axes.items():
@@ -104,7 +107,7 @@ def _model_blocks(card: ModelCard, *, note: str) -> list[dict[str, Any]]:
     title = f"{card.title}: {card.n_bar} terms, {card.identified} identified" + (
         ", with a prior" if card.prior is not None else ""
     )
-    listed = table(title, heads, rows, note=note, kept=kept)
+    listed = table(title, heads, rows, kept=kept)
     listed["coefficients_of"] = card.name
     blocks = fold(title, [listed])
     return blocks + fold(f"{card.title}: what stands behind it", _remarks(card))

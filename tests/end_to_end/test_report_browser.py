@@ -5,7 +5,7 @@ console. Pictures go to build/screenshots.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -13,10 +13,12 @@ import pytest
 
 from auvid.stages.report import Params, run
 from tests.support.browser import Browser, chromium
+from tests.support.campaign_runs import copy_workspace, run_campaign
 from tests.support.example_run import example_run
 
 PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
 PROGRAM = chromium()
+DEMO = "bluerov2_dvl"
 FIRST_FRAME = "document.querySelector('.frame')"
 FIRST_AREA = "document.querySelector('.area')"
 BOX = "(({left, top, width, height}) => [left, top, width, height])"
@@ -188,6 +190,47 @@ def accessibility_faults(
             "item => `${item.id}: ${item.nodes[0].html.slice(0, 200)}`))"
         )
     )
+
+
+@pytest.fixture(scope="module")
+def demo(committed_run: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the report of the bundled dive."""
+    folder = copy_workspace(committed_run(DEMO), tmp_path_factory.mktemp("demo") / "run")
+    run_campaign(folder, DEMO, None)
+    return folder / "runs" / DEMO / "report" / "report_html.html"
+
+
+BOTTOM = "(id => document.querySelector(id).getBoundingClientRect().bottom + scrollY)"
+WORDS = r"document.body.innerText.split(/\s+/).filter(word => /[\p{L}\p{N}]/u.test(word)).length"
+READY_MS = "performance.getEntriesByType('navigation')[0].domInteractive"
+
+
+@pytest.mark.parametrize(("width", "first_screen_px"), [(1440, 1000), (390, 1600)])
+def test_the_answer_of_the_demo_stands_on_the_first_screen(
+    browser: Browser, demo: Path, width: int, first_screen_px: int
+) -> None:
+    browser.open(demo, width=width)
+    pictures = browser.evaluate("document.querySelectorAll('.pictures .picture').length")
+    assert pictures == 2
+    for part in (".answer", ".pictures", "#coefficients"):
+        assert browser.evaluate(f"{BOTTOM}({part!r})") <= first_screen_px, part
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_page_of_the_demo_is_short_and_light(browser: Browser, demo: Path) -> None:
+    assert demo.stat().st_size <= 1_500_000
+    ready_ms = []
+    for _ in range(3):
+        browser.open(demo, width=1440)
+        ready_ms.append(browser.evaluate(READY_MS))
+    assert min(ready_ms) <= 1000, "the fastest of three: other work may slow this machine down"
+    assert browser.evaluate("document.documentElement.scrollHeight") <= 8000
+    assert browser.evaluate(WORDS) <= 2500
+
+
+@pytest.mark.parametrize("width", [1440, 390])
+def test_axe_finds_no_violation_in_the_demo(browser: Browser, demo: Path, width: int) -> None:
+    assert accessibility_faults(browser, demo, width=width) == []
 
 
 def test_every_plot_draws_its_lines(page: Browser) -> None:
