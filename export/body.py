@@ -103,23 +103,6 @@ class Body:
         """Displaced volume B / (rho g) [m^3]."""
         return self.buoyancy / (self.water_density * self.gravity)
 
-    @property
-    def volume_hint(self) -> str:
-        """Return, in words, the volume that a constant heave force stands for, or "".
-
-        (B - Z) / (rho g) with Z positive down.
-        """
-        heave = sum(term.value for term in self.terms if term.constant and term.axis == 2)
-        if heave == 0.0:
-            return ""
-        volume = (self.buoyancy - heave) / (self.water_density * self.gravity)
-        return (
-            f"\nThe model has a constant heave force of {heave:.4g} N (positive down), which the"
-            " file leaves\nout. If it is net buoyancy, which keeps its direction when the vehicle"
-            f" tilts, make the\ndisplaced volume {volume:.6g} m^3 in place of {self.volume:.6g},"
-            f" its sides {np.cbrt(volume / self.volume):.6g} times as long.\n"
-        )
-
     @cached_property
     def box(self) -> Array:
         """Sides (3,) [m] of a box of the displaced volume.
@@ -174,6 +157,53 @@ def _factors(nu: Array, excess: Array) -> dict[str, Array]:
         "Vw": signed_speed(cross, factors["w"]),
         PROPULSION: excess,
     }
+
+
+def constants_of(body: Body) -> Array:
+    """Return the constant force (6,) of a body [N, N m]."""
+    total = np.zeros(6)
+    for term in body.terms:
+        if term.constant:
+            total[term.axis] += term.value
+    return total
+
+
+FLOATED = (2, 3, 4)
+"""Axes whose constant force buoyancy holds: Z, K, M."""
+
+
+def floated(body: Body) -> Body:
+    """Return the body with its constant Z, K, M as buoyancy and its centre.
+
+    B' = B - Z; x_B' B' = x_B B + M, y_B' B' = y_B B - K, z_B' B' = z_B B: level, the
+    restoring force is that of W, B, r_G, r_B and Z, K, M together, and the righting moment
+    stays. Of no effect where no buoyancy would be left.
+    """
+    constant = constants_of(body)
+    buoyancy = body.buoyancy - constant[2]
+    if buoyancy <= 0.0:
+        return body
+    moment = body.buoyancy * body.r_B + np.array([constant[4], -constant[3], 0.0])
+    kept = body.keep(lambda term: not (term.constant and term.axis in FLOATED))
+    return replace(kept, buoyancy=float(buoyancy), r_B=moment / buoyancy)
+
+
+def floated_words(body: Body) -> str:
+    """Return what `floated` puts into the buoyancy, in words; empty for nothing."""
+    constant, changed = constants_of(body), floated(body)
+    if changed is body or not constant[list(FLOATED)].any():
+        return ""
+    values = ", ".join(
+        f"{AXES[axis]} {constant[axis]:.4g} {'N' if axis < 3 else 'N m'}" for axis in FLOATED
+    )
+    return (
+        f"The constant forces {values} are in the buoyancy: {changed.volume:.6g} m^3 displaced in"
+        f" place of {body.volume:.6g}, its centre moved by"
+        f" ({', '.join(f'{1000.0 * x:.3g}' for x in changed.r_B - body.r_B)}) mm. So the forces"
+        " are the model's where the vehicle is level; tilted, they keep to the vertical as net"
+        " buoyancy and a load off the centre do, and the model's own turn with the vehicle: at 10"
+        f" degrees {abs(constant[2]) * np.sin(np.radians(10.0)):.2g} N lie across."
+    )
 
 
 def full_title(model: ModelFile) -> str:

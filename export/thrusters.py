@@ -25,6 +25,25 @@ def unplaced_note(body: Body) -> tuple[str, ...]:
     return ("Thrusters whose position is not known are left out: apply their force.",)
 
 
+def offsets_words(body: Body, lost: Array, *, first: int = 1) -> str:
+    """Return which thruster forces make a lost constant force (6,), in words; "" for none.
+
+    The least forces of the thrusters, counted from `first`; nothing where they cannot make
+    it, or one has no known place.
+    """
+    if not body.thrusters or unplaced_note(body) or not lost.any():
+        return ""
+    effects = np.array([item.effect for item in body.thrusters]).T
+    offsets = np.linalg.pinv(effects) @ lost
+    if np.abs(effects @ offsets - lost).max() > 1e-6 * np.abs(lost).max():
+        return ""
+    listed = ", ".join(f"{i + first}: {force:.3g}" for i, force in enumerate(offsets))
+    return (
+        "The constant forces that are lost turn with the vehicle, which no element of the file"
+        f" does. Thrusters do: add to their forces, in N, {listed}."
+    )
+
+
 def without_thrusters(body: Body) -> tuple[float, Array, Array]:
     """Return mass, centre of gravity and inertia there, without the thruster links."""
     placed = placed_thrusters(body)

@@ -5,18 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ThrusterFigures
-from auvid.export.body import TO_FLU, Body, Term, names_of
+from auvid.export.body import (
+    TO_FLU,
+    Body,
+    Term,
+    constants_of,
+    floated,
+    floated_words,
+    names_of,
+)
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost
 from auvid.export.text import number, numbers, xml_comment
 from auvid.export.thrusters import (
     THRUSTER_INERTIA,
     THRUSTER_MASS,
+    offsets_words,
     placed_thrusters,
     unplaced_note,
     without_thrusters,
 )
-from auvid.hydro.arrays import VELOCITIES
+from auvid.hydro.arrays import VELOCITIES, Array
 
 CONVENTION = (
     "Link base_link: axes x forward, y port, z up (FLU) in a world ENU; its origin is the body"
@@ -39,6 +48,15 @@ _WORLD = """\
   </plugin>
   <light type="directional" name="sun"><direction>0 0 -1</direction></light>
 """
+_TORQUE = """\
+  <plugin filename="gz-sim-apply-link-wrench-system" name="gz::sim::systems::ApplyLinkWrench">
+    <verbose>false</verbose>
+    <persistent>
+      <entity_name>{name}</entity_name><entity_type>model</entity_type>
+      <torque>0 0 {torque}</torque>
+    </persistent>
+  </plugin>
+"""
 _USAGE = """\
 `gz sim {name}.sdf` opens a world of water with the vehicle in it. For a world of your
 own copy the element `model`, and give that world the same gravity and the same density
@@ -50,7 +68,7 @@ The physics engine has to be DART (the default): added mass stands in
 The collision box `displaced_volume` is what floats: its volume is the buoyancy, its
 middle the centre of buoyancy. Its sides are those of a solid box with the vehicle's
 inertia; replace the visual shape as you like, but keep volume and middle of the box.
-{thrusters}{products}{heave}"""
+{thrusters}{products}"""
 _THRUSTERS = """
 Thruster i takes its force in N on `/model/{name}/joint/thruster_i_joint/cmd_thrust`.
 The {mass} kg of each thruster link are taken off base_link.
@@ -69,11 +87,15 @@ def export(request: Request) -> Exported:
     signs in Hydrodynamics.cc:684-713, applied at the link origin by Link.cc
     AddWorldWrench. Added mass about the link origin, positive: gazebosim/sdformat
     sdf/1.11/inertial.sdf (2ace5362). Buoyancy: src/systems/buoyancy/Buoyancy.cc:540;
-    thrusters along the joint's axis: src/systems/thruster/Thruster.cc.
+    thrusters along the joint's axis: src/systems/thruster/Thruster.cc. A constant Z, K, M
+    is in the buoyancy, N a persistent torque about the vertical of the world:
+    src/systems/apply_link_wrench/ApplyLinkWrench.cc:150-187, 262-276 (31afa945).
     """
-    body, name = request.body, request.name
+    name, own = request.name, request.body
+    body = floated(own)
     kept = body.keep(_holds)
-    lost = body.keep(lambda term: not _holds(term))
+    lost = body.keep(lambda term: not (_holds(term) or _vertical(term)))
+    yaw = constants_of(body)[5]
     products = [term for term in kept.terms if _plain_product(term)]
     placed = placed_thrusters(body)
     text = [
@@ -81,6 +103,7 @@ def export(request: Request) -> Exported:
         xml_comment([f"Model {name}: {body.title}.", *request.head, CONVENTION]),
         '<sdf version="1.11">\n',
         _WORLD.format(name=name, gravity=number(body.gravity), density=number(body.water_density)),
+        _TORQUE.format(name=name, torque=number(-yaw)) if yaw else "",
         f'  <model name="{name}">\n    <pose>0 0 -2 0 0 0</pose>\n',
         _link(body),
         *(_thruster(i + 1, item) for i, item in enumerate(placed)),
@@ -93,7 +116,8 @@ def export(request: Request) -> Exported:
         losses.append(
             Lost(
                 names_of(lost.terms),
-                "the plugin has x, x|y| and x y of the velocities, and no constant force",
+                "the plugin has x, x|y| and x y of the velocities, and no constant force along x"
+                " or y of the vehicle",
                 lost.viscous,
             )
         )
@@ -104,11 +128,26 @@ def export(request: Request) -> Exported:
         _USAGE.format(
             name=name,
             thrusters=_THRUSTERS.format(name=name, mass=THRUSTER_MASS) if placed else "",
-            heave=body.volume_hint,
             products=_PRODUCTS.format(products=names_of(products)) if products else "",
         ),
-        _notes(body, len(placed)),
+        (*_constant_notes(own, constants_of(lost)), *_notes(body, len(placed))),
     )
+
+
+def _constant_notes(own: Body, lost: Array) -> tuple[str, ...]:
+    notes = [floated_words(own), offsets_words(own, lost)]
+    if constants_of(own)[5]:
+        notes.append(
+            f"The constant yaw moment, {constants_of(own)[5]:.3g} N m, is the torque of the"
+            " ApplyLinkWrench system about the vertical: the model's where the vehicle is level."
+            " Copy that plugin with the model."
+        )
+    return tuple(note for note in notes if note)
+
+
+def _vertical(term: Term) -> bool:
+    """Return whether a term is the constant yaw moment, level the same at all headings."""
+    return term.constant and term.axis == 5
 
 
 def _holds(term: Term) -> bool:

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ThrusterFigures
-from auvid.export.body import STANDING, TO_FLU, Body, Force, Term, names_of
+from auvid.export.body import (
+    STANDING,
+    TO_FLU,
+    Body,
+    Force,
+    Term,
+    constants_of,
+    floated,
+    floated_words,
+    names_of,
+)
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost
 from auvid.export.source_code import flat
@@ -13,6 +23,7 @@ from auvid.export.text import number, numbers, xml_comment
 from auvid.export.thrusters import (
     THRUSTER_INERTIA,
     THRUSTER_MASS,
+    offsets_words,
     placed_thrusters,
     unplaced_note,
     without_thrusters,
@@ -39,7 +50,7 @@ _USAGE = """\
 Visual and collision shapes are a box of the displaced volume; replace them as you like.
 The plugin takes gravity from the world: set {gravity} m/s^2.
 The origin of base_link is at ({origin}) m from the body origin of the vehicle
-file (forward, starboard, down). {thrusters}{heave}"""
+file (forward, starboard, down). {thrusters}"""
 _THRUSTERS = """Thruster i takes {takes}
 on `/rov/thrusters/i/input`. The {mass} kg of each thruster link are taken off base_link.
 """
@@ -54,9 +65,9 @@ def export(request: Request) -> Exported:
     the force acts at the centre of gravity: gazebosim/gazebo-classic
     gazebo/physics/ode/ODELink.cc AddRelativeForce, WorldLinearVel (0127272), as does
     the centre of buoyancy (BuoyantObject.cc:197). With A = [[1, S(r_G)], [0, 1]],
-    nu_O = A nu_G and tau_G = A' tau_O.
+    nu_O = A nu_G and tau_G = A' tau_O. A constant Z, K, M is in the buoyancy.
     """
-    body, name = request.body, request.name
+    body, name = floated(request.body), request.name
     _, centre, _ = without_thrusters(body)
     to_G = np.eye(6)
     to_G[:3, 3:] = skew(centre)
@@ -71,10 +82,16 @@ def export(request: Request) -> Exported:
             quadratic[term.axis] += term.value
     linear = to_G.T @ linear @ to_G
     added = -to_G.T @ body.added_mass @ to_G
-    text = _document(request, linear, forward, quadratic, added)
+    text = _document(body, request, linear, forward, quadratic, added)
     lost = _losses(body, to_G, linear, forward, quadratic)
     placed = placed_thrusters(body)
+    left = constants_of(body)
     notes = [
+        *(
+            note
+            for note in (floated_words(request.body), offsets_words(body, left, first=0))
+            if note
+        ),
         "Added mass acts on the acceleration of the step before, low-pass filtered: keep steps"
         " short and mind vehicles with more added than own mass.",
         *unplaced_note(body),
@@ -96,7 +113,6 @@ def export(request: Request) -> Exported:
         _USAGE.format(
             name=name,
             gravity=number(body.gravity),
-            heave=body.volume_hint,
             origin=numbers(centre, ", "),
             thrusters=_THRUSTERS.format(takes=takes, mass=THRUSTER_MASS) if placed else "",
         ),
@@ -129,7 +145,8 @@ def _losses(
         losses.append(
             Lost(
                 names_of(missing.terms),
-                "the plugin has x, u x, and x|x| on its own axis, and no constant force",
+                "the plugin has x, u x, and x|x| on its own axis, and no constant force along x"
+                " or y nor moment about z of the vehicle",
                 missing.viscous,
             )
         )
@@ -161,9 +178,9 @@ def _about_G(kept: Body, to_G: Array, linear: Array, forward: Array, quadratic: 
 
 
 def _document(
-    request: Request, linear: Array, forward: Array, quadratic: Array, added: Array
+    body: Body, request: Request, linear: Array, forward: Array, quadratic: Array, added: Array
 ) -> str:
-    body, name = request.body, request.name
+    name = request.name
     flip = TO_FLU[:3]
     mass, centre, inertia = without_thrusters(body)
     inertia = inertia * np.outer(flip, flip)

@@ -59,13 +59,15 @@ def moved(body: Body, arm: Array) -> Body:
     return Body(to_own.T @ body.inertia @ to_own, force)
 
 
-def loss(body: Body, model: ModelFile, *, neutral: bool = False) -> Array:
+def loss(
+    body: Body, model: ModelFile, *, neutral: bool = False, upright: tuple[int, ...] = (2,)
+) -> Array:
     """Return the RMS force (6,) that a body lacks of a model over its flown range.
 
     As export/losses.py states it: C(nu) nu and viscous force, and the lost inertia times
     the acceleration M^-1 tau_viscous; 4096 velocities evenly spread by seed 0. Weight and
-    buoyancy do not count, but a constant heave force in the body's net buoyancy does;
-    `neutral` bodies have none by construction.
+    buoyancy do not count, but constant forces in them do where the body is level: on the
+    axes `upright`. `neutral` bodies have none by construction.
     """
     ranges = [model.validity[name] for name in "uvwpqr"]
     low, high = [r.low for r in ranges], [r.high for r in ranges]
@@ -77,7 +79,9 @@ def loss(body: Body, model: ModelFile, *, neutral: bool = False) -> Array:
     still = body.force(np.zeros((1, 6)), eta[:1])
     here = body.force(nu, eta) - still
     if not neutral:
-        here[:, 2] += still[0, 2] - (model.dynamics.weight_N - model.dynamics.buoyancy_N)
+        bare = reference(model.model_copy(update={"coefficients": []}))
+        level = bare.force(np.zeros((1, 6)), eta[:1])
+        here[:, upright] += (still - level)[0, upright]
     error = exact - here - acceleration @ (truth.inertia - body.inertia).T
     return np.sqrt((error**2).mean(0))
 

@@ -56,6 +56,8 @@ HELD = {
 }
 """Target -> models that it holds to the last digit; the first carries the mistakes."""
 
+UPRIGHT = {"gazebo": (2, 3, 4, 5), "uuv": (2, 3, 4)}
+"""Axes on which buoyancy, its centre and a torque hold constant forces."""
 NEUTRAL = ("holoocean",)
 """Targets that set the buoyancy equal to the weight."""
 
@@ -94,7 +96,8 @@ def faults(model: ModelFile, written: ModelFile, target: str, folder: Path) -> l
         pairs = zip(("force", "inertia"), shares, strict=True)
         return [name for name, share in pairs if not share < EXACT]
     printed = printed_loss(readme_of(folder))
-    right = loss(body, model, neutral=target in NEUTRAL)
+    upright = UPRIGHT.get(target, (2,))
+    right = loss(body, model, neutral=target in NEUTRAL, upright=upright)
     near = np.abs(printed - right) <= LOSS_SHARE * right + LOSS_FLOOR
     return [] if near.all() else ["loss"]
 

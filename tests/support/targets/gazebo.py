@@ -147,6 +147,17 @@ def parse(text: str) -> Body:
         centre_of_volume = volumes @ places / volumes.sum()
     weight = 0.0 if link.findtext("gravity", "true") in ("false", "0") else mass * gravity
 
+    # persistent wrenches, in axes of the world, the force at the centre of mass:
+    # ApplyLinkWrench.cc:150-187 and :262-276 (31afa945), on the model's canonical link
+    pulled, turned = np.zeros(3), np.zeros(3)
+    model = root.find(".//model")
+    for steady in (w for s in plugins(root, "ApplyLinkWrench") for w in s.findall("persistent")):
+        assert steady.findtext("entity_type") == "model"
+        assert model is not None
+        assert steady.findtext("entity_name") == model.get("name")
+        pulled += np.array([float(x) for x in steady.findtext("force", "0 0 0").split()])
+        turned += np.array([float(x) for x in steady.findtext("torque", "0 0 0").split()])
+
     # the link's frame in the model's frame
     arm, turn = placement(link)
     to_link = np.kron(np.eye(2), turn.T) @ shift(arm)
@@ -179,6 +190,10 @@ def parse(text: str) -> Body:
         for point, pull in pulls:
             wrench += push(point, pull * lower)
         wrench -= push(centre_of_volume, buoyancy * lower)
+        # ENU to the link, FLU; `down` knows no heading, so the vertical alone can be told
+        assert not pulled.any()
+        assert not turned[:2].any()
+        wrench[:, 3:] -= turned[2] * lower
         return wrench @ to_link @ FLIP6
 
     return Body(FLIP6 @ to_link.T @ (carried + explicit) @ to_link @ FLIP6, force)

@@ -20,6 +20,7 @@ from tests.support.targets.exported import (
     LOSS_SHARE,
     NAME,
     NEUTRAL,
+    UPRIGHT,
     body_of,
     carrier,
     faults,
@@ -93,7 +94,9 @@ def test_what_a_target_cannot_hold_is_refused_and_its_loss_is_right(
     model = MODELS[name]()
     with pytest.raises(DataError, match="lossy"):
         write(model, target, tmp_path, name=NAME)
-    right = loss(body_of(model, target, tmp_path), model, neutral=target in NEUTRAL)
+    upright = UPRIGHT.get(target, (2,))
+    body = body_of(model, target, tmp_path)
+    right = loss(body, model, neutral=target in NEUTRAL, upright=upright)
     printed = printed_loss(readme_of(tmp_path))
     np.testing.assert_allclose(printed, right, rtol=LOSS_SHARE, atol=LOSS_FLOOR)
     assert right.max() > 0.01

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ import pytest
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import UsableFor
 from auvid.export import prepare, write
-from auvid.export.body import body_of
+from auvid.export.body import Body, body_of, floated, floated_words
 from auvid.export.losses import sample_envelope
 from auvid.export.targets.gazebo import _holds
 from auvid.export.targets.holoocean import Torpedo
@@ -24,6 +25,7 @@ from auvid.export.targets.stonefish import box_faces, drag_columns
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
 from auvid.hydro.model_file import forces
 from auvid.pipeline.store.model_files import read_model
 from tests.support.model_files import DAMPED, every_term, model_file
@@ -381,3 +383,59 @@ def test_code_of_python_imports_math_alone(tmp_path: Path) -> None:
     lines = path.read_text(encoding="utf-8").splitlines()
     assert [line for line in lines if line.startswith(("import", "from"))] == ["import math"]
     assert "rov" not in sys.modules
+
+
+def test_constant_forces_in_the_buoyancy_are_the_models_where_it_is_level() -> None:
+    """Whatever the heading; tilted the righting moment stays, and Z keeps to the vertical."""
+    constants = {"X": 0.3, "Y": -0.2, "Z": -4.5, "K": 0.16, "M": -0.45, "N": 0.18}
+    terms = {axis: {**DAMPED[axis], "constant": value} for axis, value in constants.items()}
+    body = body_of(model_file(terms, moved=OFF_CENTRE))
+    changed = floated(body)
+    level = np.zeros((2, 6))
+    level[1, 5] = 2.0
+    extra = standing(changed, level) - standing(body, level)
+    np.testing.assert_allclose(extra, [[0.0, 0.0, -4.5, 0.16, -0.45, 0.0]] * 2, atol=1e-12)
+    assert [term.symbol for term in changed.terms if term.constant] == [
+        "X_constant", "Y_constant", "N_constant",
+    ]  # fmt: skip
+    rolled = np.array([[0.0, 0.0, 0.0, 0.1, 0.0, 0.0]])
+    extra = standing(changed, rolled) - standing(body, rolled)
+    down = np.array([0.0, np.sin(0.1), np.cos(0.1)])
+    wanted = [*(-4.5 * down), 0.16 * np.cos(0.1), -0.45 * np.cos(0.1), 0.45 * np.sin(0.1)]
+    np.testing.assert_allclose(extra[0], wanted, atol=1e-12)
+    words = floated_words(body)
+    assert "Z -4.5 N, K 0.16 N m, M -0.45 N m" in words
+    assert "at 10 degrees 0.78 N lie across" in words
+
+
+def standing(body: Body, eta: Array) -> Array:
+    return restoring_force(
+        eta, weight=body.weight, buoyancy=body.buoyancy, r_G=body.r_G, r_B=body.r_B
+    )
+
+
+def test_no_buoyancy_is_made_negative() -> None:
+    body = body_of(model_file({**DAMPED, "Z": {"w": -3.0, "constant": 1e4}}))
+    assert floated(body) is body
+    assert floated_words(body) == ""
+
+
+@pytest.mark.parametrize(("target", "first", "axes"), [("gazebo", 1, "XY"), ("uuv", 0, "XYN")])
+def test_thruster_forces_make_the_constants_that_are_lost(
+    target: str, first: int, axes: str
+) -> None:
+    constants = {"X": 0.3, "Y": -0.2, "Z": -4.5, "N": 0.18}
+    terms = {axis: {**DAMPED[axis], "constant": value} for axis, value in constants.items()}
+    model = model_file(terms)
+    prepared = prepare(model, target, name="rov", lossy=True)
+    symbols = [f"{axis}_constant" for axis in axes]
+    assert prepared.losses.rows[0].what.split(", ") == symbols
+    page = prepared.files[f"README_rov_{target}.md"]
+    listed = re.search(r"add to their forces, in N, (.*)\.\n", page)
+    assert listed is not None
+    offsets = dict(part.split(": ") for part in listed[1].split(", "))
+    assert list(offsets) == [str(i + first) for i in range(8)]
+    effects = np.array([item.effect for item in model.dynamics.thrusters])
+    made = np.array([float(value) for value in offsets.values()]) @ effects
+    wanted = [constants[axis] if axis in axes else 0.0 for axis in AXES]
+    np.testing.assert_allclose(made, wanted, atol=2e-3)

@@ -151,15 +151,15 @@ def test_a_model_that_nothing_judges_is_written_and_says_so(tmp_path: Path) -> N
 
 
 def test_losses_count_on_usable_axes_alone(tmp_path: Path) -> None:
-    """A constant pitch force does not matter where the model is usable for surge alone."""
-    terms = {**DAMPED, "M": {"q": -3.0, "constant": 0.5}}
+    """A constant sway force does not matter where the model is usable for surge alone."""
+    terms = {**DAMPED, "Y": {"v": -3.0, "constant": 0.5}}
     use = UsableFor(forces=["X"], simulation=[], control=[], speeds={})
     assert prepare(model_file(terms, use=use), "gazebo").losses.too_large == ()
-    with pytest.raises(DataError, match="M_constant"):
+    with pytest.raises(DataError, match="Y_constant"):
         write(model_file(terms), "gazebo", tmp_path)
     lossy = prepare(model_file(terms), "gazebo", lossy=True).losses
-    assert lossy.too_large == ("M",)
-    assert lossy.rows[0].rms == pytest.approx((0, 0, 0, 0, 0.5, 0))
+    assert lossy.too_large == ("Y",)
+    assert lossy.rows[0].rms == pytest.approx((0, 0.5, 0, 0, 0, 0))
 
 
 def test_a_small_loss_is_written_and_printed(tmp_path: Path) -> None:
