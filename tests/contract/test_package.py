@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import pkgutil
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from collections import Counter
 from pathlib import Path
@@ -150,3 +153,29 @@ def test_modules_are_loaded_under_one_name() -> None:
     ]
     assert len(ours) > 200
     assert [file for file, count in Counter(ours).items() if count > 1] == []
+
+
+NAMES = {"pyyaml": "yaml", "rerun-sdk": "rerun", "pillow": "PIL"}
+"""Distribution -> the package that is imported, where the two differ."""
+BROUGHT = {"pydantic_core", "markupsafe"}
+"""Packages that pydantic and jinja2 cannot be without."""
+
+
+def test_what_is_imported_is_declared() -> None:
+    """Else `pip install auvid`, without what the extras bring, does not start."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    declared = {
+        re.split(r"[<>=]", item)[0]
+        for item in [*project["dependencies"], *extras["view"], *extras["plots"]]
+    }
+    allowed = {NAMES.get(name, name) for name in declared} | BROUGHT | {"auvid"}
+    imported: set[str] = set()
+    for floor in ("auvid", *FLOORS):
+        for path in (ROOT / floor).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Import):
+                    imported |= {item.name.partition(".")[0] for item in node.names}
+                elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                    imported.add(node.module.partition(".")[0])
+    assert imported - allowed - set(sys.stdlib_module_names) == set()
