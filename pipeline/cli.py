@@ -756,7 +756,7 @@ def score(
 class _New(Commands):
     """`auvid new DIR` is `auvid new workspace DIR`."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
         """Put the word workspace before a folder."""
         if args and args[0] not in self.commands and not args[0].startswith("-"):
             args = ["workspace", *args]

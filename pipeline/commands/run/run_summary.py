@@ -74,7 +74,8 @@ def print_summary(run: Run) -> None:
         print(f"{name + ':':<16}{path_from_here(path)}")
     name = run.campaign.name
     if "report" in files:
-        print(f"{'to look at it:':<16}auvid report {name} --open; auvid inspect {name}")
+        inspect = f"; auvid inspect {name}" if "recording" in files else ""
+        print(f"{'to look at it:':<16}auvid report {name} --open{inspect}")
 
 
 def _print_remarks(run: Run) -> None:
