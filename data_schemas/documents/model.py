@@ -52,6 +52,7 @@ class Model(BaseModel):
     """A document, or a mapping in one; unknown keys are faults, nothing is coerced."""
 
     model_config = ConfigDict(
+        defer_build=True,
         extra="forbid",
         strict=True,
         frozen=True,

@@ -6,8 +6,6 @@ import re
 from html import unescape
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from latex2mathml.converter import convert_to_element
-
 LONGEST = 4000
 """A longer formula, or one that the library cannot read, is shown as its source."""
 
@@ -18,6 +16,9 @@ def mathml(latex: str) -> str:
     >>> mathml("u^2")
     '<math display="block" alttext="u^2"><mrow><msup><mi>u</mi><mn>2</mn></msup></mrow></math>'
     """
+    # The library imports a client of HTTP: not where no page is written.
+    from latex2mathml.converter import convert_to_element
+
     try:
         if len(latex) > LONGEST:
             raise ValueError("too long")
