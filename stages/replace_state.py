@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column, make_table, matrix
@@ -43,6 +42,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     0.1 N where its standard deviation is 3 N. Raises `DataError` where the truth of the
     segment's log is missing or does not cover it.
     """
+    from scipy.interpolate import CubicSpline
+
     segment, t_s = inputs.segment, clock(inputs.resampled)
     first = max(0.0, t_s[0] + params.edge_s)
     t_s = t_s[(t_s >= first) & (t_s <= min(segment.duration_s, t_s[-1] - params.edge_s))]

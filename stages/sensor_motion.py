@@ -9,8 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-from scipy.interpolate import CubicSpline
-from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.motion import InstallationRecord
@@ -43,6 +41,8 @@ class SensorMotion:
 
     def at(self, values: Array, times: Array) -> Array:
         """Return values (n, ...) of this clock at other times, the ends held."""
+        from scipy.interpolate import CubicSpline
+
         inside = np.clip(times, self.t_s[0], self.t_s[-1])
         return np.asarray(CubicSpline(self.t_s, values)(inside))
 
@@ -75,6 +75,8 @@ class VelocityLogPlacement:
     @classmethod
     def of(cls, vehicle: Vehicle, installation: InstallationRecord | None) -> VelocityLogPlacement:
         """Return that of the vehicle file, or the estimate where there is one."""
+        from scipy.spatial.transform import Rotation
+
         if installation is None or installation.estimate is None:
             return cls(vehicle.dvl.arm_m, np.eye(3), 0.0)
         estimate = installation.estimate
@@ -104,6 +106,8 @@ def sensor_motion(
     Lever arms are taken out (that of the velocity log only with a `placement`), and the
     gyro bias. Raises `DataError` without angular rates.
     """
+    from scipy.interpolate import CubicSpline
+
     if not has_columns(resampled, VELOCITY[3:]):
         raise missing("imu", "angular rates")
     t_s = clock(resampled)

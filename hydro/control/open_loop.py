@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.documents.control_cases import QUANTITIES, OpenLoopEntry
 from auvid.data_schemas.errors import CampaignError, nearest
@@ -189,6 +188,8 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
     A run ends early, and says so, where the pitch leaves +-1.5 rad: the Euler angles
     mean little beyond.
     """
+    from scipy.integrate import solve_ivp
+
     U = case.U
 
     def rate(t: float, chi: Array) -> Array:

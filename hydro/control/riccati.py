@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_continuous_are
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import STATES, Array
@@ -53,6 +52,8 @@ def algebraic_riccati(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) ->
 
     Raises `PipelineError` where there is no stabilising solution.
     """
+    from scipy.linalg import solve_continuous_are
+
     a, b, q, r = (np.asarray(matrix, dtype=np.float64) for matrix in (A, B, Q, R))
     try:
         P = solve_continuous_are(a, b, q, r)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.records.motion import CurrentRecord
@@ -180,6 +179,8 @@ def smoother(
     `motion` must not be filtered. Raises `DataError` when the accelerometer, the depth
     or the velocity sensor is missing.
     """
+    from scipy.interpolate import CubicSpline
+
     if samples.depth is None:
         raise missing("depth", "the samples of the depth sensor (method smoother)")
     if samples.velocity is None or motion.velocity is None:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from itertools import pairwise, product
 
 import numpy as np
-from scipy.optimize import brentq
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
@@ -156,6 +155,8 @@ def _plans(first: Pose, last: Pose, bounds: Bounds) -> Iterator[_Plan]:
 
     0 to MOST_TURNS whole turns are added to either turn.
     """
+    from scipy.optimize import brentq
+
     target = np.array([last.x - first.x, last.y - first.y])
     least = bounds.ramp_m / bounds.radius_m
 
@@ -239,6 +240,8 @@ def _line_pitch(plan: _Plan, first: Pose, last: Pose, bounds: Bounds) -> float |
 
     None where no pitch within the limit does, or the changes do not fit.
     """
+    from scipy.optimize import brentq
+
     turns = (_arc(plan.turned[0], bounds), _arc(plan.turned[1], bounds))
 
     def miss(pitch: float) -> float:

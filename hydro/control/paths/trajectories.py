@@ -14,8 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
-from scipy.spatial import cKDTree
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.arrays import Array
@@ -108,6 +106,8 @@ def trajectory_through(t_s: ArrayLike, position: ArrayLike) -> Trajectory:
     Raises `CampaignError` where the recording stands still: a path has no direction
     there.
     """
+    from scipy.interpolate import make_interp_spline
+
     t, place = np.asarray(t_s, dtype=np.float64), np.asarray(position, dtype=np.float64)
     spline = make_interp_spline(t, place, k=5)
     velocity, acceleration = spline(t, nu=1), spline(t, nu=2)
@@ -168,6 +168,8 @@ def _nearest(path: Array, flown: Array) -> Array:
 
     Only chords at the nearest corner are tried.
     """
+    from scipy.spatial import cKDTree
+
     start, along = path[:-1], np.diff(path, axis=0)
     square = np.maximum(np.sum(along**2, axis=-1), 1e-300)
     flat = flown.reshape(-1, 3)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -177,6 +176,8 @@ def _follow(
 
     The method's own interpolation gives the states between its steps.
     """
+    from scipy.integrate import solve_ivp
+
     solution = solve_ivp(
         lambda _, state: rate(state),
         (first_s, last_s),

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index
@@ -232,6 +231,8 @@ class _Fit:
         return rate_error, states[run.position_at, 1] + bias[2] - run.position, rate_by, position_by
 
     def solve(self, unknown: Array, fixed: Array, sigma: Array) -> Array:
+        from scipy.optimize import least_squares
+
         last: dict[bytes, tuple[Array, Array]] = {}
 
         def both(values: Array) -> tuple[Array, Array]:

@@ -11,9 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -109,6 +106,8 @@ def angle_about(euler: ArrayLike, axis: ArrayLike) -> Array:
 
     Euler angles (n, 3), swings below half a turn.
     """
+    from scipy.spatial.transform import Rotation
+
     attitude = Rotation.from_euler("ZYX", np.asarray(euler, dtype=np.float64)[:, ::-1])
     return np.asarray(
         (attitude.mean().inv() * attitude).as_rotvec() @ np.asarray(axis, dtype=np.float64)
@@ -148,6 +147,8 @@ def angle_per_rate(
     more of them the noise of the rate adds up. NaN where the angle has too few samples
     in them.
     """
+    from scipy.interpolate import CubicSpline
+
     t, x, at = (np.asarray(part, dtype=np.float64) for part in (t_s, rate, angle_t_s))
     strong = np.flatnonzero(np.abs(x - np.median(x)) > 0.3 * np.abs(x - np.median(x)).max())
     turns = strong[1:][np.diff(np.sign(x[strong] - np.median(x))) != 0.0]
@@ -290,6 +291,8 @@ def fit_swing(
     clipped. Raises `DataError` for fewer than `fewest` swings, too slow a recording,
     one without oscillation, or one of several swings.
     """
+    from scipy.optimize import least_squares
+
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     first = release_index(x)
     keep = np.ones(t.size, dtype=np.bool_) if usable is None else np.asarray(usable)

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.bench.output_error import SingleRun
@@ -68,6 +67,8 @@ def find_lag(cost: Callable[[float], float], samples: int) -> Lag | None:
     None where no lag is clearly better than none. samples: how many errors there are.
     The standard error is that of white noise, with all else fitted anew.
     """
+    from scipy.optimize import minimize_scalar
+
     tiny = np.finfo(float).tiny
     none = cost(0.0) + tiny
     costs = [cost(lag) + tiny for lag in TRIED_S]

@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dtrtrs
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -254,4 +253,6 @@ def _settled(J: Array, target: Array, pool: _Pool, active: list[int]) -> tuple[A
 
 def _triangular(T: Array, b: Array, *, transposed: bool = False) -> Array:
     """Return T^-1 b or T'^-1 b of an upper triangle, unchecked."""
+    from scipy.linalg.lapack import dtrtrs
+
     return np.asarray(dtrtrs(T, b, trans=int(transposed))[0])

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space, qr, solve_triangular
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
 from auvid.hydro.arrays import AXES, Array
@@ -126,6 +125,8 @@ def fit_within(
     Raises `DataError` for fewer samples than terms and for limits that contradict each
     other, `PipelineError` for columns or unknowns that do not exist.
     """
+    from scipy.linalg import qr
+
     unknowns = equations.unknowns
     for axis in AXES:
         if factor.n_samples < len(equations.columns_of(axis)):
@@ -180,6 +181,8 @@ def force_error(factor: TriangularFactor, equations: ForceEquations, values: Arr
 
 def _block(factor: TriangularFactor, equations: ForceEquations, axis: str) -> tuple[Array, Array]:
     """Return A (k + 1, p), b (k + 1,) with |A x - b|^2 an axis's sum of squares."""
+    from scipy.linalg import qr
+
     columns = equations.columns_of(axis)
     available = (*factor.terms, CONSTANT)
     for column in columns:
@@ -225,6 +228,8 @@ def _ridge(R: Array) -> Array:
 
 def _covariance(R: Array, active_rows: Array) -> Array:
     """Return Z (Z' R'R Z)^-1 Z' with Z the directions that active rows leave open."""
+    from scipy.linalg import null_space, qr, solve_triangular
+
     scale = np.linalg.norm(R, axis=0)
     Z = null_space(active_rows / scale) if len(active_rows) else np.eye(R.shape[1])
     T = qr(R / scale @ Z, mode="r")[0][: Z.shape[1]]

@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import Array
@@ -72,6 +71,8 @@ class NormalPrior:
         Raises `PipelineError` for an unknown that the model does not have, and for a
         covariance that is not positive definite.
         """
+        from scipy.linalg import solve_triangular
+
         columns = [place_of(unknowns, unknown) for unknown in self.unknowns]
         deviation = np.sqrt(np.diag(self.covariance))
         if not (np.isfinite(deviation).all() and (deviation > 0.0).all()):

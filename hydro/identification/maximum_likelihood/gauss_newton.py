@@ -11,7 +11,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask
@@ -214,6 +213,8 @@ def solve_scaled(matrix: Array, right: Array) -> Array:
     An unknown without information keeps its right-hand side; directions with less than
     1e-13 of the others get next to no step.
     """
+    from scipy.linalg import cho_factor, cho_solve
+
     scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
     scaled = matrix / np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] = 1.0

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import linprog, minimize
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -113,6 +112,8 @@ def least_moduli(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None
     >>> least_moduli([[1.0, 1.0, 1.0]], [1.0, 2.0, 30.0]).round(9).tolist()
     [2.0]
     """
+    from scipy.optimize import linprog
+
     A, b = _checked(rows, force)
     w, scale = _weights(weights, b), np.linalg.norm(A, axis=0)
     size = max(float(np.abs(b).max()), np.finfo(float).tiny)
@@ -194,6 +195,8 @@ def nelder_mead(
     coefficients. It runs on columns of unit length made orthogonal, so that no
     direction is flat.
     """
+    from scipy.optimize import minimize
+
     A, b = _checked(rows, force)
     Q, R = np.linalg.qr(A)
     x0 = R @ np.asarray(start, dtype=np.float64)

@@ -18,7 +18,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_solve, lapack, qr, solve_triangular
 
 from auvid.data_schemas.errors import DataError, PipelineError, nearest
 from auvid.hydro.arrays import AXES, Array
@@ -202,6 +201,8 @@ class AxisFit:
 
         Rows of undetermined terms are nan.
         """
+        from scipy.linalg import cho_solve
+
         kept = list(self.independent)
         freedom = self.n_samples - len(kept)
         variance = self.sse / freedom if freedom > 0 else np.nan
@@ -227,6 +228,8 @@ def solve_axis(
     reported with the combinations that the data determine. Raises `PipelineError` for
     an unknown axis or term, `DataError` for an empty factor.
     """
+    from scipy.linalg import solve_triangular
+
     columns = (*terms, CONSTANT) if trim else tuple(terms)
     index = [_column(factor, term) for term in columns]
     if axis not in AXES:
@@ -294,6 +297,8 @@ def _absorb(R: Array, block: Array) -> Array:
 
     Both arguments are Fortran-ordered and overwritten.
     """
+    from scipy.linalg import lapack
+
     R, _, _, info = lapack.dtpqrt(
         0, min(BLOCK_COLUMNS, len(R)), R, block, overwrite_a=1, overwrite_b=1
     )
@@ -324,6 +329,8 @@ def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:
 
     scaled[:, dependent] = scaled[:, independent] @ weights.
     """
+    from scipy.linalg import qr
+
     k = scaled.shape[1]
     if not k:
         return [], [], np.zeros((0, 0))

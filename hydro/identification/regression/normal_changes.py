@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_solve
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, Array
@@ -58,6 +57,8 @@ class NormalChange:
 
         0 for undetermined terms. Solved from the fit's own triangular factor.
         """
+        from scipy.linalg import cho_solve
+
         kept = list(fit.independent)
         place = [self.terms.index(fit.terms[index]) for index in kept]
         scale = fit.column_norms[kept]

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import cho_solve
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.regression.least_squares import (
@@ -74,6 +73,8 @@ def _covariance(
 
     S is the moment of the scores that gave `covariance`, white where it gave none.
     """
+    from scipy.linalg import cho_solve
+
     kept, own = (
         list(result.independent),
         np.array([i for i in fit.independent if np.isfinite(covariance[i, i])], dtype=int),

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cho_solve
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -159,6 +158,8 @@ class CoefficientScores:
 
         Rows of nan where the data determine no single number.
         """
+        from scipy.linalg import cho_solve
+
         fit, kept = self.fit, list(self.fit.independent)
         scale = fit.column_norms[kept]
         inverse = cho_solve((fit.scaled_triangle, False), np.eye(len(kept)))

@@ -24,8 +24,6 @@ from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
-from scipy.special import ndtri
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.regression.least_squares import AxisFit
@@ -150,6 +148,8 @@ def discovery_limit(count: int, *, rate: float = 0.05) -> float:
     >>> discovery_limit(133) < T_LIMIT  # the whole basis and a constant
     True
     """
+    from scipy.special import ndtri
+
     harmonic = float(np.sum(1.0 / np.arange(1, count + 1)))
     return float(-ndtri(0.5 * rate / (count * harmonic)))
 
@@ -188,6 +188,8 @@ def _rule(
 
 def _partners(fit: AxisFit, index: int) -> tuple[str, ...]:
     """Return the terms that explain most of a column (unit-length columns)."""
+    from scipy.linalg import solve_triangular
+
     kept = list(fit.independent)
     place = kept.index(index)
     precision = solve_triangular(fit.scaled_triangle, np.eye(len(kept)))

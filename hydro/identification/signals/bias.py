@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.hydro.arrays import Array, cross
@@ -69,6 +68,8 @@ def integrate(t_s: ArrayLike, y: ArrayLike, y0: ArrayLike = 0.0) -> Array:
     >>> integrate([0.0, 1.0, 2.0], [0.0, 1.0, 4.0])
     array([0.        , 0.33333333, 2.66666667])
     """
+    from scipy.interpolate import CubicSpline
+
     t, values = _checked(t_s, y)
     path: Array = CubicSpline(t, values).antiderivative()(t)
     return np.asarray(y0, dtype=np.float64) + path
@@ -157,6 +158,8 @@ def fit_velocity(
     is missing. acceleration, euler (n, 3). DVL samples outside t_s do not count. Raises
     `DataError` when fewer than six DVL values lie inside.
     """
+    from scipy.interpolate import CubicSpline
+
     t, f = _checked(t_s, acceleration)
     R = rotation_body_to_ned(euler)
     ned = integrate(t, np.einsum("nij,nj->ni", R, f))

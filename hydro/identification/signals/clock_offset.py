@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import irfft, next_fast_len, rfft
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -135,6 +134,8 @@ def _correlation(one: Array, mask_one: Array, two: Array, mask_two: Array) -> tu
     normalised cross-correlation), so that the shape of a record's ends does not decide.
     With several signals their covariances and variances are added up.
     """
+    from scipy.fft import irfft, next_fast_len, rfft
+
     size = len(one) + len(two) - 1
     length = next_fast_len(size, real=True)
 
@@ -170,6 +171,8 @@ def _independent(one: Array, mask_one: Array, two: Array, mask_two: Array, shift
 
     n / (1 + 2 sum r_k), r_k its autocorrelation up to where it first falls below zero.
     """
+    from scipy.fft import irfft, next_fast_len, rfft
+
     start, end = max(0, shift), min(len(one), shift + len(two))
     a, b = one[start:end], two[start - shift : end - shift]
     good = (mask_one[start:end] * mask_two[start - shift : end - shift]) > 0.0

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation, Slerp
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.splines import lambda_from_cutoff, smoothing_spline
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,8 @@ def interpolate_rotation(
     From attitude (n, 3); yaw is continuous; nan outside and inside gaps. Neighbouring
     samples must be less than half a turn apart. Errors as `linear`.
     """
+    from scipy.spatial.transform import Slerp
+
     t, new = _series(t_s, euler), np.asarray(t_new, dtype=np.float64)
     angles = np.asarray(euler, dtype=np.float64)
     if not np.isfinite(angles).all():
@@ -143,6 +148,8 @@ def smooth_attitude(
     rotation. Valid while the attitude turns little within a smoothing period (the
     smoothed quaternion must not shrink towards zero).
     """
+    from scipy.spatial.transform import Rotation
+
     t, new = _series(t_s, euler), np.asarray(t_new, dtype=np.float64)
     angles = np.asarray(euler, dtype=np.float64)
     q = _rotation(angles).as_quat()
@@ -174,6 +181,8 @@ def _conjugate_times(a: Array, b: Array) -> Array:
 
 
 def _rotation(euler: Array) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_euler("ZYX", euler[:, ::-1])
 
 

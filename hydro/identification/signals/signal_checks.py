@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
-from scipy.ndimage import uniform_filter1d
-from scipy.spatial.transform import Rotation
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
@@ -302,6 +300,8 @@ def _turns(
     Times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which
     are jumps.
     """
+    from scipy.spatial.transform import Rotation
+
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
     if t.size < FEWEST or at.size < FEWEST:
@@ -511,6 +511,8 @@ def response_lag(
 
 def _without_drift(values: Array, width: int) -> Array:
     """Return values (n,) or (n, k) less their moving mean over `width` samples."""
+    from scipy.ndimage import uniform_filter1d
+
     drift: Array = uniform_filter1d(values, width, axis=0, mode="nearest")
     return np.asarray(values - drift)
 

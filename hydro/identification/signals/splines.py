@@ -16,15 +16,16 @@ for every derivative.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline, PPoly
-from scipy.linalg import lapack
-from scipy.optimize import minimize_scalar
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
 
 MIN_SAMPLES = 5
 LOG_STEP = 1e-3
@@ -115,6 +116,8 @@ def derivative(t_s: ArrayLike, y: ArrayLike, *, order: int = 1) -> Array:
     (2.79)-(2.81), (2.89). It amplifies noise (0.12 rad/s^2 from 0.002 rad/s at 50 Hz):
     low-pass first. Raises `DataError` as `smoothing_spline`.
     """
+    from scipy.interpolate import CubicSpline
+
     t, values, _ = _checked(t_s, y, None)
     return np.asarray(CubicSpline(t, values)(t, nu=order), dtype=np.float64)
 
@@ -176,6 +179,8 @@ class _Reinsch:
 
     def cholesky(self, lam: float) -> Array:
         """Return the banded factor of R + lambda Q' W^-1 Q."""
+        from scipy.linalg import lapack
+
         factor, info = lapack.dpbtrf(self.stiffness + lam * self.roughness, lower=1, overwrite_ab=1)
         if info:
             raise DataError(
@@ -197,6 +202,8 @@ class _Reinsch:
 
     def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
         """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""
+        from scipy.linalg import lapack
+
         g, _ = lapack.dpbtrs(self.cholesky(lam), self.second_difference(y), lower=1)
         return y - lam * self.inverse_weight[:, None] * self.spread(g), g
 
@@ -215,6 +222,8 @@ class _Reinsch:
 
         `shared`: one lambda for the sum over the columns.
         """
+        from scipy.optimize import minimize_scalar
+
         low, high = np.log(self.scale) + np.log(SCALED_LAMBDA)
         high = min(high, np.log(self.scale) + 4.0 * np.log(len(y)))
         grid = np.linspace(low, high, GRID)
@@ -286,6 +295,8 @@ def _checked(t_s: ArrayLike, y: ArrayLike, weights: ArrayLike | None) -> tuple[A
 
 
 def _piecewise(t: Array, value: Array, curvature: Array) -> PPoly:
+    from scipy.interpolate import PPoly
+
     h = np.diff(t).reshape((-1,) + (1,) * (value.ndim - 1))
     slope = np.diff(value, axis=0) / h - h * (2.0 * curvature[:-1] + curvature[1:]) / 6.0
     return PPoly(

@@ -338,3 +338,14 @@ def test_bars_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         bars.item("a")
         bars.finish(failed=1)
         assert bars._bars.tasks[-1].completed == 2
+
+
+def test_declarations_of_stages_load_nothing_heavy() -> None:
+    """Ports and parameters are read without what only the work needs."""
+    program = "import sys; from auvid.stages import STAGES; print(len(STAGES), *sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    count, *loaded = done.stdout.split()
+    assert int(count) == len(STAGES)
+    assert not set(loaded) & {"scipy", "pandas", "numba", "rerun", "latex2mathml"}
