@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from auvid.hydro.arrays import Array
 
@@ -34,6 +33,8 @@ def answered_commands(
     Each pair has its largest correlation at a lag of 0 to 0.8 s; the assignment with the
     largest sum of their moduli is taken, without pairs below LEAST_CORRELATION.
     """
+    from scipy.optimize import linear_sum_assignment
+
     good = np.isfinite(t_s)
     for values in (*commands.values(), *motions.values()):
         good &= np.isfinite(values)
