@@ -22,7 +22,13 @@ from auvid.pipeline.commands.new.campaign_text import (
     campaign_text,
 )
 from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal, way_on
-from auvid.pipeline.commands.new.log_survey import SurveyedLog, corrected_log, draft_remarks, survey
+from auvid.pipeline.commands.new.log_survey import (
+    SurveyedLog,
+    corrected_log,
+    draft_remarks,
+    shared,
+    survey,
+)
 from auvid.pipeline.commands.new.vehicle_choice import (
     VehicleChoice,
     choose_vehicle,
@@ -37,6 +43,8 @@ SAMPLES_PER_PERIOD = 8.0
 CUTOFF_HZ = (0.2, 3.0)
 FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
+SAME_DIVE = 0.5
+"""Logs that share so much of the UTC time of the shorter one are of one dive."""
 MOST_DROPPED = 0.5
 """Default of stages.ingest.max_dropped_share."""
 
@@ -168,12 +176,34 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
     left_out += [
         f"{log.name}: feeds only kind {feed.kind}" for log, feed in feeds if feed.kind != kind
     ]
+    left_out += _same_dives(kept)
     first = kept[0][1]
     channels = tuple(dict.fromkeys(axis for _, feed in kept for axis in feed.channels))
     streams = tuple(dict.fromkeys(name for _, feed in kept for name in feed.streams))
     pause = max(feed.max_gap_s for _, feed in kept)
     merged = Feed(kind, streams, pause, channels, first.normalised)
     return merged, [log for log, _ in kept], left_out
+
+
+def _same_dives(kept: list[tuple[SurveyedLog, Feed]]) -> list[str]:
+    """Take logs of a dive that an earlier log holds out, and return them in words.
+
+    A dive in training and, from another recorder, in validation would judge itself.
+    """
+    spans: list[tuple[str, tuple[float, float]]] = []
+    words = []
+    for item in list(kept):
+        info = checked(item[0].page).info
+        if info.utc_offset_us is None:
+            continue
+        span = (info.start_us + info.utc_offset_us) / 1e6, (info.end_us + info.utc_offset_us) / 1e6
+        same = next((name for name, other in spans if shared(other, span) >= SAME_DIVE), None)
+        if same is not None:
+            kept.remove(item)
+            words.append(f"{item[0].name}: the same dive as {same}, by its clock")
+        else:
+            spans.append((item[0].name, span))
+    return words
 
 
 def _free(place: str, taken: Mapping[str, Path]) -> str:
@@ -254,8 +284,8 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
     if choice.lacking:
         return (
             f"no log tells {choice.lacking}, and there is no default. Fill it in in"
-            f" {folder / 'vehicle.yaml'}, or remove {folder} and name a vehicle: --vehicle"
-            " bluerov2_heavy (auvid vehicles lists all)."
+            f" {folder / 'vehicle.yaml'}, or remove {folder} and name a vehicle with --vehicle"
+            " (auvid vehicles lists those that come with auvid)."
         )
     pages = log_pages(str(folder), None)
     refusal = campaign_refusal(str(folder), pages)

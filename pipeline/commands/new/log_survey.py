@@ -83,13 +83,13 @@ def _join(logs: list[list[SurveyedFile]], file: SurveyedFile) -> None:
             continue
         there = {name for item in drafts for name in item.streams}
         new = set(draft.streams) - there
-        if new and there and _shared(drafts[0].span_s, draft.span_s) >= SHARED:
+        if new and there and shared(drafts[0].span_s, draft.span_s) >= SHARED:
             files.append(SurveyedFile(file.path, draft.without(*there)))
             return
     logs.append([file])
 
 
-def _shared(first: tuple[float, float], other: tuple[float, float]) -> float:
+def shared(first: tuple[float, float], other: tuple[float, float]) -> float:
     """Return the share of the shorter span that both have."""
     common = min(first[1], other[1]) - max(first[0], other[0])
     return common / max(min(first[1] - first[0], other[1] - other[0]), 1e-9)

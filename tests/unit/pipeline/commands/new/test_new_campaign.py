@@ -15,6 +15,7 @@ from auvid.stages import KINDS
 from tests.support.tools import ROOT
 
 DIVE = ROOT / "campaigns/bluerov2_dvl/logs/00000029_first130s.BIN"
+TLOG = ROOT / "campaigns/bluerov2_dvl_tlog/logs/dive.tlog"
 STILL = ROOT / "tests/data/bluerov2_ugps_small/small.BIN"
 
 
@@ -85,3 +86,11 @@ def test_a_terminal_is_asked_for_a_vehicle_that_the_log_does_not_name() -> None:
     assert "\nname: bluerov2_heavy\n" in "\n" + (kept.folder / "vehicle.yaml").read_text()
     new_campaign("named", [DIVE], vehicle="bluerov2_heavy", ask=answer)
     assert len(reasons) == 1
+
+
+def test_one_dive_of_two_recorders_is_taken_once(tmp_path: Path) -> None:
+    copy = tmp_path / "copy.tlog"
+    copy.write_bytes(TLOG.read_bytes())
+    result = new_campaign("twice", [TLOG, copy])
+    assert any("copy.tlog: the same dive as dive.tlog" in line for line in result.lines)
+    assert len(read_yaml((result.folder / "campaign.yaml").read_text())["logs"]) == 1
