@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
@@ -19,7 +20,7 @@ NO_VALIDATION_LEG = (
 )
 MOST_LETTERS = 100
 """An alert longer than this is cut at the end of a clause."""
-LEAST_LETTERS = 24
+LEAST_LETTERS = 36
 
 
 def anchor(*names: str) -> str:
@@ -54,13 +55,15 @@ class Alert(str):
 
     @property
     def brief(self) -> str:
-        """Return its first clauses, on one line.
+        """Return its first clauses, without what stands in brackets, on one line.
 
-        >>> Alert("The arm down departs by +0.23 m: " + 30 * "see ").brief
-        'The arm down departs by +0.23 m'
+        >>> Alert("The arm of the log departs by +0.23 m (of 0): " + 30 * "see ").brief
+        'The arm of the log departs by +0.23 m'
         """
         words = self.replace("+-", "±").strip()
-        for mark in (": ", ". ", " (", "; "):
+        if len(words) > MOST_LETTERS:
+            words = re.sub(r" \([^)]*\)", "", words)
+        for mark in (": ", ". ", "; "):
             end = words.find(mark, LEAST_LETTERS)
             if len(words) > MOST_LETTERS and 0 < end <= MOST_LETTERS:
                 words = words[:end]

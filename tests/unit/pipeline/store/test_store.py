@@ -308,7 +308,7 @@ def test_closure_holds_what_a_stage_imports_and_nothing_else() -> None:
     assert {"auvid.stages.ingest.registry", "data_schemas/formats/streams.yaml"} <= set(
         import_closure("auvid.stages.ingest")
     )
-    assert {"stages/page/style.css", "stages/page/page.html.j2"} <= set(
+    assert {"stages/page/templates/style.css", "stages/page/templates/page.html.j2"} <= set(
         import_closure("auvid.stages.report")
     )
     assert not {
