@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from auvid.hydro.arrays import VELOCITIES, Array, Ints, Mask
+from auvid.hydro.arrays import VELOCITIES, Array, Index, Mask
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import gaps
 
@@ -99,7 +99,7 @@ def dive_pieces(
     [s] of every sensor that a model needs; excluded: from and to [s] of what no leg may
     have; driven: times (n,) and whether an actuator acts (n,).
     """
-    edges = np.arange(int(max(duration_s, 0.0) / STEP_S) + 1) * STEP_S
+    edges: Array = np.arange(int(max(duration_s, 0.0) / STEP_S) + 1, dtype=np.float64) * STEP_S
     usable = np.ones(edges.size - 1, dtype=bool)
     for clock in clocks:
         covered = np.zeros(usable.size, dtype=bool)
@@ -133,7 +133,9 @@ def moving_spans(dive: DivePieces, axes: Sequence[str] = VELOCITIES) -> list[tup
     columns = [VELOCITIES.index(axis) for axis in axes]
     beyond = dive.square[:, columns] >= np.array([THRESHOLDS[axis] ** 2 for axis in axes])
     near = int(NEAR_S / STEP_S)
-    active = _widened(beyond.any(axis=1), near) & _widened(dive.driven, near) & dive.usable
+    active = (
+        _widened(np.asarray(beyond.any(axis=1)), near) & _widened(dive.driven, near) & dive.usable
+    )
     bridged = _runs(active)
     spans: list[tuple[int, int]] = []
     for first, last in bridged:
@@ -167,7 +169,7 @@ class _Sums:
     backward: Array
 
     @classmethod
-    def of(cls, dives: Sequence[DivePieces], pieces: Sequence[Ints]) -> _Sums:
+    def of(cls, dives: Sequence[DivePieces], pieces: Sequence[Index]) -> _Sums:
         """Return the sums over chosen pieces of dives, joined."""
         limit = np.array([THRESHOLDS[axis] for axis in VELOCITIES])
         square = np.concatenate([dive.square[at] for dive, at in zip(dives, pieces, strict=True)])
@@ -176,23 +178,26 @@ class _Sums:
         start = np.zeros((1, 6))
         return cls(*(np.concatenate([start, np.cumsum(part, axis=0)]) for part in parts))
 
-    def between(self, first: Ints, last: Ints) -> tuple[Mask, Mask]:
+    def between(self, first: Index, last: Index) -> tuple[Mask, Mask]:
         """Return whether axes are excited and move both ways (k, 6) from first to last (k,)."""
         return _excitation(
-            *(part[last] - part[first] for part in (self.square, self.forward, self.backward)),
+            self.square[last] - self.square[first],
+            self.forward[last] - self.forward[first],
+            self.backward[last] - self.backward[first],
             last - first,
         )
 
-    def outside(self, first: Ints, last: Ints) -> tuple[Mask, Mask]:
+    def outside(self, first: Index, last: Index) -> tuple[Mask, Mask]:
         """Return the same (k, 6) of all pieces but those."""
-        rest = (
-            part[-1] - (part[last] - part[first])
-            for part in (self.square, self.forward, self.backward)
+        return _excitation(
+            self.square[-1] - (self.square[last] - self.square[first]),
+            self.forward[-1] - (self.forward[last] - self.forward[first]),
+            self.backward[-1] - (self.backward[last] - self.backward[first]),
+            self.square.shape[0] - 1 - (last - first),
         )
-        return _excitation(*rest, self.square.shape[0] - 1 - (last - first))
 
 
-def _excitation(square: Array, forward: Array, backward: Array, count: Ints) -> tuple[Mask, Mask]:
+def _excitation(square: Array, forward: Array, backward: Array, count: Index) -> tuple[Mask, Mask]:
     limit = np.array([THRESHOLDS[axis] for axis in VELOCITIES])
     excited = square >= limit**2 * np.maximum(count, 1)[..., None]
     both = np.minimum(forward, backward) * STEP_S >= ONE_WAY_S
