@@ -25,7 +25,7 @@ from auvid.stages.page.pictures.dive_picture import (
     dive_picture,
     track_picture,
 )
-from auvid.stages.page.pictures.drawing import Curve, CurveRow, Span
+from auvid.stages.page.pictures.drawing import CurveRow, SignalCurve, Span
 from auvid.stages.page.pictures.signal_picture import signal_picture
 from auvid.stages.report.clock import Clock, make_clock
 
@@ -60,14 +60,14 @@ def first_pictures(
     channels = [name for name, parts in by_port.items() if parts[-1] == "channel_run"]
     swings = [name for name, parts in by_port.items() if parts[-1] in ("decays", "swings")]
     flights = [name for name, parts in by_port.items() if "flights" in parts]
-    made: list[Markup] = []
+    pictures: list[Markup] = []
     if channels:
-        made += _channels({name.split("/")[-2]: tables[name] for name in channels})
+        pictures += _channels({name.split("/")[-2]: tables[name] for name in channels})
     if swings:
-        made += _swings({name: tables[name] for name in swings})
+        pictures += _swings({name: tables[name] for name in swings})
     if flights:
-        made += _flights(tables, flights)
-    return tuple(made[:2])
+        pictures += _flights(tables, flights)
+    return tuple(pictures[:2])
 
 
 def _dive(
@@ -121,8 +121,8 @@ def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
 
 def _actuators(controls: list[tuple[float, pa.Table | None]]) -> list[ActuatorUse]:
     """Return what every actuator did over the legs; thrusters, propeller and fins."""
-    known = [table for _, table in controls if table is not None]
-    names = list(dict.fromkeys(name for table in known for name in table.column_names))
+    tables_of_legs = [table for _, table in controls if table is not None]
+    names = list(dict.fromkeys(name for table in tables_of_legs for name in table.column_names))
     uses = []
     for name in names:
         label, unit, factor = _actuator(name)
@@ -229,22 +229,25 @@ def _run_rows(
     rows = []
     for name, (label, unit, _) in RUN_ROWS.items():
         curves = (
-            Curve("measured", *_joined(measured[name])),
-            Curve(model, *_joined(flown[name])),
+            SignalCurve("measured", *_joined(measured[name])),
+            SignalCurve(model, *_joined(flown[name])),
         )
         rows.append(CurveRow(label, unit, curves))
     return rows, (first, first + place)
 
 
 def _channels(runs: Tables) -> tuple[Markup, ...]:
-    """Return what single-channel runs measured, with the damping model that fits best."""
+    """Return signals of single-channel runs with the damping model that fits best."""
     rows: list[tuple[CurveRow, Span]] = []
     clouds = []
     for leg, table in list(runs.items())[:MOST_ROWS]:
         times, measured = column(table, "t_s"), column(table, "measured")
         best = _closest(table, measured, {name: name for name in DAMPING})
         simulated = column(table, best)
-        curves = (Curve("measured", times, measured), Curve("predicted", times, simulated))
+        curves = (
+            SignalCurve("measured", times, measured),
+            SignalCurve("predicted", times, simulated),
+        )
         span = (float(times[0]), float(times[-1]))
         label = f"{leg}: {best.replace('_', ' ')} damping"
         rows.append((CurveRow(label, "", curves), span))
@@ -279,7 +282,7 @@ def _closest(table: pa.Table, measured: Array, columns: Mapping[str, str]) -> st
 
 
 def _swings(recorded: Tables) -> tuple[Markup, ...]:
-    """Return decays and swings over time with their fits, the first of the recordings."""
+    """Return decays and swings over time with their fits, of the first recordings."""
     rows: list[tuple[CurveRow, Span]] = []
     clouds, count = [], 0
     for name in sorted(recorded, key=lambda name: not name.endswith("decays")):
@@ -300,7 +303,10 @@ def _swings(recorded: Tables) -> tuple[Markup, ...]:
             else:
                 fitted = DEGREES * column(part, "rate_fitted_rad_s")
                 label, unit = f"{recording}: rate of the swing", "°/s"
-            curves = (Curve("measured", times, measured), Curve("predicted", times, fitted))
+            curves = (
+                SignalCurve("measured", times, measured),
+                SignalCurve("predicted", times, fitted),
+            )
             rows.append((CurveRow(label, unit, curves), (float(times[0]), float(times[-1]))))
             clouds.append(ForceCloud(recording, unit, measured, fitted))
     return _bench_pictures("Decays and swings", "recordings", count, rows, clouds)
@@ -320,12 +326,12 @@ def _flights(tables: Tables, names: list[str]) -> tuple[Markup, ...]:
         if not has_columns(table, (*POSITION, *desired)):
             return ()
         flight = name.split("/")[-1].partition("-")[2]
-        times, flown, wanted = column(table, "t_s"), matrix(table, POSITION), matrix(table, desired)
-        errors.append(Curve(flight, times, np.linalg.norm(flown - wanted, axis=1)))
+        times, flown, target = column(table, "t_s"), matrix(table, POSITION), matrix(table, desired)
+        errors.append(SignalCurve(flight, times, np.linalg.norm(flown - target, axis=1)))
         if place == 0:
-            depths.append(Curve("desired", times, wanted[:, 2]))
-            tracks.append(DrawnLeg("desired", "desired", times, wanted))
-        depths.append(Curve(flight, times, flown[:, 2]))
+            depths.append(SignalCurve("desired", times, target[:, 2]))
+            tracks.append(DrawnLeg("desired", "desired", times, target))
+        depths.append(SignalCurve(flight, times, flown[:, 2]))
         tracks.append(DrawnLeg(flight.replace("_", " "), flight, times, flown))
         entries.append((flight.replace("_", " "), flight))
     span = (0.0, float(max(curve.x[-1] for curve in errors)))

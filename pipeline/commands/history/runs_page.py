@@ -135,7 +135,7 @@ def _ratio(column: RunColumn) -> float | None:
 
 
 def _summary(columns: Sequence[RunColumn]) -> Summary:
-    """Return the first screen: the run with the least error, where they can be ranked."""
+    """Return the first screen with the run of the least error, where there are errors."""
     ratios = {column.name: ratio for column in columns if (ratio := _ratio(column)) is not None}
     doubts = [
         Alert(f"{column.name}: {words}", anchor("runs"), "poor" if "cannot" in words else "fair")
@@ -300,7 +300,7 @@ def _coefficients(entry: Entry) -> Values:
 
 
 def _figures(entry: Entry) -> Values:
-    """Return the figures of a bench or control campaign, headlines alone if there are any."""
+    """Return the figures of a bench or control campaign, headlines where it has any."""
     chosen = {name: item for name, item in entry.figures.items() if item.get("headline")}
     values: Values = {}
     for name, item in (chosen or entry.figures).items():

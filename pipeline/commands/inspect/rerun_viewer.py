@@ -201,7 +201,7 @@ def _taken(command: list[str], target: Path, size: tuple[int, int], timeout: flo
 
 
 def drawn_share(content: bytes) -> float:
-    """Return the share of a picture, below its bars, that is not of its commonest colour."""
+    """Return the share of a picture between its bars that is not its commonest grey."""
     from PIL import Image
 
     with Image.open(io.BytesIO(content)) as image:

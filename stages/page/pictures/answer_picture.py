@@ -1,4 +1,4 @@
-"""The picture of the answer: forces measured against predicted, free run over measured."""
+"""The picture of the answer: measured against predicted forces, and free runs."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from auvid.stages.page.pictures.drawing import (
     SVG,
     X_STEPS,
     Y_STEPS,
-    Curve,
     CurveRow,
+    SignalCurve,
     Span,
     curve_row,
     figure,
@@ -36,7 +36,7 @@ MOST_MODES = 60
 
 @dataclass(frozen=True)
 class DrawnLeg:
-    """A leg on the picture's clock: name, use, times (n,) in s, place (n, 3) in m NED."""
+    """A leg on the picture's clock: times (n,) in s, place (n, 3) in m NED."""
 
     name: str
     use: str
@@ -79,9 +79,9 @@ def dive_picture(
         + ([_actuators(actuators, legs, span)] if actuators else [])
         + [time_axis(span, clock)]
     )
-    seen = [*(["track from above"] if track else []), "depth"]
-    seen += ["use of the actuators"] if actuators else []
-    words = ", ".join(seen)
+    drawn = [*(["track from above"] if track else []), "depth"]
+    drawn += ["use of the actuators"] if actuators else []
+    words = ", ".join(drawn)
     body = Markup('<div class="split{}">{}<div class="rows">{}</div></div>').format(
         "" if track else " single", track, rows
     )
@@ -214,8 +214,8 @@ def _blocks(name: str, parts: Sequence[tuple[float, float, str, str]], span: Spa
 
 
 def _depth(legs: Sequence[DrawnLeg], depth: tuple[Array, Array] | None, span: Span) -> Markup:
-    curves = [] if depth is None else [Curve("raw", *depth, thin=True)]
-    curves += [Curve(leg.use, leg.t_s, leg.place[:, 2]) for leg in legs]
+    curves = [] if depth is None else [SignalCurve("raw", *depth, thin=True)]
+    curves += [SignalCurve(leg.use, leg.t_s, leg.place[:, 2]) for leg in legs]
     if not any(np.isfinite(curve.y).any() for curve in curves):
         return Markup("")
     row = CurveRow("depth", "m", tuple(curves), downwards=True, height="tall")

@@ -34,7 +34,7 @@ SWATCH = Markup('<li><i style="--c:var({})"{}></i>{}</li>')
 
 
 @dataclass(frozen=True)
-class Curve:
+class SignalCurve:
     """One line of a row: samples y (n,) at x (n,), and the role that colours it.
 
     A gap is a sample of nan. `thin` draws it lighter, behind what it is held against.
@@ -52,7 +52,7 @@ class CurveRow:
 
     label: str
     unit: str
-    curves: tuple[Curve, ...]
+    curves: tuple[SignalCurve, ...]
     downwards: bool = False
     height: str = "normal"
     """`tall`, `normal` or `small`: a class of the style sheet."""

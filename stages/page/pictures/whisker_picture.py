@@ -58,7 +58,7 @@ class WhiskerBox:
 def whisker_picture(
     title: str, note: str, runs: Sequence[str], boxes: Sequence[WhiskerBox]
 ) -> Markup:
-    """Return a box per figure, each over its own range; zero is drawn where it is near."""
+    """Return a box per figure over its own range, with zero where it is near."""
     entries = [(name, _role(place), False) for place, name in enumerate(runs)]
     body = Markup('<div class="boxes whiskers" style="--n:{}">{}</div>').format(
         len(runs), Markup("").join(_box(box, runs) for box in boxes)

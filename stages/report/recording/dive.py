@@ -37,7 +37,7 @@ PLOTS = {
     "dive/propeller": "propeller [rev/s]",
     "dive/fins": "fins [°]",
 }
-Sent = dict[str, LoggedSeries]
+Ranges = dict[str, LoggedSeries]
 
 
 def send_dive(
@@ -47,36 +47,36 @@ def send_dive(
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
     clock: Clock,
-) -> Sent:
+) -> Ranges:
     """Send the series of the tab and return their ranges by plot; empty without a dive.
 
-    Rerun draws larger values higher, so the depth is sent with a minus sign.
+    Rerun draws larger values higher, so the depth has a minus sign.
     """
-    sent: Sent = {}
+    ranges: Ranges = {}
     there = [name for name in segments if name in fused]
     if not there:
-        return sent
+        return ranges
     for name in logs:
         depth = tables.get(f"ingest/{name}/depth")
         times = None if depth is None else clock.seconds(f"ingest/{name}/depth", depth)
         if depth is not None and times is not None and times.size:
             entity = "dive/depth/outside_the_legs"
-            _describe(out, sent, entity, ["outside the legs"], [ROLES["raw"]], FAINT)
-            _send(out, sent, entity, times, -column(depth, "depth_m")[:, None])
+            _describe(out, ranges, entity, ["outside the legs"], [ROLES["raw"]], FAINT)
+            _send(out, ranges, entity, times, -column(depth, "depth_m")[:, None])
     for use in dict.fromkeys(str(segments[name].use) for name in there):
         strength = FAINT if use == "training" else FULL
         tilt = [AXIS_INKS["phi"], AXIS_INKS["theta"]]
-        _describe(out, sent, f"dive/depth/{use}", [use], [ROLES[use]], FULL)
-        _describe(out, sent, f"dive/tilt/{use}", [f"roll {use}", f"pitch {use}"], tilt, strength)
-        _describe(out, sent, f"dive/yaw/{use}", [use], [ROLES[use]], FULL)
+        _describe(out, ranges, f"dive/depth/{use}", [use], [ROLES[use]], FULL)
+        _describe(out, ranges, f"dive/tilt/{use}", [f"roll {use}", f"pitch {use}"], tilt, strength)
+        _describe(out, ranges, f"dive/yaw/{use}", [use], [ROLES[use]], FULL)
     actuators: dict[str, list[str]] = {}
     for name in there:
         table, use = fused[name], str(segments[name].use)
         times = column(table, "t_s") + clock.segments[name]
-        _send(out, sent, f"dive/depth/{use}", times, -matrix(table, ("z_m",)))
+        _send(out, ranges, f"dive/depth/{use}", times, -matrix(table, ("z_m",)))
         angles = DEGREES * matrix(table, ("phi_rad", "theta_rad", "psi_rad"))
-        _send(out, sent, f"dive/tilt/{use}", times, angles[:, :2])
-        _send(out, sent, f"dive/yaw/{use}", times, angles[:, 2:])
+        _send(out, ranges, f"dive/tilt/{use}", times, angles[:, :2])
+        _send(out, ranges, f"dive/yaw/{use}", times, angles[:, 2:])
         controls = tables.get(f"residual/{name}/controls")
         for kind, columns in _actuators(controls).items():
             entity = f"dive/{kind}/all"
@@ -84,17 +84,17 @@ def send_dive(
                 actuators[kind] = columns
                 inks = list(distinct(columns).values())
                 labels = [words.rsplit("_", 1)[0].replace("_", " ") for words in columns]
-                _describe(out, sent, entity, labels, inks, FULL)
+                _describe(out, ranges, entity, labels, inks, FULL)
             if controls is not None and has_columns(controls, actuators[kind]):
                 factor = DEGREES if kind == "fins" else 1.0
                 values = factor * matrix(controls, actuators[kind])
-                _send(out, sent, entity, column(controls, "t_s") + clock.segments[name], values)
+                _send(out, ranges, entity, column(controls, "t_s") + clock.segments[name], values)
     return {
         plot: LoggedSeries(
             outer(item.values for item in items), outer(item.times for item in items)
         )
         for plot in PLOTS
-        if (items := [item for entity, item in sent.items() if entity.startswith(f"{plot}/")])
+        if (items := [item for entity, item in ranges.items() if entity.startswith(f"{plot}/")])
     }
 
 
@@ -112,11 +112,16 @@ def _actuators(controls: pa.Table | None) -> dict[str, list[str]]:
 
 
 def _describe(
-    out: Recording, sent: Sent, entity: str, names: Sequence[str], inks: Sequence[Ink], alpha: int
+    out: Recording,
+    ranges: Ranges,
+    entity: str,
+    names: Sequence[str],
+    inks: Sequence[Ink],
+    alpha: int,
 ) -> None:
-    if entity in sent:
+    if entity in ranges:
         return
-    sent[entity] = LoggedSeries()
+    ranges[entity] = LoggedSeries()
     out.static(
         entity,
         rr.SeriesLines(
@@ -128,12 +133,12 @@ def _describe(
     )
 
 
-def _send(out: Recording, sent: Sent, entity: str, times: Array, values: Array) -> None:
+def _send(out: Recording, ranges: Ranges, entity: str, times: Array, values: Array) -> None:
     out.series(entity, times, values)
-    sent[entity] = sent[entity].add(times, values)
+    ranges[entity] = ranges[entity].add(times, values)
 
 
-def dive_view(plots: Sent, spans: tuple[float, float] | None, words: Any) -> Any:
+def dive_view(plots: Ranges, spans: tuple[float, float] | None, words: Any) -> Any:
     """Return the tab: lanes of modes and legs above the plots, on one range of time.
 
     `words`: the view of the summary, which stands beside them.

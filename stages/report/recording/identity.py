@@ -1,4 +1,4 @@
-"""Who a recording is: an id of its own and typed properties, for a catalogue of many."""
+"""Id and typed properties of a recording, for a catalogue of many."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from auvid.stages.page.pictures.dive_picture import ActuatorUse, DrawnLeg, dive_
 from auvid.stages.page.pictures.drawing import (
     X_STEPS,
     Y_STEPS,
-    Curve,
+    SignalCurve,
     CurveRow,
     curve_row,
     polyline,
@@ -73,7 +73,7 @@ def test_a_dive_without_a_place_has_no_track_and_without_controls_no_strips():
 
 
 def test_depth_counts_downwards():
-    row = CurveRow("depth", "m", (Curve("training", T, T),), downwards=True)
+    row = CurveRow("depth", "m", (SignalCurve("training", T, T),), downwards=True)
     path = parsed(curve_row(row, (0.0, 100.0))).findall(".//path[@class='line']")[0].get("d")
     y = vertices(path)[:, 1]
     assert y[0] < 0.1 * Y_STEPS
@@ -111,7 +111,9 @@ def test_an_answer_has_a_box_per_axis_and_a_free_run():
         ForceCloud(axis, "N", force[:, i], force[:, i] + rng.normal(size=5000), 0.5)
         for i, axis in enumerate("XYZKMN")
     ]
-    run = CurveRow("surge u", "m/s", (Curve("measured", T, np.sin(T)), Curve("linear", T, T)))
+    run = CurveRow(
+        "surge u", "m/s", (SignalCurve("measured", T, np.sin(T)), SignalCurve("linear", T, T))
+    )
     picture = answer_picture(
         "Linear", "linear", clouds, [run], judged_on="validation", span=(0.0, 100.0)
     )
