@@ -86,7 +86,8 @@ def _dive(
                 DrawnLeg(name, item.use, column(table, "t_s") + start, matrix(table, POSITION))
             )
             controls.append((start, tables.get(f"residual/{name}/controls")))
-    depths, modes = [], []
+    depths: list[tuple[Array, Array]] = []
+    modes: list[tuple[float, str]] = []
     for name in logs:
         depth, mode = tables.get(f"ingest/{name}/depth"), tables.get(f"ingest/{name}/mode")
         if (
@@ -98,8 +99,8 @@ def _dive(
             )
         if mode is not None and (times := clock.seconds(f"ingest/{name}/mode", mode)) is not None:
             modes += zip(times.tolist(), map(str, mode["mode"].to_pylist()), strict=True)
-    times = [leg.t_s[[0, -1]] for leg in legs] + [time[[0, -1]] for time, _ in depths if time.size]
-    everything = np.concatenate(times)
+    clocks = [*(leg.t_s for leg in legs), *(time for time, _ in depths)]
+    everything = np.concatenate([time[[0, -1]] for time in clocks if time.size])
     return dive_picture(
         legs,
         depth=_joined(depths) if depths else None,

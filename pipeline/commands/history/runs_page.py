@@ -135,7 +135,7 @@ def _ratio(column: RunColumn) -> float | None:
 
 
 def _summary(columns: Sequence[RunColumn]) -> Summary:
-    """Return the first screen with the run of the least error, where there are errors."""
+    """Return the first screen, with the run of the least error where there is one."""
     ratios = {column.name: ratio for column in columns if (ratio := _ratio(column)) is not None}
     doubts = [
         Alert(f"{column.name}: {words}", anchor("runs"), "poor" if "cannot" in words else "fair")

@@ -13,8 +13,8 @@ from auvid.stages.page.pictures.dive_picture import ActuatorUse, DrawnLeg, dive_
 from auvid.stages.page.pictures.drawing import (
     X_STEPS,
     Y_STEPS,
-    SignalCurve,
     CurveRow,
+    SignalCurve,
     curve_row,
     polyline,
 )
