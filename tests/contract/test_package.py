@@ -138,6 +138,31 @@ def test_installed_package_serves_python(site: Path, tmp_path: Path) -> None:
     assert float(seconds) < 5.0
 
 
+EXPORT = """
+import auvid
+model = auvid.open_model("bluerov2_wu_2018")
+model.save("rov.json")
+"""
+RESOURCES = "import resource; print(resource.getrusage(resource.RUSAGE_SELF).ru_utime)"
+
+
+@pytest.mark.release
+def test_installed_package_exports_a_model_file_from_an_empty_folder(
+    site: Path, tmp_path: Path
+) -> None:
+    """To every target that a set without covariance has, in 5 s of processor time each."""
+    python("-c", EXPORT, folder=tmp_path, path=site)
+    for target in ("gazebo", "uuv", "mss", "pvs", "mujoco", "sitl", "python", "json"):
+        words = ["export", "rov.json", "--to", target, "--lossy", "--name", "rov"]
+        code = f"import sys; sys.argv[1:] = {words}\ntry:\n    {MAIN}"
+        code += f"\nexcept SystemExit as end:\n    assert not end.code\n{RESOURCES}"
+        seconds = python("-c", code, folder=tmp_path, path=site).split()[-1]
+        assert float(seconds) < 5.0
+        folder = tmp_path / f"exported/rov_{target}"
+        assert (folder / f"README_rov_{target}.md").is_file()
+        assert len(list(folder.iterdir())) >= 2
+
+
 def test_modules_are_loaded_under_one_name() -> None:
     """Under pytest too: no file of ours stands twice in `sys.modules`."""
     for floor in FLOORS[:-1]:
