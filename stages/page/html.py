@@ -206,7 +206,6 @@ def render(
         cells=cells,
         meaning=meaning,
         heat=heat,
-        lead=lead,
         ink_of=lambda name: f"--ink-{key(name) or 'none'}",
         is_model=is_model,
         symbols=symbols,

@@ -244,11 +244,11 @@ def test_what_is_assumed_is_said(runs: dict[str, Path]) -> None:
     assumed = cards(runs)["linear"]["assumed"]
     assert any("rigid_body.mass = 13.5 kg" in words for words in assumed)
     notes = [
-        block["note"]
+        block["text"]
         for block in document(runs, "synthesise/section.json")["blocks"]
-        if block["kind"] == "table"
+        if block["kind"] == "text"
     ]
-    assert any("By assumed figures: how far one standard deviation" in note for note in notes)
+    assert any("By assumed figures: how far each, within its 95 %" in note for note in notes)
     surge = next(
         term for term in cards(runs)["linear"]["axes"]["X"]["terms"] if term["term"] == "u"
     )

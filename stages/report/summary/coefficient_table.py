@@ -21,6 +21,7 @@ from auvid.stages.number_format import (
     true_minus,
 )
 from auvid.stages.page.first_screen import AXIS_WORDS, CoefficientRow
+from auvid.stages.report.summary.coefficient_text import INERTIA
 
 SPEED_WORDS = {
     **dict(zip("uvw", ("surge", "sway", "heave"), strict=True)),
@@ -28,8 +29,6 @@ SPEED_WORDS = {
     "V": "speed",
     "(eta-1)": "propulsion ratio",
 }
-INERTIA = {"X": "m", "Y": "m", "Z": "m", "K": "I_x", "M": "I_y", "N": "I_z"}
-"""Axis -> symbol of the rigid body's part of its inertia."""
 NO_SHIFTS: Mapping[str, float] = {}
 
 

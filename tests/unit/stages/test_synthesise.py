@@ -19,6 +19,7 @@ from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.viscous.basis import basis, basis_rows, basis_term_names, coefficient_unit
 from auvid.hydro.dynamics.viscous.models import (
@@ -736,16 +737,17 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
         for block in outputs.section["blocks"]
         if "verdict" in str(block.get("columns"))
     )
-    shift = surge.assumed_shifts["thrust"]
-    assert rows[0][-2].startswith(f"± {shift:.3g} scale of the thrust curve")
+    half = NORMAL_95 * surge.assumed_shifts["thrust"]
+    assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.3g}")
 
 
 def test_only_methods_that_were_measured_state_their_coverage() -> None:
     outputs = run(noisy_legs(), models=("linear", "diagonal"))
     assert set(outputs.model_card["linear"].coverage_on_twins) == {"linear", "gertler_hagen"}
     assert not outputs.model_card["diagonal"].coverage_on_twins
-    notes = [block["note"] for block in outputs.section["blocks"] if block.get("note")]
-    assert sum("% where the truth is Linear and" in note for note in notes) == 1
+    texts = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "text"]
+    (measured,) = [words for words in texts if "% where the truth is Linear and" in words]
+    assert measured.startswith("Linear: ")
 
 
 @pytest.mark.parametrize("function", ["absolute", "huber"])
