@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import json
 import re
+import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +91,13 @@ def auvid(
     return int(code), printed.out, printed.err
 
 
+@pytest.fixture(autouse=True)
+def _signals() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
 @pytest.fixture
 def history(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """No runs: `runs/` of the repository is not looked at."""
@@ -144,7 +153,6 @@ def test_page_names_the_keys_of_the_envelope() -> None:
         ("stages fuse", 0),
         ("vehicles", 0),
         ("coefficients hauv", 0),
-        ("new NEW", 0),
         ("check README.md", 1),
         ("check nosuch", 2),
         ("report bluerov2_dvl", 1),

@@ -40,7 +40,6 @@ from auvid.stages.ingest.formats.dataflash.metadata import (
     texts_of,
 )
 from auvid.stages.ingest.formats.dataflash.scan import Chain, Clock, Walk, candidates
-from auvid.stages.steps import counted
 
 FORMAT = "ArduPilot DataFlash"
 ROUNDS = 6
@@ -172,7 +171,7 @@ def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> Deco
         name: merge(
             [(unpack(buffer, definition, offset), offset) for definition, _, offset in parts]
         )
-        for name, parts in counted("message type", layouts.items())
+        for name, parts in layouts.items()
         if name in names or name in METADATA
     }
     units = _units(index, layouts, tables, names)
