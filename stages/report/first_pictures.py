@@ -60,14 +60,14 @@ def first_pictures(
     channels = [name for name, parts in by_port.items() if parts[-1] == "channel_run"]
     swings = [name for name, parts in by_port.items() if parts[-1] in ("decays", "swings")]
     flights = [name for name, parts in by_port.items() if "flights" in parts]
-    pictures: list[Markup] = []
+    drawings: list[Markup] = []
     if channels:
-        pictures += _channels({name.split("/")[-2]: tables[name] for name in channels})
+        drawings += _channels({name.split("/")[-2]: tables[name] for name in channels})
     if swings:
-        pictures += _swings({name: tables[name] for name in swings})
+        drawings += _swings({name: tables[name] for name in swings})
     if flights:
-        pictures += _flights(tables, flights)
-    return tuple(pictures[:2])
+        drawings += _flights(tables, flights)
+    return tuple(drawings[:2])
 
 
 def _dive(

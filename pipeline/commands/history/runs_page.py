@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -166,7 +166,7 @@ def _summary(columns: Sequence[RunColumn]) -> Summary:
     )
 
 
-def _titles(columns: Sequence[RunColumn], name: str) -> Iterable[str]:
+def _titles(columns: Sequence[RunColumn], name: str) -> Iterator[str]:
     return iter([str(_entry(c).recommended.get("title", "")) for c in columns if c.name == name])
 
 
@@ -197,7 +197,7 @@ def _departures(first: RunColumn, column: RunColumn) -> list[str]:
 
 
 def _runs_section(columns: Sequence[RunColumn], *, order: int) -> Document:
-    rows = []
+    rows: list[list[Any]] = []
     first = next(column for column in columns if column.entry is not None)
     for column in columns:
         if column.entry is None:

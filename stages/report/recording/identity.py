@@ -76,7 +76,7 @@ def run_properties(
                 properties[f"ratio_{use}"] = float(ratio)
     card = cards.get(summary.recommended or "")
     if card is not None:
-        verdicts = Counter(item.verdict for part in card.axes.values() for item in part.terms)
+        verdicts = Counter[str](item.verdict for part in card.axes.values() for item in part.terms)
         for verdict in VERDICTS:
             properties[f"count_{key(verdict)}"] = verdicts.get(verdict, 0)
     elif summary.figures:

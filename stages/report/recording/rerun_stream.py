@@ -58,7 +58,7 @@ class Recording:
             self.stream.save(path)
         self.stream.send_recording_name(str(visible(title)))
         if properties:
-            plain = {
+            plain: dict[str, Any] = {
                 name: str(visible(value)) if isinstance(value, str) else value
                 for name, value in properties.items()
             }
