@@ -85,8 +85,8 @@ def unit_of(name: str) -> str:
 
     That of the force divided by that of the velocities; radians and eta - 1 count as 1.
 
-    >>> unit_of("Y_v|v|"), unit_of("N_r"), unit_of("Z_(wV)(eta-1)")
-    ('kg/m', 'kg*m^2/s', 'kg/m')
+    >>> unit_of("Y_v|v|"), unit_of("N_r"), unit_of("X_|u|"), unit_of("Z_(wV)(eta-1)")
+    ('kg/m', 'kg*m^2/s', 'kg/s', 'kg/m')
     """
     axis, term = AXES.index(name[0]), term_of(name)
     if term in _CONTROLS:
