@@ -150,7 +150,8 @@ def _error_table(
         by_axis = [reference[use][axis][0] for axis in (TOTAL, *AXES)]
         rows.append([CONSTANT_TITLE, 0, 0, *by_axis, *[None] * 4])
         note += " The last row is no model but the mean force of the training legs alone."
-    heads = ["model", "n-bar", "identified", "J", *((f"J {a}", AXIS_UNITS[a]) for a in AXES)]
+    heads: list[str | tuple[str, str]] = ["model", "n-bar", "identified", "J"]
+    heads += [(f"J {axis}", AXIS_UNITS[axis]) for axis in AXES]
     title = f"{use.capitalize()} errors, in the layout of {LAYOUT[use]} and (4.22)-(4.27)"
     return [table(title, [*heads, "SSE", "MAE", "MSE", "MAD"], rows, note=note)]
 
