@@ -123,7 +123,7 @@ class SectionView:
         )
 
     @property
-    def groups(self) -> list[tuple[str, str, list[Document]]]:
+    def groups(self) -> list[tuple[str, str, list[dict[str, Any]]]]:
         """Return title, anchor and blocks of each fold in order; no title: in the open.
 
         A block has `anchor`, the link to it.

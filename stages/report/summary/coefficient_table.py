@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from auvid.data_schemas.records.models import AxisCard, InertiaCard, ModelCard, TermCard
 from auvid.hydro.constants import NORMAL_95
@@ -126,7 +127,7 @@ def _inertia_row(item: InertiaCard) -> CoefficientRow:
 
 def _figures(
     value: float | None, error: float | None, shifts: Mapping[str, float] = NO_SHIFTS
-) -> dict[str, float | str | None]:
+) -> dict[str, Any]:
     """Return value and 95 % interval by noise and assumed figures, as numbers and printed.
 
     What noise and what assumed figures add alone are `noise` and `assumed`.
