@@ -26,7 +26,7 @@ def unplaced_note(body: Body) -> tuple[str, ...]:
 
 
 def offsets_words(body: Body, lost: Array, *, first: int = 1) -> str:
-    """Return which thruster forces make a lost constant force (6,), in words; "" for none.
+    """Return in words which thruster forces make a lost constant force (6,).
 
     The least forces of the thrusters, counted from `first`; nothing where they cannot make
     it, or one has no known place.

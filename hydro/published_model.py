@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from auvid.data_schemas.documents.model import in_schema_units
@@ -10,7 +12,9 @@ from auvid.data_schemas.records.model_file import (
     AS_PUBLISHED,
     FORMAT,
     PUBLISHED,
+    Axis,
     CoefficientEntry,
+    Factor,
     ModelFile,
     OriginEntry,
     UseEntry,
@@ -103,9 +107,9 @@ def missing_parts(vehicle: Vehicle) -> list[str]:
 def _coefficient(axis: str, term: str, value: float) -> CoefficientEntry:
     return CoefficientEntry(
         symbol=str(Unknown(axis, term)),
-        axis=axis,
+        axis=cast(Axis, axis),
         term=term,
-        factors=list(BASIS_TERMS[term].factors),
+        factors=cast(list[Factor], list(BASIS_TERMS[term].factors)),
         unit=coefficient_unit(axis, term),
         determined=False,
         value=value,

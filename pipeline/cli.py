@@ -778,7 +778,7 @@ app.add_typer(
 def workspace(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="New or empty folder.")],
 ) -> None:
-    """Make a workspace with a small example campaign that runs; `auvid new DIR` does too."""
+    """Make a workspace with a small example campaign; `auvid new DIR` does too."""
     from auvid.pipeline.commands.new.new_command import make_workspace
 
     make_workspace(folder)

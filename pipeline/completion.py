@@ -1,4 +1,4 @@
-"""Names that the shell completes: of campaigns, runs, models, stages, vehicles, targets.
+"""Names that the shell completes: campaigns, runs, models, stages and more.
 
 Each call of a shell's completion is a process of its own, so the stages are not loaded:
 names come from folders and files.

@@ -146,7 +146,7 @@ def _constant_notes(own: Body, lost: Array) -> tuple[str, ...]:
 
 
 def _vertical(term: Term) -> bool:
-    """Return whether a term is the constant yaw moment, level the same at all headings."""
+    """Return whether a term is the constant yaw moment."""
     return term.constant and term.axis == 5
 
 

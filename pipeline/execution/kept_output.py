@@ -66,13 +66,13 @@ def printed_before(campaign: str, *, strict: bool) -> Printed | None:
 
 
 def is_as_last_run(campaign: str) -> bool:
-    """Return whether all is as the last run of a campaign left it; if not, look closer."""
+    """Return whether all is as the last run of a campaign left it."""
     setting = _setting(strict=False)
     return _kept(campaign, {name: setting[name] for name in ("code", "packages")}) is not None
 
 
 def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
-    """Return what the last run printed, where files and this part of the setting stand."""
+    """Return what the last run printed, if files and this setting stand."""
     try:
         workspace = workspace_of(campaign)
         name = workspace.campaign_folder(campaign).name

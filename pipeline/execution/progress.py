@@ -60,8 +60,8 @@ class StageWork:
     @property
     def left_s(self) -> float | None:
         """Seconds left if all goes on as until now; None at the beginning."""
-        whole = (self.done + self.share) / self.todo
-        return self.elapsed_s * (1.0 - whole) / whole if whole else None
+        share = (self.done + self.share) / self.todo
+        return self.elapsed_s * (1.0 - share) / share if share else None
 
     @property
     def left_words(self) -> str:
@@ -70,10 +70,10 @@ class StageWork:
 
 def duration(seconds: float) -> str:
     """Return a time in words: 4 s, 1 min 15 s, 1 h 6 min."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
+    rounded = round(seconds)
+    if rounded < 60:
+        return f"{rounded} s"
+    minutes, rest = divmod(rounded, 60)
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 

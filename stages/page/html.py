@@ -123,12 +123,12 @@ class SectionView:
         )
 
     @property
-    def groups(self) -> list[tuple[str, str, list[dict[str, Any]]]]:
+    def groups(self) -> list[tuple[str, str, list[Mapping[str, Any]]]]:
         """Return title, anchor and blocks of each fold in order; no title: in the open.
 
         A block has `anchor`, the link to it.
         """
-        blocks = [
+        blocks: list[Mapping[str, Any]] = [
             {**in_degrees(block), "anchor": f"{self.anchor}-{place}"}
             for place, block in enumerate(self.document["blocks"])
         ]

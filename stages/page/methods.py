@@ -1,4 +1,4 @@
-"""The methods of a run as a text to paste into a paper, with references and versions."""
+"""The methods of a run as a text for a paper, with references and versions."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class CardUnknowns:
         if not used:
             return None
         rows = np.vstack([part.rows(self.unknowns) for part in used])
-        mean = np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=None)[0]
+        mean = np.asarray(np.linalg.lstsq(rows[:, :-1], rows[:, -1], rcond=None)[0], np.float64)
         return ParameterPrior(mean, rows[:, :-1].T @ rows[:, :-1])
 
     def noise(self, legs: Sequence[LegRecord]) -> NoiseModel:

@@ -116,7 +116,7 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
 
 
 def without_table_of(model: str | None, sections: Mapping[str, Document]) -> dict[str, Document]:
-    """Return sections without the coefficients of a model: the first screen has them."""
+    """Return sections without the coefficients of the model of the first screen."""
     return {
         path: {
             **document,

@@ -88,7 +88,7 @@ def synthesise_section(
 
 
 def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
-    """Return a fold with the coefficients of a model, and one with the remarks on them."""
+    """Return a fold with a model's coefficients, and one with remarks on them."""
     rows, kept = [], []
     for axis, part in card.axes.items():
         for item in part.terms:
@@ -152,7 +152,7 @@ def _method(card: ModelCard) -> str:
 
 
 def _remarks(card: ModelCard) -> list[dict[str, Any]]:
-    """Return priors, limits, inertia, sums of inseparable terms, terms that do not fit."""
+    """Return priors, limits, inertia, sums of terms, terms that do not fit."""
     blocks = []
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))

@@ -220,7 +220,7 @@ def normal_priors(
 
 
 def refuse_pushing_priors(damping: str, prior: Prior, sources: Sequence[NormalPrior]) -> None:
-    """Raise `CampaignError` for a prior of damping that pushes, where damping may not."""
+    """Raise `CampaignError` for a prior of damping that feeds energy in."""
     if damping == "free":
         return
     all_sources = [

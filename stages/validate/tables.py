@@ -80,7 +80,7 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
 
 
 def constant_ratios(covered: Mapping[str, RangeCovered]) -> dict[str, float]:
-    """Return J/J0 of the mean training force by axis and in all, on validation if any."""
+    """Return J/J0 of the mean training force by axis and in all."""
     reference = mean_force_errors(covered)
     judged = reference.get("validation") or reference.get("training") or {}
     return {ALL if axis == TOTAL else axis: ratio for axis, (_, ratio) in judged.items()}

@@ -173,7 +173,7 @@ class _Span:
         return self._triangle[: self._count, : self._count]
 
     def split(self, direction: Array) -> tuple[Array, Array]:
-        """Return the part (a,) of a direction (p,) along the basis, and the rest (p,)."""
+        """Return the part (a,) of a direction (p,) in the basis, and the rest (p,)."""
         basis = self.basis
         along = basis.T @ direction
         rest = direction - basis @ along

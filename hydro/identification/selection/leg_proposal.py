@@ -6,6 +6,7 @@ over once.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -129,7 +130,7 @@ def _means(t_s: Array, values: Array, edges: Array) -> Array:
 
 
 def moving_spans(dive: DivePieces, axes: Sequence[str] = VELOCITIES) -> list[tuple[int, int]]:
-    """Return first and last + 1 of the runs of pieces that are usable, driven and move."""
+    """Return first and last + 1 of runs of pieces that are usable and move."""
     columns = [VELOCITIES.index(axis) for axis in axes]
     beyond = dive.square[:, columns] >= np.array([THRESHOLDS[axis] ** 2 for axis in axes])
     near = int(NEAR_S / STEP_S)
@@ -162,7 +163,7 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class _Sums:
-    """Cumulated sums (n + 1, 6) over pieces: squares, pieces forward, pieces backward."""
+    """Cumulated sums (n + 1, 6): squares, pieces forward, pieces backward."""
 
     square: Array
     forward: Array
@@ -179,7 +180,7 @@ class _Sums:
         return cls(*(np.concatenate([start, np.cumsum(part, axis=0)]) for part in parts))
 
     def between(self, first: Index, last: Index) -> tuple[Mask, Mask]:
-        """Return whether axes are excited and move both ways (k, 6) from first to last (k,)."""
+        """Return which axes move enough and both ways (k, 6), first to last (k,)."""
         return _excitation(
             self.square[last] - self.square[first],
             self.forward[last] - self.forward[first],
@@ -236,7 +237,7 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
                 continue
             parts = int(np.ceil((end - begin) * STEP_S / LONGEST_LEG_S))
             marks = np.linspace(begin, end, parts + 1).astype(np.intp)
-            for at, stop in zip(marks[:-1], marks[1:], strict=True):
+            for at, stop in itertools.pairwise(marks):
                 excited, both = sums.between(np.array([at]), np.array([stop]))
                 times = float(start + at - low) * STEP_S, float(start + stop - low) * STEP_S
                 legs.append(ProposedLeg(number, *times, use, _names(excited[0]), _names(both[0])))
@@ -308,7 +309,7 @@ def propose_channel_legs(dives: Sequence[DivePieces], channels: Sequence[str]) -
 def _channel_stretches(
     number: int, dive: DivePieces, channel: str
 ) -> Iterator[tuple[float, ProposedLeg]]:
-    """Yield a leg for each stretch of a dive in which a channel moves, and its energy."""
+    """Yield a leg, and its energy, for each stretch in which a channel moves."""
     column = VELOCITIES.index(channel)
     for first, last in moving_spans(dive, (channel,)):
         sums = _Sums.of([dive], [np.arange(first, last)])

@@ -38,7 +38,7 @@ and more.
 
 
 def require_rerun() -> None:
-    """Raise `PipelineError` where the package that draws recordings is not installed."""
+    """Raise `PipelineError` where the package that draws is not installed."""
     if find_spec("rerun") is None:
         raise PipelineError("rerun-sdk is not installed", remedy=INSTALL)
 

@@ -21,7 +21,7 @@ from auvid.pipeline.commands.new.campaign_text import (
     WrittenFile,
     campaign_text,
 )
-from auvid.pipeline.commands.new.feedable import Feed, checked, feed_of, proposal, way_on
+from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal, way_on
 from auvid.pipeline.commands.new.log_survey import (
     SurveyedLog,
     corrected_log,
@@ -145,12 +145,12 @@ def _place(name: str) -> Path:
     return folder
 
 
-def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], list[str]]:
+def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedLog], list[str]]:
     """Return what the logs feed, those that do, and in words why not the others.
 
     Raises `DataError` where none feeds anything.
     """
-    feeds: list[tuple[SurveyedLog, Feed]] = []
+    feeds: list[tuple[SurveyedLog, CampaignFeed]] = []
     refused: list[str] = []
     for log in surveyed:
         if log.page.health is None:
@@ -181,11 +181,11 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[Feed, list[SurveyedLog], lis
     channels = tuple(dict.fromkeys(axis for _, feed in kept for axis in feed.channels))
     streams = tuple(dict.fromkeys(name for _, feed in kept for name in feed.streams))
     pause = max(feed.max_gap_s for _, feed in kept)
-    merged = Feed(kind, streams, pause, channels, first.normalised)
+    merged = CampaignFeed(kind, streams, pause, channels, first.normalised)
     return merged, [log for log, _ in kept], left_out
 
 
-def _same_dives(kept: list[tuple[SurveyedLog, Feed]]) -> list[str]:
+def _same_dives(kept: list[tuple[SurveyedLog, CampaignFeed]]) -> list[str]:
     """Take logs of a dive that an earlier log holds out, and return them in words.
 
     A dive in training and, from another recorder, in validation would judge itself.
@@ -221,7 +221,9 @@ def _title(logs: Mapping[str, SurveyedLog]) -> str:
     return f"{health.get('vehicle') or 'Vehicle not named'}, {names[0]}{more}"
 
 
-def _stages(feed: Feed, logs: Mapping[str, CheckedLog], choice: VehicleChoice) -> dict[str, str]:
+def _stages(
+    feed: CampaignFeed, logs: Mapping[str, CheckedLog], choice: VehicleChoice
+) -> dict[str, str]:
     """Return the parameters that differ from the defaults, as YAML in one line."""
     stages = {}
     dropped = max(

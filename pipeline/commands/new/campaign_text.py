@@ -1,4 +1,4 @@
-"""The text of a written campaign: comments say what to check, in the order of editing."""
+"""The text of a written campaign: comments say what to check, in order."""
 
 from __future__ import annotations
 

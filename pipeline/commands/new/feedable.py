@@ -31,8 +31,8 @@ STEPS_PER_GAP = 4.0
 
 
 @dataclass(frozen=True)
-class Feed:
-    """What a log feeds: kind of campaign, streams that its legs need, longest pause [s].
+class CampaignFeed:
+    """What a log feeds: kind of campaign, streams of its legs, longest pause [s].
 
     `channels`: velocities of a campaign of single channels. `normalised`: they are driven
     by commands without a unit of force, so that the vehicle file gives no force.
@@ -50,10 +50,10 @@ class Route:
     """A kind of campaign in words, why a log cannot feed it (or what it feeds)."""
 
     title: str
-    feed: Callable[[CheckedLog, Mapping[str, Any]], Feed | str]
+    feed: Callable[[CheckedLog, Mapping[str, Any]], CampaignFeed | str]
 
 
-def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
+def force_model(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
     """Return the feed of a force model in six axes, or what the log lacks for it."""
     if log.under_water is False:
         return NOT_UNDER_WATER
@@ -65,7 +65,7 @@ def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
     axes = [item for name, item in rows.items() if name.startswith("synthesise ")]
     if not any(item["possible"] for item in axes):
         return "; ".join(dict.fromkeys(str(item["reason"]) for item in axes))
-    feed = Feed("identification", ("attitude", "imu", "depth", "velocity", "actuators"))
+    feed = CampaignFeed("identification", ("attitude", "imu", "depth", "velocity", "actuators"))
     uses = {leg.use for leg in proposal(feed, [log]).legs}
     if len(uses) < 2:
         return (
@@ -75,8 +75,8 @@ def force_model(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
     return feed
 
 
-def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
-    """Return the feed of single channels (surge, sway, heave, yaw), or what is lacking."""
+def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
+    """Return how a log feeds single channels, or what it lacks."""
     if log.under_water is False:
         return NOT_UNDER_WATER
     if not log.has("actuators"):
@@ -107,13 +107,13 @@ def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> Feed | str:
         return f"nothing measures a channel that is driven{driven}: depth, velocity or gyro"
     streams = tuple(dict.fromkeys([*(sensors[axis] for axis in enough), "actuators"]))
     pause = max(1.0, *(STEPS_PER_GAP * _step_s(log, name) for name in streams))
-    feed = Feed("bench", streams, round(pause, 1), tuple(enough), normalised)
+    feed = CampaignFeed("bench", streams, round(pause, 1), tuple(enough), normalised)
     moving = proposal(feed, [log]).axes
     if not moving:
         names = listed([MOTION_WORDS[axis] for axis in enough])
         least = listed([f"{THRESHOLDS[axis]:g}" for axis in enough[:1]])
         return f"hardly any motion in {names} while driven and submerged (RMS below {least})"
-    return Feed("bench", streams, round(pause, 1), moving, normalised)
+    return CampaignFeed("bench", streams, round(pause, 1), moving, normalised)
 
 
 ROUTES = (
@@ -123,14 +123,14 @@ ROUTES = (
 """The better first."""
 
 
-def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[Feed | None, list[str]]:
-    """Return what a log feeds; None and the reason of every route for one that feeds none."""
+def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[CampaignFeed | None, list[str]]:
+    """Return what a log feeds, or None and the reasons of all routes."""
     assert page.health is not None
     log = checked(page, vehicle)
     titles: dict[str, list[str]] = {}
     for route in ROUTES:
         feed = route.feed(log, page.health)
-        if isinstance(feed, Feed):
+        if isinstance(feed, CampaignFeed):
             return feed, []
         titles.setdefault(feed, []).append(route.title)
     return None, [f"{' and '.join(names)}: {why}" for why, names in titles.items()]
@@ -171,7 +171,7 @@ def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
     return CheckedLog(page.streams, page.outputs.log_info, page.outputs.dropped, vehicle)
 
 
-def proposal(feed: Feed, logs: list[CheckedLog]) -> LegProposal:
+def proposal(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
     """Return the legs that are proposed in logs of one kind of campaign."""
     dives = [pieces_of(log, feed.streams, max_gap_s=feed.max_gap_s) for log in logs]
     return propose_channel_legs(dives, feed.channels) if feed.channels else propose_legs(dives)

@@ -43,7 +43,7 @@ class SurveyedLog:
 
 
 def survey(paths: Sequence[Path]) -> list[SurveyedLog]:
-    """Return the logs that files hold, in their order; CSV files of one dive are one log.
+    """Return the logs in files, in order; CSV files of one dive are one log.
 
     Raises `PipelineError` for a file that is not there or is named twice.
     """
@@ -109,7 +109,7 @@ def _surveyed(files: Sequence[SurveyedFile], refused: Mapping[Path, str]) -> Sur
 
 
 def corrected_log(log: SurveyedLog, vehicle: Vehicle | None = None) -> SurveyedLog:
-    """Return a log whose drafted column maps are corrected by the findings of its checks.
+    """Return a log with its drafted column maps corrected by its checks.
 
     With a vehicle these know how the thrusters push.
     """

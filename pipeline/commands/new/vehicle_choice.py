@@ -152,7 +152,7 @@ def _skeleton(log: CheckedLog, actuators: str) -> str:
 
 
 def _annotated(path: Path, log: CheckedLog) -> str:
-    """Return a vehicle file with remedies, outputs and directions of the log in place."""
+    """Return a vehicle file with remedies, outputs and directions of the log."""
     text = path.read_text(encoding="utf-8")
     text = re.sub(
         r"^(  measured_inertia: )(\S+)$",
@@ -175,7 +175,7 @@ def _annotated(path: Path, log: CheckedLog) -> str:
 
 
 def _with_remedies(text: str) -> str:
-    """Return the text with a comment above every key of REMEDIES that holds a figure."""
+    """Return the text with a comment above keys of REMEDIES that hold a figure."""
     lines, before = [], ""
     for line in text.splitlines():
         key = re.match(r"( +)(\w+):", line)

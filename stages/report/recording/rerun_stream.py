@@ -65,12 +65,12 @@ class Recording:
             self.stream.send_property("auvid", rr.AnyValues(**plain))
 
     def finish(self, blueprint: Any) -> bytes:
-        """End the recording with its blueprint; what is in memory is given as .rrd bytes."""
+        """End the recording with its blueprint; give what is in memory."""
         self.stream.send_blueprint(blueprint)
         return self.discard()
 
     def discard(self) -> bytes:
-        """End the recording; else Rerun warns of what was sent at the end of the program."""
+        """End the recording; else Rerun warns at the end of the program."""
         self.stream.flush()
         data = self._sink.read(flush=True) if self._sink else None
         self.stream.disconnect()

@@ -128,7 +128,7 @@ def _inertia_row(item: InertiaCard) -> CoefficientRow:
 def _figures(
     value: float | None, error: float | None, shifts: Mapping[str, float] = NO_SHIFTS
 ) -> dict[str, Any]:
-    """Return value and 95 % interval by noise and assumed figures, as numbers and printed.
+    """Return value and 95 % interval by noise and assumed figures.
 
     What noise and what assumed figures add alone are `noise` and `assumed`.
     """
@@ -151,7 +151,7 @@ def _figures(
 
 
 def assumed_most(card: ModelCard) -> str:
-    """Return the assumed figure that moves the most coefficients most; empty for none."""
+    """Return the assumed figure that moves most coefficients most, or ''."""
     first = [
         max(item.assumed_shifts, key=lambda name: item.assumed_shifts[name])
         for part in card.axes.values()
@@ -162,7 +162,7 @@ def assumed_most(card: ModelCard) -> str:
 
 
 def _published(name: str, vehicle: Vehicle, shelf: Mapping[str, Vehicle]) -> tuple[str, str]:
-    """Return the published values of a coefficient as a range, and each with its source."""
+    """Return published values of a coefficient as a range, and their sources."""
     values = {
         item.title: item.published[name].value
         for item in (vehicle, *shelf.values())

@@ -28,7 +28,7 @@ class Answer:
 def answered_commands(
     t_s: Array, commands: Mapping[str, Array], motions: Mapping[str, Array]
 ) -> list[Answer]:
-    """Return the commands that axes answer, one to one, of signals (n,) at t_s (n,) [s].
+    """Return which axis answers which command, of signals (n,) at t_s (n,) [s].
 
     Each pair has its largest correlation at a lag of 0 to 0.8 s; the assignment with the
     largest sum of their moduli is taken, without pairs below LEAST_CORRELATION.

@@ -290,7 +290,7 @@ def _time(
 def _clock(
     item: NamedColumn, values: Array, texts: Sequence[str]
 ) -> tuple[dict[str, str], str] | None:
-    """Return the entry of a time column and what was assumed; None if it is no clock."""
+    """Return the entry of a time column, and what was assumed; None for no clock."""
     finite = values[np.isfinite(values)]
     if finite.size < 0.9 * len(texts) or finite.size < 3:
         filled = [text for text in texts[:200] if text]
@@ -422,7 +422,7 @@ def _with_columns(
 
 
 def _with_pulses(columns: Sequence[NamedColumn], values: Mapping[str, Array]) -> list[NamedColumn]:
-    """Return the columns with numbered ones that hold pulses as outputs, by their number.
+    """Return the columns, with numbered ones that hold pulses as outputs.
 
     Only where no name tells an output.
     """
@@ -496,7 +496,7 @@ def _depth_of_others(
     columns: Sequence[NamedColumn],
     values: Mapping[str, Array],
 ) -> dict[tuple[str, str], NamedColumn]:
-    """Return the columns with depth from an altitude or from z, where nothing is named so."""
+    """Return the columns, with depth from altitude or z where none is named so."""
     if ("depth", "depth_m") in chosen:
         return chosen
     for item in columns:

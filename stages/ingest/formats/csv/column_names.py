@@ -1,4 +1,4 @@
-"""What the names of CSV columns mean: streams, fields and units, as programs write them."""
+"""What names of CSV columns mean: streams, fields, units, as programs write them."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ FLIPPED = ("left", "up")
 
 @dataclass(frozen=True)
 class NamedColumn:
-    """A column by its name: words without the unit, unit ('' if not named), place or None."""
+    """A column by its name: words without the unit, unit or '', place or None."""
 
     name: str
     words: str

@@ -1,4 +1,4 @@
-"""A drafted column map, corrected by what the checks of its log say of units and signs."""
+"""A drafted column map, corrected by what the checks say of units and signs."""
 
 from __future__ import annotations
 
