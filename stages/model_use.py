@@ -117,8 +117,11 @@ def use_words(usable: UsableFor, *, flown: bool) -> str:
     words = "use it to predict forces"
     if not usable.simulation:
         return f"{words}, not to simulate" if flown else words
-    named = "all axes" if len(usable.simulation) == len(AXES) else axes_listed(usable.simulation)
-    return f"{words} and to simulate {named}"
+    lacking = [axis for axis in AXES if axis not in usable.simulation]
+    if not lacking:
+        return f"{words} and to simulate all axes"
+    simulated, missing = axes_listed(usable.simulation), axes_listed(lacking)
+    return f"{words} and to simulate {simulated}, not {missing}"
 
 
 def failing_axes(model: MeritRecord) -> list[str]:

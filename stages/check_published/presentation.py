@@ -243,20 +243,20 @@ def published_section(
             ((_, shows, reason),) = reasons
             notes.append(f"Each bound {shows}: {reason}.")
         title = f"{entry.id}: {entry.title}"
-        blocks.append(
+        members = [
             table(title, *printed_rows(of_table, "note"), note=" ".join(filter(None, notes)))
-        )
+        ]
         if len(reasons) > 1:
             of_reasons = ("quantity", "its bound", "because")
-            what = f"{entry.id}: what its bounds show"
-            blocks += fold(what, [table(what, of_reasons, reasons)])
+            members.append(table(f"{entry.id}: what its bounds show", of_reasons, reasons))
+        blocks += fold(title, members)
     if published.errata:
         heads = ("erratum", "where", "printed", "corrected or recomputed", "confidence", "shown")
         cells = [
             [item.id, item.where, item.printed, item.corrected, item.confidence, item.shown]
             for item in published.errata
         ]
-        blocks.append(table("Errata of the source", heads, cells))
+        blocks += fold("Errata of the source", [table("Errata of the source", heads, cells)])
     return section(
         "Printed tables beside ours",
         blocks,

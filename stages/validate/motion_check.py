@@ -303,8 +303,8 @@ def _remedies(
             ]
             if moments:
                 words.append(
-                    f"Simulate the pulses of its thrusters, or with 1 N of {AXIS_WORDS[item.axis]}"
-                    f" {listed(moments)}: so they push."
+                    "Simulate it with the pulses of its thrusters, not with a force at its origin;"
+                    f" or add {listed(moments)} to each N of {AXIS_WORDS[item.axis]}, as they do."
                 )
     askew = check.rest_rad is None or max(map(abs, check.rest_rad)) > TILTED_RAD
     if check.righting_is_assumed and (tips or askew):

@@ -210,7 +210,7 @@ def _choice(
         words = words.replace("the best", cards[chosen.best].title, 1)
     passing = sum(item.is_sound for item in candidates)
     if 0 < passing < len(models):
-        words += f"; of {len(models)} models {passing} pass physics"
+        words += f"; of {len(models)} models {passing} pass{'es' * (passing == 1)} physics"
     elif not passing:
         words += "; none of the models passes physics"
     name, place = chosen.name, {item.name: item for item in better}

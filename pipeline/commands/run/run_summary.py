@@ -22,7 +22,7 @@ RESULTS = {
     "report_html": "report",
     "error_table": "error table",
     "tables_text": "tables as text",
-    "model_card": "models",
+    "model_file": "model files",
     "recording": "recording",
 }
 MAX_LINES = 20

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
+from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, UsageError
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import make_table, matrix
 from auvid.data_schemas.yaml_text import read_yaml
@@ -356,7 +356,7 @@ def test_documents_are_refused_in_words(
 
 
 def test_a_campaign_without_a_document_is_named() -> None:
-    with pytest.raises(CampaignError, match=r"reproduces nothing.*vt690_twin"):
+    with pytest.raises(UsageError, match=r"reproduces nothing.*vt690_twin"):
         open_reproduction(str(ROOT / "campaigns/bluerov2_dvl"))
 
 
