@@ -95,6 +95,7 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
 def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> None:
     """Keep what a run printed, unless a file that it read, or a source, changed since.
 
+    Nothing is kept of a run that read a pipe or a device.
     `start`: the time when it began, before the first file was read. Coefficients of a
     vehicle may lie beside its file.
     """
@@ -111,7 +112,10 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
         return
     hashes = FileHashes(run.folder / HASHES)
     others = read | _files_in(folders) - set(written)
-    digests = written | {path: _hash_of(path, hashes) for path in others}
+    try:
+        digests = written | {path: _hash_of(path, hashes) for path in others}
+    except OSError:  # a pipe or device was read: it cannot be looked at again
+        return
     document: Mapping[str, Any] = {
         "setting": _setting(strict),
         "folders": [str(path) for path in folders],

@@ -25,7 +25,6 @@ from auvid.pipeline.commands.check.check_command import check
 from auvid.pipeline.commands.check.clock_alignment import align_clocks
 from auvid.pipeline.commands.check.log_page import LogPage, log_pages
 from auvid.pipeline.output import OUTPUT
-from auvid.pipeline.store import atomic_files
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
 
@@ -422,7 +421,7 @@ def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: Any, **__: Any) -> Any:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(atomic_files.np, "fromfile", refuse)
+    monkeypatch.setattr(np, "fromfile", refuse)
     page = log_pages(str(SMALL), None)[0]
     assert page.refused is not None
     assert "no permission" in page.refused

@@ -217,7 +217,7 @@ def test_a_model_that_fails_is_shown_to_fail(runs: dict[str, Path]) -> None:
     assert "Linear (" not in failing
     assert "Symmetric (" not in failing
     assert any(
-        "leave the range of the training legs" in words and "r (" in words for words in warnings
+        "leave the range of the training legs" in words and "yaw (" in words for words in warnings
     )
 
 

@@ -18,7 +18,7 @@ import pytest
 import typer
 
 from auvid.pipeline import cli
-from tests.support.campaign_runs import copy_workspace, made_once, run_campaign
+from tests.support.campaign_runs import auvid, copy_workspace, made_once
 from tests.support.documents import ROOT, blocks, commands, documents, own_log
 
 DIVE = "bluerov2_dvl"
@@ -34,6 +34,7 @@ LEFT_OUT = {
     r"auvid new campaign (tank|lake|harbour --from dive_1)": "other logs (test_new_campaign.py)",
     r"auvid report bluerov2_dvl bluerov2_dvl_csv": "needs another run (test_runs_page.py)",
     r"auvid report .*--compare": "needs an earlier run (test_look_back.py)",
+    r"auvid report .*--history": "needs an earlier run (test_runs_page.py)",
     r"\. \.venv/bin/activate": "changes the shell",
     r"make campaign NAME=example": "through DVC (test_engines.py)",
 }
@@ -57,7 +58,7 @@ def workspace(committed_run: Callable[[str], Path], session_folder: Path) -> Pat
 
     def make(folder: Path) -> None:
         copy_workspace(committed_run(DIVE), folder)
-        run_campaign(folder, DIVE, None)
+        auvid("run", DIVE, folder=folder)
         for path in (ROOT / "campaigns").iterdir():
             if not (folder / "campaigns" / path.name).exists():
                 (folder / "campaigns" / path.name).symlink_to(path, target_is_directory=True)

@@ -131,7 +131,7 @@ def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> No
         str(tmp_path / "x.rrd"),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "no such tab" in done.stderr
     assert "Dropping data" not in done.stderr
 

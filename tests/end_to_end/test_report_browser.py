@@ -187,7 +187,8 @@ def accessibility_faults(
     return list(
         browser.evaluate(
             "axe.run(document, {resultTypes: ['violations']}).then(result => result.violations.map("
-            "item => `${item.id}: ${item.nodes[0].html.slice(0, 200)}`))"
+            "item => `${item.id}: ${item.nodes[0].html.slice(0, 200)}"
+            " ${item.nodes[0].failureSummary}`))"
         )
     )
 
@@ -236,7 +237,7 @@ def test_axe_finds_no_violation_in_the_demo(browser: Browser, demo: Path, width:
 def test_every_plot_draws_its_lines(page: Browser) -> None:
     drawn = page.evaluate(
         """(() => {
-        return [...document.querySelectorAll('path.line:not(.off)')].map(line => {
+        return [...document.querySelectorAll('.area path.line:not(.off)')].map(line => {
           const box = line.getBoundingClientRect();
           const area = line.closest('.area').getBoundingClientRect();
           return [box.width / area.width, box.height / area.height]; }); })()"""

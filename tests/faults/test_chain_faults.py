@@ -279,7 +279,7 @@ def test_no_validation_leg_is_a_warning(
         workspace
     )
     out = run_fine(monkeypatch, capsys)
-    assert "No validation leg" in out
+    assert "There is no validation leg" in out
     assert "warnings (1)" in out
     text = (workspace / "runs/example/validate/tables_text.txt").read_text()
     assert "Training (McCarter Table 5.2)" in text

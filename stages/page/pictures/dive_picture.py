@@ -141,8 +141,8 @@ def _track(legs: Sequence[DrawnLeg]) -> Markup:
 def round_step(size: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is at most `size`.
 
-    >>> round_step(0.34), round_step(51.0)
-    (0.2, 50.0)
+    >>> [round_step(size) for size in [3.4, 51.0]]
+    [2.0, 50.0]
     """
     power = 10.0 ** np.floor(np.log10(size))
     return float(max(m * power for m in (1.0, 2.0, 5.0) if m * power <= size * (1 + 1e-9)))

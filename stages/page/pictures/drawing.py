@@ -68,7 +68,7 @@ def legend(entries: Sequence[tuple[str, str, bool]]) -> Markup:
     return Markup('<ul class="key">{}</ul>').format(
         Markup("").join(
             SWATCH.format(
-                ink_variable(role), Markup(' class="area"' if area else ""), visible(name)
+                ink_variable(role), Markup(' class="patch"' if area else ""), visible(name)
             )
             for name, role, area in entries
         )

@@ -72,9 +72,10 @@ class Recording:
     def discard(self) -> bytes:
         """End the recording; else Rerun warns at the end of the program."""
         self.stream.flush()
-        data = self._sink.read(flush=True) if self._sink else None
-        self.stream.disconnect()
-        return data or b""
+        if self._sink is None:
+            self.stream.disconnect()
+            return b""
+        return self._sink.read(flush=True) or b""
 
     def static(self, entity: str, value: Any) -> None:
         """Send one static value in a chunk of its own.

@@ -222,7 +222,7 @@ def test_what_cannot_fail_is_counted_apart() -> None:
     )
     counts, _, why = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:3]
     assert counts["rows"][-1] == ["all tables", "2", "1", "1", "1", "5", "4"]
-    assert why["fold"] == why["title"]
+    assert why["fold"] == "Table 4: varying steps"
     assert ["X_udot", "holds by construction", "the twin flew it"] in why["rows"]
 
 
