@@ -245,7 +245,11 @@ def test_another_document_is_refused_in_words(
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [("{", "cut off"), ('{"format" 1, "kind": "auvid model"}', "not JSON"), ("[1]", "not a model file")],
+    [
+        ("{", "cut off"),
+        ('{"format" 1, "kind": "auvid model"}', "not JSON"),
+        ("[1]", "not a model file"),
+    ],
 )
 def test_what_is_no_document_is_refused(tmp_path: Path, content: str, message: str) -> None:
     path = tmp_path / "model.json"
