@@ -97,33 +97,50 @@ The stages of a bench name what they miss.
 """
 
 
-def finding_lines(
+@dataclass(frozen=True)
+class LogFinding:
+    """A finding of a log, which stands for `others` more logs that have it too."""
+
+    log: str
+    check: str
+    text: str
+    accepted: bool
+    others: int
+
+    @property
+    def words(self) -> str:
+        """What was found, and the name of the check."""
+        return f"{self.text} ({self.check}{', accepted' if self.accepted else ''})"
+
+    def __str__(self) -> str:
+        more = f" and {self.others} other{'s' * (self.others > 1)}" if self.others else ""
+        return f"log '{self.log}'{more}: {self.words}"
+
+
+def log_findings(
     manifest: Mapping[str, Any], health: Mapping[str, Mapping[str, Any]]
-) -> tuple[str, ...]:
+) -> tuple[LogFinding, ...]:
     """Return errors, warnings and what stops a run; `health` by log.
 
-    A line per finding; the first log stands for others with the same finding.
+    The first log stands for others with the same finding.
     """
     passed_over = FORCE_MODEL_NEEDS if str(manifest["kind"]).startswith("bench") else ()
-    first: dict[tuple[str, str], tuple[str, str]] = {}
-    logs: dict[tuple[str, str], list[str]] = {}
+    first: dict[tuple[str, bool, str], tuple[str, str]] = {}
+    logs: dict[tuple[str, bool, str], list[str]] = {}
     for log, document in health.items():
         accepted = accepted_findings(manifest, log)
         for item in document["findings"]:
             name = item["id"]
             if name in passed_over or (item["severity"] == "note" and not checks()[name].stops):
                 continue
-            note = ", accepted" if name in accepted else ""
-            key = (f"{name}{note}", str(item["stream"]))
+            key = (name, name in accepted, str(item["stream"]))
             first.setdefault(key, (log, item["text"]))
             if log not in logs.setdefault(key, []):
                 logs[key].append(log)
-    lines = []
-    for key, (log, text) in first.items():
-        more = len(logs[key]) - 1
-        others = f" and {more} other{'s' * (more > 1)}" if more else ""
-        lines.append(f"log '{log}'{others}: {text} ({key[0]})")
-    return tuple(lines)
+    return tuple(
+        LogFinding(log, key[0], text, key[1], len(logs[key]) - 1)
+        for key, (log, text) in first.items()
+    )
 
 
 @cache

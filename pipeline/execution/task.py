@@ -9,7 +9,8 @@ import hashlib
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -116,10 +117,11 @@ def _write(task: Task, port: Port, results: Any, written: list[Path]) -> Hashes 
     def put(artefact: Any, key: str | None, name: str) -> str:
         digest = hashlib.sha256()
 
-        def hashed_pieces() -> Iterator[bytes]:
-            for piece in in_pieces(artefact, port.schema, file=name):
-                digest.update(piece)
-                yield piece
+        def hashed_pieces() -> Generator[bytes]:
+            with closing(in_pieces(artefact, port.schema, file=name)) as pieces:
+                for piece in pieces:
+                    digest.update(piece)
+                    yield piece
 
         written.append(task.folder / port.path(task.item, key))
         write_atomically(written[-1], hashed_pieces())

@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ def encode(artefact: object, name: str, *, file: object) -> bytes:
     return artefact
 
 
-def in_pieces(artefact: object, name: str, *, file: object) -> Iterator[bytes]:
+def in_pieces(artefact: object, name: str, *, file: object) -> Generator[bytes]:
     """Give the bytes of an artefact; those of a `FileWriter` as it saves them."""
     if schema(name).kind == "bytes" and callable(artefact):
         yield from saved_pieces(artefact)

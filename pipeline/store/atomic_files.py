@@ -7,8 +7,8 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,7 +61,7 @@ def writable(path: Path) -> Iterator[None]:
         raise refusal(fault, "cannot be written", path) from fault
 
 
-def write_atomically(path: Path, content: bytes | Iterator[bytes]) -> None:
+def write_atomically(path: Path, content: bytes | Generator[bytes]) -> None:
     """Write a file so that readers see the old content or the new, never a part.
 
     Content may come in pieces, of which one is in memory at a time.
@@ -92,13 +92,14 @@ def write_output(path: Path, content: bytes) -> None:
         _write(target, content)
 
 
-def _write(path: Path, content: bytes | Iterator[bytes]) -> None:
+def _write(path: Path, content: bytes | Generator[bytes]) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}{TEMPORARY}")
+    pieces = (piece for piece in [content]) if isinstance(content, bytes) else content
     try:
-        with part.open("wb") as file:
+        with closing(pieces), part.open("wb") as file:
             if path.is_file() and not path.is_symlink():
                 os.fchmod(file.fileno(), stat.S_IMODE(path.stat().st_mode))
-            for piece in [content] if isinstance(content, bytes) else content:
+            for piece in pieces:
                 file.write(piece)
             file.flush()
             os.fsync(file.fileno())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import select
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,7 +13,7 @@ PIECE_BYTES = 1 << 20
 POLL_S = 0.1
 
 
-def saved_pieces(save: Callable[[str], None]) -> Iterator[bytes]:
+def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
     """Give what `save` writes to a path, in pieces, while it writes.
 
     The path is a named pipe: nothing piles up in memory or on disk, and a disk that is
@@ -24,11 +24,16 @@ def saved_pieces(save: Callable[[str], None]) -> Iterator[bytes]:
         os.mkfifo(path)
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as pipe:
             saving = writer.submit(save, str(path))
-            while True:
-                is_over = saving.done()
-                select.select([pipe], [], [], POLL_S)
-                if piece := pipe.read(PIECE_BYTES):
-                    yield piece
-                elif is_over:
-                    break
+            try:
+                while True:
+                    is_over = saving.done()
+                    select.select([pipe], [], [], POLL_S)
+                    if piece := pipe.read(PIECE_BYTES):
+                        yield piece
+                    elif is_over:
+                        break
+            finally:  # nobody asks for more: the writer is let go to its end
+                while not saving.done():
+                    select.select([pipe], [], [], POLL_S)
+                    pipe.read(PIECE_BYTES)
         saving.result()

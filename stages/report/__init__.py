@@ -15,7 +15,7 @@ from importlib.util import find_spec
 
 import pyarrow as pa
 
-from auvid.data_schemas.checks import checks, finding_lines
+from auvid.data_schemas.checks import checks, log_findings
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
@@ -89,8 +89,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 NO_RECORDING = (
-    "there is no recording for auvid inspect, because rerun-sdk is not installed: pip install"
-    " 'auvid[view]', then auvid report CAMPAIGN --rebuild"
+    "there is no recording for auvid inspect, because rerun-sdk was not installed when the report"
+    " was written: pip install 'auvid[view]', then auvid report CAMPAIGN --rebuild"
 )
 
 
@@ -154,24 +154,21 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             inputs.vehicle,
             inputs.shelf or {},
         )
-    summary = replace(summary, log_findings=log_findings(inputs))
+    summary = replace(summary, log_findings=finding_alerts(inputs))
     sections["methods"] = methods_section(
         inputs.provenance, inputs.vehicle, segments, cards, summary
     )
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
 
 
-def log_findings(inputs: Inputs) -> tuple[Alert, ...]:
+def finding_alerts(inputs: Inputs) -> tuple[Alert, ...]:
     """Return the findings of the logs with the place of each log's health."""
     health = dict(inputs.health or {})
     alerts = []
-    for words in finding_lines(inputs.campaign, health):
-        log, _, text = words.removeprefix("log '").partition("': ")
-        named = log if log in health else next(name for name in health if log.startswith(name))
-        check = text.rpartition(" (")[2].removesuffix(")").removesuffix(", accepted")
-        level: Level = "poor" if checks()[check].severity == "error" else "fair"
-        place = anchor("ingest", named)
-        alerts.append(Alert(words if len(health) > 1 else text, place, level))
+    for item in log_findings(inputs.campaign, health):
+        level: Level = "poor" if checks()[item.check].severity == "error" else "fair"
+        place = anchor("ingest", item.log)
+        alerts.append(Alert(str(item) if len(health) > 1 else item.words, place, level))
     return tuple(alerts)
 
 

@@ -8,7 +8,7 @@ from math import inf, isnan
 from pathlib import Path
 from typing import Any
 
-from auvid.data_schemas.checks import finding_lines
+from auvid.data_schemas.checks import log_findings
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.output import OUTPUT
@@ -214,7 +214,7 @@ def health_of(run: Run) -> dict[str, dict[str, Any]]:
 
 def findings(run: Run) -> list[str]:
     """Return the findings of the logs that the campaign does not accept."""
-    return list(finding_lines(run.campaign.document, health_of(run)))
+    return list(map(str, log_findings(run.campaign.document, health_of(run))))
 
 
 def losses(run: Run) -> list[str]:

@@ -10,6 +10,7 @@ import os
 import stat
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +22,7 @@ from hypothesis import strategies as st
 from auvid.data_schemas.errors import DataError, PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
+from auvid.pipeline.store import pipes
 from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import (
     TEMPORARY,
@@ -392,12 +394,50 @@ def test_a_fault_of_what_saves_itself_comes_through(tmp_path: Path, opens: bool)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_ends_what_saves_itself() -> None:
+def test_a_full_disk_ends_what_saves_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = Path.open
+
+    def refusing(path: Path, *words: Any, **options: Any) -> Any:
+        file = real(path, *words, **options)
+        if path.name.endswith(TEMPORARY):
+            os.dup2(os.open("/dev/full", os.O_WRONLY), file.fileno())
+        return file
+
     def save(path: str) -> None:
         with open(path, "wb", buffering=0) as file:
             for _ in range(100):
                 file.write(b"x" * 100_000)
 
-    pieces = saved_pieces(save)
-    next(pieces)
-    pieces.close()
+    monkeypatch.setattr(Path, "open", refusing)
+    with pytest.raises(PipelineError, match="No space left") as kept:
+        write_atomically(tmp_path / "out", saved_pieces(save))
+    assert (
+        kept.value is not None
+    )  # its traceback holds the generators: they are closed all the same
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.timeout(30)
+def test_an_interruption_lets_the_writer_go_that_has_not_opened_yet(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks = iter([KeyboardInterrupt])
+    written = []
+
+    def interrupted(*words: Any) -> Any:
+        for fault in looks:
+            raise fault
+        return select(*words)
+
+    def save(path: str) -> None:
+        time.sleep(0.2)
+        with open(path, "wb", buffering=0) as file:
+            written.extend(file.write(b"x" * 100_000) for _ in range(20))
+
+    select = pipes.select.select
+    monkeypatch.setattr(pipes.select, "select", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        next(saved_pieces(save))
+    assert sum(written) == 2_000_000

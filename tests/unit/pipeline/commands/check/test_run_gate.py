@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from auvid.data_schemas.checks import finding_lines
+from auvid.data_schemas.checks import log_findings
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.commands.check.run_gate import refusal
@@ -86,7 +86,7 @@ def test_the_manifest_accepts_findings_of_a_log_or_of_the_campaign(campaign: Any
     assert fault(campaign(more="accept: [gyro_sign]"), *logs) is None
     assert fault(campaign(one=", accept: [gyro_sign]"), *reversed(logs)) is not None
     accepting = campaign(more="accept: [gyro_sign]")
-    lines = finding_lines(accepting.document, {"one": logs[0].health()})
+    lines = list(map(str, log_findings(accepting.document, {"one": logs[0].health()})))
     assert len(lines) == 1
     assert lines[0].startswith("log 'one': Gyro y turns against pitch")
     assert lines[0].endswith("(gyro_sign, accepted)")
@@ -110,9 +110,9 @@ def test_the_same_finding_of_several_logs_is_one_line_and_a_bench_needs_no_veloc
     manifest = campaign().document
     assert any(
         line.startswith("log 'one' and 1 other: ") and line.endswith("(no_velocity)")
-        for line in finding_lines(manifest, health)
+        for line in map(str, log_findings(manifest, health))
     )
-    assert finding_lines({**manifest, "kind": "bench"}, health) == ()
+    assert log_findings({**manifest, "kind": "bench"}, health) == ()
 
 
 def test_an_unknown_finding_is_refused_with_the_nearest(campaign: Any) -> None:

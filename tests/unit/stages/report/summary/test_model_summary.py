@@ -4,10 +4,15 @@ validation does not bear out.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from auvid.stages.base import collection
 from auvid.stages.page.first_screen import Summary
+from auvid.stages.page.html import anchor
 from auvid.stages.presentation import remark
+from auvid.stages.report import finding_alerts
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
 from tests.support.example_run import (
     AXES,
@@ -17,6 +22,7 @@ from tests.support.example_run import (
     example_vehicle,
     with_own_damping,
 )
+from tests.support.sound_log import sound
 
 
 @pytest.fixture
@@ -241,3 +247,18 @@ def test_note_on_the_model_to_take_is_on_the_first_screen(run: ExampleRun) -> No
 def test_models_stand_best_first(run: ExampleRun) -> None:
     totals = [model.axes["all"].validation for model in summary_of(run).models]
     assert totals == sorted(total for total in totals if total is not None)
+
+
+def test_a_finding_that_two_logs_share_leads_to_the_log_that_it_names() -> None:
+    log = sound()
+    del log.streams["velocity"]
+    health = {name: log.health() for name in ("dive_1", "dive_10")}
+    inputs = example_run({"train": 4.0}).inputs()
+    both = finding_alerts(replace(inputs, health=collection(health)))
+    (alert,) = [words for words in both if "no_velocity" in words]
+    assert alert.startswith("log 'dive_1' and 1 other: ")
+    assert alert.place == anchor("ingest", "dive_1")
+    one = finding_alerts(replace(inputs, health=collection({"dive_10": health["dive_10"]})))
+    (alone,) = [words for words in one if "no_velocity" in words]
+    assert not alone.startswith("log ")
+    assert alone.place == anchor("ingest", "dive_10")
