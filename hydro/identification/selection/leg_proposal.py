@@ -29,10 +29,10 @@ LONGEST_REST_S = 30.0
 """A shorter rest does not part two stretches."""
 ONE_WAY_S = 2.0
 """Motion beyond the threshold for so long counts as motion in that direction."""
-SHARES = (0.3, 0.25, 0.35, 0.2, 0.4)
-"""Shares of the moving time that validation may take, the preferred one first."""
-STARTS = 400
-"""Places at which a validation block is tried, for each share."""
+LEAST_SHARE, BEST_SHARE, MOST_SHARE = 0.2, 0.3, 0.4
+"""Shares of the moving time that validation takes."""
+MOST_BORDERS = 400
+"""Places at which a validation block may begin or end."""
 LONGEST_CHANNEL_S = 600.0
 """More of one channel hardly narrows its figures and takes long to fit."""
 
@@ -78,11 +78,15 @@ class ProposedLeg:
 
 @dataclass(frozen=True)
 class LegProposal:
-    """Proposed legs, the axes that move, and what each part lacks of them in words."""
+    """Proposed legs, the axes that move, and what each part lacks of them in words.
+
+    `dropped_s`: moving time [s] in stretches too short for a leg; 0 of single channels.
+    """
 
     legs: tuple[ProposedLeg, ...]
     axes: tuple[str, ...]
     lacking: Mapping[Use, Mapping[str, str]]
+    dropped_s: float = 0.0
 
 
 def dive_pieces(
@@ -130,6 +134,15 @@ def _means(t_s: Array, values: Array, edges: Array) -> Array:
 
 
 def moving_spans(dive: DivePieces, axes: Sequence[str] = VELOCITIES) -> list[tuple[int, int]]:
+    """Return first and last + 1 of moving stretches that are long enough for a leg."""
+    return [
+        (first, last)
+        for first, last in _stretches(dive, axes)
+        if (last - first) * STEP_S >= SHORTEST_LEG_S
+    ]
+
+
+def _stretches(dive: DivePieces, axes: Sequence[str]) -> list[tuple[int, int]]:
     """Return first and last + 1 of runs of pieces that are usable and move."""
     columns = [VELOCITIES.index(axis) for axis in axes]
     beyond = dive.square[:, columns] >= np.array([THRESHOLDS[axis] ** 2 for axis in axes])
@@ -145,7 +158,7 @@ def moving_spans(dive: DivePieces, axes: Sequence[str] = VELOCITIES) -> list[tup
             spans[-1] = (spans[-1][0], last)
         else:
             spans.append((first, last))
-    return [(first, last) for first, last in spans if (last - first) * STEP_S >= SHORTEST_LEG_S]
+    return spans
 
 
 def _widened(mask: Mask, pieces: int) -> Mask:
@@ -210,8 +223,8 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
 
     Validation is one block of the joined stretches, 20 to 40 % of them. Of all blocks
     that one is taken after which both parts have most axes excited, then most of them in
-    both directions, then nearest to 30 % and late. No leg where less than twice
-    SHORTEST_LEG_S moves.
+    both directions, then nearest to 30 % and late. Where no border of stretches gives such
+    a share, any may be taken. No leg where less than twice SHORTEST_LEG_S moves.
     """
     spans = [
         (number, first, last)
@@ -220,11 +233,12 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
     ]
     pieces = [np.arange(first, last) for _, first, last in spans]
     total = sum(at.size for at in pieces)
+    moving = sum(last - first for dive in dives for first, last in _stretches(dive, VELOCITIES))
     if total * STEP_S < 2.0 * SHORTEST_LEG_S:
-        return LegProposal((), (), {})
+        return LegProposal((), (), {}, moving * STEP_S)
     sums = _Sums.of([dives[number] for number, _, _ in spans], pieces)
-    first, last = _validation_block(sums, total)
     borders = np.cumsum([0, *(at.size for at in pieces)])
+    first, last = _validation_block(sums, borders)
     legs = []
     for (number, start, _), low, high in zip(spans, borders[:-1], borders[1:], strict=True):
         cuts: tuple[tuple[int, int, Use], ...] = (
@@ -233,7 +247,7 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
             (max(low, last), high, "training"),
         )
         for begin, end, use in cuts:
-            if (end - begin) * STEP_S < SHORTEST_LEG_S:
+            if end <= begin:
                 continue
             parts = int(np.ceil((end - begin) * STEP_S / LONGEST_LEG_S))
             marks = np.linspace(begin, end, parts + 1).astype(np.intp)
@@ -243,6 +257,7 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
                 legs.append(ProposedLeg(number, *times, use, _names(excited[0]), _names(both[0])))
     total_excited, _ = sums.between(np.array([0]), np.array([total]))
     axes = _names(total_excited[0])
+    # Every piece is in a leg: inside and outside of the block are what the legs hold.
     by_use: dict[Use, tuple[Mask, Mask]] = {
         "training": sums.outside(np.array([first]), np.array([last])),
         "validation": sums.between(np.array([first]), np.array([last])),
@@ -255,29 +270,35 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
         }
         for use, (excited, both) in by_use.items()
     }
-    return LegProposal(tuple(legs), axes, lacking)
+    return LegProposal(tuple(legs), axes, lacking, (moving - total) * STEP_S)
 
 
-def _validation_block(sums: _Sums, total: int) -> tuple[int, int]:
-    """Return first and last + 1 of the validation block among all moving pieces."""
+def _validation_block(sums: _Sums, borders: Index) -> tuple[int, int]:
+    """Return first and last + 1 of the validation block among all moving pieces.
+
+    borders: ends (m + 1,) of the joined stretches. The block begins and ends at one of
+    them or SHORTEST_LEG_S inside a stretch, so that no remainder is too short for a leg.
+    """
     least = int(np.ceil(SHORTEST_LEG_S / STEP_S))
-    best, block = (-1.0, -1.0), (0, 0)
-    for place, share in enumerate(SHARES):
-        length = min(max(round(share * total), least), total - least)
-        starts = np.unique(np.linspace(0, total - length, STARTS).astype(np.intp))
-        # A remainder too short for a leg would be lost.
-        starts = starts[(starts == 0) | (starts >= least)]
-        starts = starts[(total - length - starts == 0) | (total - length - starts >= least)]
-        excited, both = sums.between(starts, starts + length)
-        rest_excited, rest_both = sums.outside(starts, starts + length)
-        score = 10.0 * (excited & rest_excited).sum(axis=1) + (both & rest_both).sum(axis=1)
-        ends = (starts == 0) | (starts == total - length)
-        rank = -float(place) + 0.5 * ends + 0.1 * starts / max(total, 1)
-        top = int(np.lexsort((rank, score))[-1])
-        if (float(score[top]), float(rank[top])) > best:
-            best = float(score[top]), float(rank[top])
-            block = int(starts[top]), int(starts[top]) + length
-    return block
+    total = int(borders[-1])
+    inside = [np.arange(a + least, b - least + 1) for a, b in itertools.pairwise(borders)]
+    places = np.unique(np.concatenate([borders, *inside]))
+    if places.size > MOST_BORDERS:
+        places = places[np.linspace(0, places.size - 1, MOST_BORDERS).astype(np.intp)]
+    begin, end = np.triu_indices(places.size, 1)
+    first, last = places[begin], places[end]
+    share = (last - first) / total
+    possible = (last - first >= least) & (last - first < total)
+    preferred = possible & (share >= LEAST_SHARE) & (share <= MOST_SHARE)
+    chosen = preferred if preferred.any() else possible
+    first, last, share = first[chosen], last[chosen], share[chosen]
+    excited, both = sums.between(first, last)
+    rest_excited, rest_both = sums.outside(first, last)
+    score = 10.0 * (excited & rest_excited).sum(axis=1) + (both & rest_both).sum(axis=1)
+    ends = (first == 0) | (last == total)
+    rank = -20.0 * np.abs(share - BEST_SHARE) + 0.5 * ends + 0.1 * first / total
+    top = np.lexsort((rank, score))[-1]
+    return int(first[top]), int(last[top])
 
 
 def propose_channel_legs(dives: Sequence[DivePieces], channels: Sequence[str]) -> LegProposal:

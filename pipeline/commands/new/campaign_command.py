@@ -20,6 +20,7 @@ from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
     WrittenFile,
     campaign_text,
+    dropped_words,
 )
 from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal, way_on
 from auvid.pipeline.commands.new.log_survey import (
@@ -119,6 +120,7 @@ def new_campaign(
         f"{feed.kind}: {len(legs.legs)} legs from {len(kept)} log{'s' * (len(kept) > 1)}",
         f"vehicle: {choice.name}, {choice.why}",
         f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",
+        *([f"in no leg: {dropped_words(legs)}"] if legs.dropped_s else []),
         *(f"left out: {item}" for item in left_out),
     ]
     return WrittenCampaign(folder, tuple(lines), _stop(folder, choice))

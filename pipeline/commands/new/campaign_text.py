@@ -7,7 +7,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from auvid.hydro.identification.selection.leg_proposal import LegProposal, ProposedLeg
+from auvid.hydro.identification.selection.leg_proposal import (
+    SHORTEST_LEG_S,
+    LegProposal,
+    ProposedLeg,
+)
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import modes_between
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS
@@ -107,6 +111,8 @@ def _leg_comment(content: CampaignContent) -> list[str]:
     if content.kind == "bench":
         text += " Each channel is fitted alone: best where the others rest."
     lines = _comment(text)
+    if content.proposal.dropped_s:
+        lines += _comment(f"In no leg: {dropped_words(content.proposal)}.")
     for use, axes in content.proposal.lacking.items():
         for how in dict.fromkeys(axes.values()):
             names = listed([MOTION_WORDS[axis] for axis, why in axes.items() if why == how])
@@ -120,6 +126,11 @@ def _leg_comment(content: CampaignContent) -> list[str]:
                 else f"check: {part}{names} {verb}."
             )
     return lines
+
+
+def dropped_words(proposal: LegProposal) -> str:
+    """Return the moving time that is in no leg, and why, in words."""
+    return f"{proposal.dropped_s:g} s that move, in stretches shorter than {SHORTEST_LEG_S:g} s"
 
 
 def _legs(content: CampaignContent) -> list[str]:

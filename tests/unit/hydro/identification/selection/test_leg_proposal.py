@@ -6,12 +6,17 @@ from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.leg_proposal import (
     LONGEST_LEG_S,
+    ONE_WAY_S,
     SHORTEST_LEG_S,
+    STEP_S,
     DivePieces,
+    LegProposal,
     dive_pieces,
     moving_spans,
     propose_channel_legs,
@@ -127,3 +132,61 @@ def test_four_hours_take_one_pass() -> None:
     assert max(leg.end_s - leg.start_s for leg in legs) <= LONGEST_LEG_S
     assert sum(leg.end_s - leg.start_s for leg in legs) > 0.99 * 4 * 3600.0
     assert all(a.end_s == b.start_s for a, b in pairwise(legs))
+
+
+def pieces_of_stretches(
+    stretches: list[tuple[float, float]], motion: Mapping[str, Array]
+) -> DivePieces:
+    ends = [0.0, *(edge for stretch in stretches for edge in stretch), float(CLOCK[-1])]
+    return dive(motion, excluded=tuple(zip(ends[::2], ends[1::2], strict=True)))
+
+
+def seconds_in_legs(proposal: LegProposal) -> float:
+    return sum(leg.end_s - leg.start_s for leg in proposal.legs)
+
+
+def test_short_stretches_are_not_cut_and_none_is_lost() -> None:
+    stretches = [(0.0, 9.5), (29.5, 39.0), (71.5, 81.0), (107.5, 125.0)]
+    motion = {"u": wave(5.0), "v": wave(4.0, between=(0.0, 39.0))}
+    proposal = propose_legs([pieces_of_stretches(stretches, motion)])
+    assert {leg.use for leg in proposal.legs} == {"training", "validation"}
+    assert seconds_in_legs(proposal) == 46.0
+    assert proposal.dropped_s == 0.0
+    assert proposal.axes == ("u", "v")
+    assert proposal.lacking == {"training": {}, "validation": {}}
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_each_moving_second_is_in_one_leg_or_counted(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    edges = np.cumsum(random.integers(6, 40, size=(random.integers(3, 11), 2)).ravel()) * STEP_S
+    stretches = [(float(a), float(b)) for a, b in edges.reshape(-1, 2) if b < CLOCK[-1]]
+    drift = np.cumsum(random.uniform(-0.5, 0.5, (2, CLOCK.size)), axis=1) * 0.02
+    pieces = pieces_of_stretches(stretches, {"u": wave(5.0), "v": drift[0], "r": drift[1]})
+    proposal = propose_legs([pieces])
+    assert seconds_in_legs(proposal) + proposal.dropped_s == sum(b - a for a, b in stretches)
+
+    long = [b - a for a, b in stretches if b - a >= SHORTEST_LEG_S]
+    if sum(long) >= 2.0 * SHORTEST_LEG_S:
+        assert seconds_in_legs(proposal) == sum(long)
+        assert {leg.use for leg in proposal.legs} == {"training", "validation"}
+    assert all(leg.end_s - leg.start_s >= SHORTEST_LEG_S for leg in proposal.legs)
+    assert all(a.end_s <= b.start_s for a, b in pairwise(proposal.legs))
+    for use, lacking in proposal.lacking.items():
+        rows = np.concatenate(
+            [
+                np.arange(int(leg.start_s / STEP_S), int(leg.end_s / STEP_S))
+                for leg in proposal.legs
+                if leg.use == use
+            ]
+        )
+        expected = {}
+        for axis in proposal.axes:
+            column = VELOCITIES.index(axis)
+            mean, limit = pieces.mean[rows, column], THRESHOLDS[axis]
+            one_way = min((mean > limit).sum(), (mean < -limit).sum()) * STEP_S < ONE_WAY_S
+            if pieces.square[rows, column].mean() < limit**2:
+                expected[axis] = "hardly moves"
+            elif one_way:
+                expected[axis] = "moves one way only"
+        assert lacking == expected

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import new_campaign
+from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.stages import KINDS
+from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.tools import ROOT
 
 DIVE = ROOT / "campaigns/bluerov2_dvl/logs/00000029_first130s.BIN"
@@ -38,6 +42,19 @@ def test_a_dive_with_velocity_log_gives_a_force_model() -> None:
     assert "  # check: weigh the vehicle" in vehicle
     # Line by line as an editor sees them: short, and the check stands above its figure.
     assert all(len(line) < 89 for line in text.splitlines() if line.startswith("#"))
+
+
+def test_moving_time_in_no_leg_is_in_the_comments_and_the_lines(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def shortened(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
+        return replace(proposal(feed, logs), dropped_s=12.5)
+
+    monkeypatch.setattr("auvid.pipeline.commands.new.campaign_command.proposal", shortened)
+    result = new_campaign("pier", [DIVE])
+    words = "12.5 s that move, in stretches shorter than 8 s"
+    assert f"in no leg: {words}" in result.lines
+    assert f"# In no leg: {words}." in (result.folder / "campaign.yaml").read_text()
 
 
 def test_a_log_that_feeds_nothing_is_refused_with_every_reason(tmp_path: Path) -> None:
