@@ -121,8 +121,8 @@ class VehicleModel:
 
         Columns axis, term, unit, value (nan where the run gives none), standard_error,
         low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
-        figures of the vehicle), low_total and high_total (95 % by both together), verdict,
-        determined.
+        figures of the vehicle), low_total and high_total (95 % by both together),
+        nan where either is not known, verdict, determined.
         """
         nothing = [np.nan, np.nan]
         rows = [

@@ -221,14 +221,17 @@ class CoefficientEntry(Model):
     """Ends of the 95 % interval by noise; null where there is no standard error."""
     interval_95_assumed: list[float] | None
     """Ends of the 95 % interval by assumed figures of the vehicle, of their standard
-    deviations `vehicle.spreads`; no longer dive makes it smaller. null where none is given.
+    deviations `vehicle.spreads`; no longer dive makes it smaller. null where none is given,
+    and where the value rests on a bound or a prior.
     """
     interval_95_total: list[float] | None = None
     """Ends of the 95 % interval by noise and assumed figures together, which are
-    independent; null where there is no standard error.
+    independent; null where either is null.
     """
     assumed_shifts: dict[str, float]
-    """Assumed figure -> what one standard deviation of it moves the value by."""
+    """Assumed figure -> what one standard deviation of it moves the value by; empty where
+    the value rests on a bound or a prior.
+    """
     inseparable_from: list[str]
     """Terms of the axis it cannot be told from."""
     turns_without: list[str]

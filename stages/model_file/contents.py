@@ -165,8 +165,8 @@ def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogIn
 
 def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry:
     value, error = item.value, item.standard_error
-    assumed = total_error(0.0, item.assumed_shifts)
-    total = None if error is None else total_error(error, item.assumed_shifts)
+    assumed = total_error(0.0, item.assumed_shifts) if item.assumed_shifts else None
+    total = None if error is None or assumed is None else total_error(error, item.assumed_shifts)
     return CoefficientEntry.model_validate(
         {
             "symbol": str(Unknown(axis, item.term)),
@@ -181,7 +181,7 @@ def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry
             "verdict": item.verdict,
             "standard_error": error,
             "interval_95": _interval(value, error),
-            "interval_95_assumed": _interval(value, assumed if item.assumed_shifts else None),
+            "interval_95_assumed": _interval(value, assumed),
             "interval_95_total": _interval(value, total),
             "assumed_shifts": item.assumed_shifts,
             "inseparable_from": item.inseparable_from or [],

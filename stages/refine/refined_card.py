@@ -157,6 +157,9 @@ def _term(
     i = fit.problem.unknowns.index(unknown)
     word = status[unknown].status
     update: dict[str, Any] = {**bare, "verdict": word}
+    if word in (AT_BOUND, FROM_PRIOR):
+        # Shifts are those of the data alone, which a bound or a prior holds back.
+        update["assumed_shifts"] = {}
     if word == INSEPARABLE:
         others = [fit.problem.unknowns[j] for j in status[unknown].partners]
         partners = [other.term if other.axis == axis else str(other) for other in others]

@@ -287,9 +287,10 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
     value, free, error = float(fit.values[i]), float(fit.free[i]), float(fit.standard_errors[i])
     update: dict[str, object] = {"verdict": strongest(status.status, "within limits")}
     if status.status == AT_BOUND:
-        update |= {"value": value, "standard_error": None}
+        update |= {"value": value, "standard_error": None, "assumed_shifts": {}}
     elif status.status == FROM_PRIOR:
-        update |= {"value": value, "standard_error": error}
+        # Shifts are those of the data alone; the prior holds the value against them.
+        update |= {"value": value, "standard_error": error, "assumed_shifts": {}}
     elif item.value is not None:
         # The wider one: least squares also counts errors of the velocities.
         wider = max(error, item.standard_error or 0.0)

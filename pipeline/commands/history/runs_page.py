@@ -340,7 +340,7 @@ def _values_section(
         unit = next(run[name][0] for run in values if name in run)
         rows.append([name, unit, *(run[name][2] if name in run else None for run in values)])
     heads = ["name", "unit", *(column.name for column in columns)]
-    note = "± is half of the 95 % interval, by noise and assumed figures together."
+    note = "± is half of the 95 % interval, by noise and by assumed figures where known."
     return section(title, [table(title, heads, rows, note=note)], order=order)
 
 

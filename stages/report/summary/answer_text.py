@@ -26,7 +26,7 @@ def answer_text(summary: Summary) -> str:
     if summary.identified:
         lines += [
             "",
-            "identified (± is 95 %, by noise and assumed figures of the vehicle together):",
+            "identified (± is 95 %, by noise, with the assumed figures that stand in brackets):",
         ]
         for entry in summary.identified:
             lines += _item(entry.label, "; ".join(entry.figures))

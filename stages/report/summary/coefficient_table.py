@@ -130,7 +130,8 @@ def _figures(
 ) -> dict[str, Any]:
     """Return value and 95 % interval by noise and assumed figures.
 
-    What noise and what assumed figures add alone are `noise` and `assumed`.
+    What noise and what assumed figures add alone are `noise` and `assumed`. Without shifts
+    the interval is by noise alone and `assumed` is empty.
     """
     if value is None:
         return {}

@@ -39,8 +39,8 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
 
     Damping per axis where a term in that axis's own velocity is identified.
 
-    Each ± is half of the 95 % interval, by noise and assumed figures of the vehicle
-    together; what either adds stands in brackets.
+    Each ± is half of the 95 % interval, by noise and those assumed figures of the vehicle
+    that stand in brackets; by noise alone where none do.
     """
     entries = [
         CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))

@@ -11,16 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import InertiaCard
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.model_file import forces, inertia, vehicle_of
 from auvid.pipeline.store.model_files import read_model, write_model
 from auvid.stages import model_file
 from auvid.stages.base import collection
+from auvid.stages.model_file import contents
 from auvid.stages.model_file.contents import RMS
 from auvid.stages.validate import Predictor
 from tests.support.example_run import ExampleRun, example_run
@@ -120,6 +123,25 @@ def test_logs_whose_motors_turn_differently_are_named(
 @pytest.fixture(scope="module")
 def linear(run: ExampleRun) -> ModelFile:
     return files_of(run)["linear"]
+
+
+@pytest.mark.parametrize(
+    ("shifts", "total"),
+    [({}, None), ({"thrust": 4.0}, [-1.0 - 5 * NORMAL_95, -1.0 + 5 * NORMAL_95])],
+)
+def test_a_total_interval_needs_assumed_figures(
+    run: ExampleRun, shifts: dict[str, float], total: list[float] | None
+) -> None:
+    """Noise of 3 and a shift of 4 are 5 together; noise alone is no total."""
+    card = run.cards["linear"]
+    update = {"value": -1.0, "standard_error": 3.0, "assumed_shifts": shifts}
+    item = card.axes["X"].terms[0].model_copy(update=update)
+    entry = contents._coefficient("X", item, card)
+    assert entry.interval_95 == pytest.approx([-1.0 - 3 * NORMAL_95, -1.0 + 3 * NORMAL_95])
+    assert entry.interval_95_total == (total and pytest.approx(total))
+    file = files_of(run)["linear"].model_copy(update={"coefficients": [entry]})
+    row = auvid.Model(file).coefficients.iloc[0]
+    assert np.isnan(row["low_total"]) == np.isnan(row["high_total"]) == (total is None)
 
 
 def test_a_file_comes_back_bit_for_bit(run: ExampleRun, tmp_path: Path) -> None:

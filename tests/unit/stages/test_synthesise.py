@@ -7,7 +7,8 @@ from __future__ import annotations
 import tracemalloc
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -15,7 +16,7 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import ModelCard, TermCard
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
@@ -28,6 +29,8 @@ from auvid.hydro.dynamics.viscous.models import (
     model_named,
     without_propeller_terms,
 )
+from auvid.hydro.identification.constrained.fit import ConstrainedFit
+from auvid.hydro.identification.constrained.statuses import CoefficientStatus
 from auvid.hydro.identification.regression.error_functions import (
     deviation_weights,
     huber,
@@ -48,6 +51,7 @@ from auvid.stages.columns import (
     named,
 )
 from auvid.stages.synthesise import error_choice, training
+from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from tests.support.motions import (
     ratio_of,
     residual_table,
@@ -739,6 +743,22 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     )
     half = NORMAL_95 * surge.assumed_shifts["thrust"]
     assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.3g}")
+
+
+@pytest.mark.parametrize("word", ["from the prior", "at its bound", "weak"])
+def test_a_value_that_a_prior_or_a_bound_holds_has_no_shifts_of_the_data_alone(word: str) -> None:
+    item = TermCard.model_validate(
+        {"term": "p", "unit": "N*m*s/rad", "value": -1.0, "standard_error": 1.0}
+        | {"verdict": "weak", "assumed_shifts": {"thrust": 1.3}}
+    )
+    one = np.array([-1.7])
+    fit = SimpleNamespace(
+        values=one, free=one, standard_errors=np.array([0.1]), free_covariance=np.array([[0.01]])
+    )
+    status = CoefficientStatus(word, "weak", 0.9, ())
+    fitted = term_within_limits(item, 0, cast(ConstrainedFit, fit), status)
+    assert fitted.verdict == word
+    assert fitted.assumed_shifts == ({"thrust": 1.3} if word == "weak" else {})
 
 
 def test_only_methods_that_were_measured_state_their_coverage() -> None:

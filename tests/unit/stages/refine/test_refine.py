@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
-from auvid.data_schemas.records.models import MeasuredPriorCard
+from auvid.data_schemas.records.models import MeasuredPriorCard, TermCard
 from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.arrays import AXES, VELOCITIES
@@ -21,13 +22,15 @@ from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import Unknown
+from auvid.hydro.identification.constrained.estimates import EstimateStatus
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
 from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
 from auvid.stages import fuse, refine, resample, residual, synthesise
 from auvid.stages.base import collection
 from auvid.stages.columns import ACCELEROMETER, forces
 from auvid.stages.refine import fitting
-from auvid.stages.refine.fitting import CardUnknowns
+from auvid.stages.refine.fitting import CardUnknowns, SensorFit
+from auvid.stages.refine.refined_card import _term as refined_term
 from auvid.stages.validate import Predictor
 from tests.support.motions import log_document, shipped_vehicle
 
@@ -352,3 +355,19 @@ def test_an_estimated_installation_moves_the_velocity_log(twin: refine.Inputs) -
     assert np.isin(leg.sensors["velocity"].t_s, moved).all()
     assert not np.isin(plain.sensors["velocity"].t_s, moved).any()
     np.testing.assert_array_equal(plain.geometry.velocity.arm_m, VEHICLE.dvl.arm_m)
+
+
+@pytest.mark.parametrize("word", ["from the prior", "at its bound", "weak"])
+def test_a_value_that_a_prior_or_a_bound_holds_has_no_shifts_of_the_data_alone(word: str) -> None:
+    item = TermCard.model_validate(
+        {"term": "p", "unit": "N*m*s/rad", "verdict": "weak", "assumed_shifts": {"thrust": 1.3}}
+    )
+    one, unknown = np.array([-1.7]), Unknown("K", "p")
+    fit = SimpleNamespace(
+        problem=SimpleNamespace(unknowns=[unknown], physical=lambda theta: theta),
+        limited=SimpleNamespace(values=one),
+        estimate=SimpleNamespace(standard_errors=np.array([0.9]), theta=one),
+    )
+    fitted = refined_term("K", item, cast(SensorFit, fit), {unknown: EstimateStatus(word)})
+    assert fitted.verdict == word
+    assert fitted.assumed_shifts == ({"thrust": 1.3} if word == "weak" else {})
