@@ -20,7 +20,7 @@ import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, has_columns, matrix
@@ -99,7 +99,7 @@ def record_log(
     corners = _send_path(out, tables, clocks)
     try:
         blueprint = _blueprint(plots, lanes, corners, span, tab)
-    except DataError:  # a tab that there is not
+    except PipelineError:  # a tab that there is not
         out.discard()
         raise
     return out.finish(blueprint)

@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns, matrix
@@ -112,7 +112,7 @@ def record(
             tab,
             partial(dive_view, dive, lanes) if dive else None,
         )
-    except DataError:  # a tab that there is not
+    except PipelineError:  # a tab that there is not
         out.discard()
         raise
     if left_out:
