@@ -31,9 +31,8 @@ _decimals = partial(fixed, places=2, empty="unknown")
 def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
     """Return what a model is usable for: forces, simulation and control, by axis.
 
-    Roll and pitch are simulated where the model does not tip over under its own drive and
-    their damping rests on data or a prior; control of an axis needs steady motion along it
-    that stays upright.
+    An axis is simulated where its own drive does not tip the model over; roll and pitch
+    where none does and their damping rests on data or a prior.
     """
 
     def below(value: float | None, limit: float) -> bool:
@@ -47,6 +46,7 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
         for axis in AXES
         if holds
         and below(merits[axis].free_run, 1.0)
+        and axis not in tipping_axes(model)
         and (axis not in TILTS or _keeps_upright(model, card))
     ]
     return UsableFor(
@@ -55,9 +55,7 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
         control=[
             axis
             for axis in simulation
-            if below(merits[axis].validation, HALF)
-            and damping_of(card, axis) == IDENTIFIED
-            and axis not in tipping_axes(model)
+            if below(merits[axis].validation, HALF) and damping_of(card, axis) == IDENTIFIED
         ],
         speeds=card.conditions,
     )

@@ -318,7 +318,7 @@ class SteadyRange(Model):
 class MotionCheck(Model):
     """What a model does by itself: steady motion, steps, decay from the flown range."""
 
-    verdict: Literal["holds", "unstable", "tips over"]
+    verdict: Literal["holds", "unstable", "tips over", "unknown", "not tried"]
     """Driven by its own actuators (by a force at the origin where it has none)."""
     words: str
     """The same in words, with speeds."""

@@ -25,8 +25,11 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 
 TIPPED_RAD = np.pi / 3.0
 """Roll or pitch from which on a vehicle that nobody turns has tipped over."""
-ITERATIONS = 30
+ITERATIONS, HALVINGS = 60, 5
 SETTLED = 1e-9
+"""Missing force or moment of a balance, for each 1 + |force|."""
+NO_MOTION = "no steady motion"
+TILTS = ("roll", "pitch")
 TILT = [3, 4]
 """Places of phi and theta in eta."""
 STATES = [0, 1, 2, 3, 4, 5, 9, 10]
@@ -104,51 +107,82 @@ class SteadyMotion:
 
 
 def steady_motions(
-    floating: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike
-) -> list[SteadyMotion]:
-    """Return the steady motions at speeds along an axis, as far as they go upright.
+    floating: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike, *, minimum_speed: float
+) -> tuple[list[SteadyMotion], str]:
+    """Return the upright steady motions at speeds along an axis, and what ends them.
 
     0 = f drive + constant + tau_nu(nu) + tau_G(phi, theta) - C(nu) nu, phi_dot =
-    theta_dot = 0, for f, phi, theta and the other five velocities, by Newton's steps
-    from one speed to the next. drive (6,): force of the actuators at f = 1. The list
-    ends before the first speed that has no upright motion: the vehicle tips over there.
+    theta_dot = 0, for f, phi, theta and the other five velocities, from one speed to the
+    next. drive (6,): force of the actuators at f = 1. Before a speed without upright
+    motion the step is halved, `HALVINGS` times. The end: `roll` or `pitch` beyond
+    `TIPPED_RAD`, `NO_MOTION` where none was found, empty where all speeds have one.
     """
     i, direction = AXES.index(axis), np.asarray(drive, dtype=np.float64)
     free = [j for j in range(6) if j != i]
     nu, tilt, force = np.zeros(6), np.zeros(2), 0.0
     motions: list[SteadyMotion] = []
-    for speed in np.asarray(speeds, dtype=np.float64).tolist():
+    ahead = np.asarray(speeds, dtype=np.float64).tolist()[::-1]
+    halvings = 0
+    while ahead:
         nu = nu.copy()
-        nu[i] = speed
-        for _ in range(ITERATIONS):
-            missing = floating.balance(nu, tilt)
-            missing[:6] += force * direction
-            slope = floating.slopes(nu, tilt)
-            columns = np.column_stack([slope[:, free], np.append(direction, [0.0, 0.0])])
-            columns = np.column_stack([columns, slope[:, 6:]])
-            step = np.linalg.lstsq(columns, -missing, rcond=None)[0]
-            step *= min(1.0, 0.3 / max(np.max(np.abs(step[6:])), 1e-12))
-            nu[free] += step[:5]
-            force, tilt = force + float(step[5]), tilt + step[6:]
-            if np.max(np.abs(step)) < SETTLED * (1.0 + abs(force)):
-                break
-        else:
-            return motions
-        if np.max(np.abs(tilt)) >= TIPPED_RAD:
-            return motions
-        motions.append(
-            SteadyMotion(speed, force, nu.copy(), tilt, *growth_about(floating, nu, tilt))
-        )
-    return motions
+        nu[i] = ahead[-1]
+        balanced = _balanced(floating, nu, tilt, force, free, direction)
+        if balanced is not None and np.max(np.abs(balanced[1])) < TIPPED_RAD:
+            nu, tilt, force = balanced
+            growth = growth_about(floating, nu, tilt, minimum_speed=minimum_speed)
+            motions.append(SteadyMotion(ahead.pop(), force, nu, tilt, *growth))
+            continue
+        if not motions or halvings == HALVINGS:
+            over = NO_MOTION if balanced is None else TILTS[np.argmax(np.abs(balanced[1]))]
+            return motions, over
+        ahead.append((motions[-1].speed + ahead[-1]) / 2.0)
+        halvings += 1
+    return motions, ""
 
 
-def growth_about(floating: Floating, nu: Array, tilt: Array) -> tuple[float, str]:
+def rest_tilt(floating: Floating) -> Array | None:
+    """Return roll and pitch (2,) [rad] without any drive; None where not upright."""
+    free = list(range(6))
+    balanced = _balanced(floating, np.zeros(6), np.zeros(2), 0.0, free, np.zeros(6))
+    if balanced is None or np.max(np.abs(balanced[1])) >= TIPPED_RAD:
+        return None
+    return balanced[1]
+
+
+def _balanced(
+    floating: Floating, nu: Array, tilt: Array, force: float, free: list[int], direction: Array
+) -> tuple[Array, Array, float] | None:
+    """Return nu, tilt and force of a balance, by Newton's steps; None for none found.
+
+    The slope of each velocity is lowered by sqrt(|missing force| M_jj): quadratic damping
+    has no slope at rest.
+    """
+    nu, inertia = nu.copy(), np.diag(floating.vehicle.mass_matrix)
+    for _ in range(ITERATIONS):
+        missing = floating.balance(nu, tilt)
+        missing[:6] += force * direction
+        if np.max(np.abs(missing)) < SETTLED * (1.0 + abs(force)):
+            return nu, tilt, force
+        slope = floating.slopes(nu, tilt)
+        slope[range(6), range(6)] -= np.sqrt(np.abs(missing[:6]) * inertia)
+        drive = np.append(direction, [0.0, 0.0])
+        columns = np.column_stack([slope[:, free], drive, slope[:, 6:]])
+        step = np.linalg.lstsq(columns, -missing, rcond=None)[0]
+        step *= min(1.0, 0.3 / max(np.max(np.abs(step[-2:])), 1e-12))
+        nu[free] += step[:-3]
+        force, tilt = force + float(step[-3]), tilt + step[-2:]
+    return None
+
+
+def growth_about(
+    floating: Floating, nu: Array, tilt: Array, *, minimum_speed: float
+) -> tuple[float, str]:
     """Return the fastest growth [1/s] about a steady motion, and the axis it shows on.
 
     Of the eigenvalues of d[nu, phi, theta]/dt under a constant force. The axis is that of
     the largest part of kinetic energy, by the diagonal of M.
     """
-    slope = floating.slopes(nu, tilt, minimum_speed=0.05)
+    slope = floating.slopes(nu, tilt, minimum_speed=minimum_speed)
     slope[:6] = floating.vehicle.mass_matrix_inverse @ slope[:6]
     values, vectors = np.linalg.eig(slope)
     fastest = int(np.argmax(values.real))

@@ -24,10 +24,12 @@ from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.jacobians import restoring_jacobian
 from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
 from auvid.hydro.dynamics.steady_motion import (
+    NO_MOTION,
     TIPPED_RAD,
     Floating,
     SteadyMotion,
     overturning,
+    rest_tilt,
     steady_motions,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -46,8 +48,11 @@ GROWS_1_S = 0.05
 """Growth that counts: a disturbance that doubles within 14 s."""
 TILTED_RAD = np.radians(10.0)
 """Tilt that is said, of a vehicle at rest and under way."""
-NO_MOTION, UNSTABLE = "no steady motion", "unstable"
-ENDS = {NO_MOTION: "finds no steady motion", UNSTABLE: "is unstable and does not hold it"}
+UNSTABLE = "unstable"
+TILTED = ("roll", "pitch")
+WORST = ("", UNSTABLE, NO_MOTION, *TILTED)
+"""What ends a range, the worst last."""
+ENDS = {NO_MOTION: "no steady motion was found", UNSTABLE: "leaves it unstable"}
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,7 @@ class Tried:
     direction: Array
     speeds: Array
     motions: list[SteadyMotion]
+    end: str
 
 
 def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -> MotionCheck:
@@ -66,7 +72,13 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     vehicle = floating.vehicle
     drives = _drives(vehicle, card.conditions)
     tried = [
-        Tried(axis, drive, direction, speeds, steady_motions(floating, axis, speeds, direction))
+        Tried(
+            axis,
+            drive,
+            direction,
+            speeds,
+            *steady_motions(floating, axis, speeds, direction, minimum_speed=minimum_speed),
+        )
         for (axis, drive), direction in drives.items()
         for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
     ]
@@ -75,7 +87,7 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     for item, stays in zip(tried, upright, strict=True):
         pairs.setdefault((item.axis, item.drive), []).append((item, stays))
     ranges = [_range(floating, card, parts) for parts in pairs.values()]
-    rest = next((item.motions[0].tilt.tolist() for item in tried if item.motions), None)
+    rest = rest_tilt(floating)
     righting = -restoring_jacobian(
         np.zeros(6),
         weight=vehicle.weight,
@@ -90,7 +102,7 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
         words="",
         remedies=[],
         ranges=ranges,
-        rest_rad=rest,
+        rest_rad=None if rest is None else rest.tolist(),
         righting_N_m=righting.tolist(),
         righting_is_assumed=assumed,
         steps=len(steps),
@@ -100,10 +112,15 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
         seconds=FLIGHT_S,
     )
     own = own_drives(check)
-    if any(item.tips_in not in ("", UNSTABLE) for item in own):
+    ends = {item.tips_in for item in own}
+    if not own:
+        check = check.model_copy(update={"verdict": "not tried"})
+    elif ends & {"roll", "pitch"}:
         check = check.model_copy(update={"verdict": "tips over"})
-    elif any(item.tips_in or item.growth_1_s > GROWS_1_S for item in own):
+    elif UNSTABLE in ends or check.decays_lost or any(item.growth_1_s > GROWS_1_S for item in own):
         check = check.model_copy(update={"verdict": "unstable"})
+    elif NO_MOTION in ends:
+        check = check.model_copy(update={"verdict": "unknown"})
     return check.model_copy(
         update={"words": _words(check), "remedies": _remedies(check, card, drives)}
     )
@@ -157,7 +174,7 @@ def _fly(
     steps = [(item, motion) for item in tried for motion in item.motions]
     forces = [motion.force * item.direction for item, motion in steps]
     speeds = [abs(motion.speed) for _, motion in steps]
-    speeds += [float(np.linalg.norm(nu[:3])) for nu in decays]
+    speeds += [0.0] * len(decays)
     state = np.zeros((len(speeds) * rows, 12))
     state[len(steps) * rows :: rows, :6] = decays
     acting = np.repeat(np.array([*forces, *np.zeros((len(decays), 6))]), rows, axis=0)
@@ -188,7 +205,8 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
     tried = parts[0][0]
     flown = card.conditions[OWN_VELOCITY[tried.axis]]
     first = float(tried.speeds[0])
-    ends, tips, cause, most = [first, first], "", "", 0.0
+    reached = [first, first]
+    ends = [("", "", 0.0)]
     steady: list[SteadyMotion] = []
     for item, stays in parts:
         # A step overshoots: it may tip over on its way to a motion that is upright.
@@ -196,21 +214,9 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
         kept = item.motions[:good]
         steady += kept
         place = int(item.speeds[-1] > item.speeds[0])
-        ends[place] = kept[-1].speed if kept else first
-        if good == len(item.speeds):
-            continue
-        if not item.motions:
-            tips = NO_MOTION
-            continue
-        last = item.motions[min(good, len(item.motions) - 1)]
-        if good < len(stays) and last.growth > GROWS_1_S:
-            tips = UNSTABLE
-            continue
-        over = int(np.argmax(np.abs(last.tilt)))
-        tips = ("roll", "pitch")[over]
-        shares = overturning(floating, "KM"[over], last, item.direction)
-        cause = next(iter(shares), "")
-        most = shares.get(cause, 0.0)
+        reached[place] = kept[-1].speed if kept else first
+        ends.append(_end(floating, item, good))
+    tips, cause, most = max(ends, key=lambda end: WORST.index(end[0]))
     tilts = np.array([motion.tilt for motion in steady]).reshape(-1, 2)
     fastest = max(steady, key=lambda motion: motion.growth, default=None)
     return SteadyRange.model_validate(
@@ -218,7 +224,7 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
             "axis": tried.axis,
             "drive": tried.drive,
             "flown": [flown.low, flown.high],
-            "upright": ends,
+            "upright": reached,
             "roll_rad": float(np.max(np.abs(tilts[:, 0]), initial=0.0)),
             "pitch_rad": float(np.max(np.abs(tilts[:, 1]), initial=0.0)),
             "growth_1_s": 0.0 if fastest is None else fastest.growth,
@@ -230,8 +236,24 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
     )
 
 
+def _end(floating: Floating, item: Tried, good: int) -> tuple[str, str, float]:
+    """Return what ends a drive after `good` motions, its cause and moment [N m]."""
+    flown = good < len(item.motions)
+    if not item.motions or not (flown or item.end in TILTED):
+        return item.end, "", 0.0
+    last = item.motions[min(good, len(item.motions) - 1)]
+    if flown and last.growth > GROWS_1_S:
+        return UNSTABLE, "", 0.0
+    tips = TILTED[int(np.argmax(np.abs(last.tilt)))]
+    shares = overturning(floating, "KM"[TILTED.index(tips)], last, item.direction)
+    cause = next(iter(shares), "")
+    return tips, cause, shares.get(cause, 0.0)
+
+
 def _words(check: MotionCheck) -> str:
     """Return in words what it does under its drive, under a force alone, at rest."""
+    if not check.ranges:
+        return "no drive was tried: the flown velocities have no range"
     own = [item for item in check.ranges if item.drive != ORIGIN]
     words = []
     for parts, driver in ((own, "driven by its " + (own[0].drive if own else "")), (None, "")):
@@ -240,7 +262,9 @@ def _words(check: MotionCheck) -> str:
         if parts is None:
             driver = "a force at its origin"
         if tips:
-            words.append(f"{driver}{' ' if parts else ' alone '}" + listed(_tips(tips)))
+            alone = "" if parts else " alone"
+            colon = ":" if tips[0].tips_in == NO_MOTION else ""
+            words.append(f"{driver}{alone}{colon} " + listed(_tips(tips)))
         elif parts:
             words.append(f"{driver} it stays upright over the flown speeds" + _tilt(items))
         elif not own and items:
@@ -251,6 +275,11 @@ def _words(check: MotionCheck) -> str:
         words.append(
             f"unstable in {AXIS_WORDS[worst.grows_on]}: a disturbance grows by"
             f" {worst.growth_1_s:.2g} 1/s at flown speeds of {AXIS_WORDS[worst.axis]}"
+        )
+    if check.decays_lost:
+        words.append(
+            f"{check.decays_lost} of {check.decays} decays from the flown velocities tip over or"
+            " leave all bounds"
         )
     if check.rest_rad is not None and max(map(abs, check.rest_rad)) > TILTED_RAD:
         roll, pitch = np.degrees(check.rest_rad) + 0.0
@@ -264,13 +293,11 @@ def _tips(items: Sequence[SteadyRange]) -> list[str]:
     for item in items:
         unit = "rad/s" if item.axis == "N" else "m/s"
         beyond = [
-            f"{'above' if end > 0 else 'below'} {end:.2g}"
-            for end, flown in zip(item.upright, item.flown, strict=True)
-            if abs(end) < abs(flown)
+            f"{side} {end:.2g}"
+            for side, end, flown in zip(("below", "above"), item.upright, item.flown, strict=True)
+            if end != flown
         ]
-        what = (
-            "finds no steady motion" if " " in item.tips_in else f"tips it over in {item.tips_in}"
-        )
+        what = ENDS.get(item.tips_in, f"tips it over in {item.tips_in}")
         cause = f" (most of it by {_named(item)})" if item.cause else ""
         words.append(f"{what} {listed(beyond)} {unit} of {AXIS_WORDS[item.axis]}{cause}")
     return words

@@ -25,6 +25,7 @@ from auvid.stages.model_use import (
     damping_of,
     failing_axes,
     listed,
+    own_drives,
     recommendation,
 )
 from auvid.stages.number_format import fixed, true_minus
@@ -93,7 +94,13 @@ def summarise(
     )
 
 
-VERDICT_WORDS = {"holds": "holds", "unstable": "is unstable", "tips over": "tips over"}
+VERDICT_WORDS = {
+    "holds": "holds",
+    "unstable": "is unstable",
+    "tips over": "tips over",
+    "unknown": "may not hold",
+    "not tried": "was not tried",
+}
 RESTS = {
     "identified": "from the data",
     "from the prior": "from the prior",
@@ -126,9 +133,10 @@ def _uses(
             reason += ": in motions unlike those of the validation legs it may tip over"
     uses.append(Use("Simulation", _some(usable.simulation), reason))
     if chosen.motion is not None:
-        uses.append(
-            Use(f"By itself it {VERDICT_WORDS[chosen.motion.verdict]}", "", chosen.motion.words)
-        )
+        check = chosen.motion
+        needs_own = check.verdict == "holds" and any(item.tips_in for item in check.ranges)
+        driver = f"Driven by its {own_drives(check)[0].drive}" if needs_own else "By itself"
+        uses.append(Use(f"{driver} it {VERDICT_WORDS[check.verdict]}", "", check.words))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
     tilts = [

@@ -48,7 +48,7 @@ def test_drag_at_the_height_of_the_thrusters_holds_and_a_force_at_the_origin_doe
     assert (surge.tips_in, surge.cause) == ("pitch", "M_u")
     assert 0.1 < surge.upright[1] < 0.3
     assert "alone tips it over in pitch above" in check.words
-    assert any("with 1 N of surge 0.085 N m of pitch" in words for words in check.remedies)
+    assert any("0.085 N m of pitch to each N of surge" in words for words in check.remedies)
     assert any("righting moment" in words for words in check.remedies)
 
 
@@ -78,3 +78,66 @@ def test_a_vehicle_that_floats_askew_is_said_to() -> None:
     assert check.rest_rad is not None
     assert check.rest_rad[1] == pytest.approx(-np.arcsin(0.45 / check.righting_N_m[1]), rel=1e-6)
     assert "at rest it floats at roll 0, pitch -20 degrees" in check.words
+
+
+def checked_model(
+    coefficients: dict[str, dict[str, float]], constant: np.ndarray | None = None
+) -> MotionCheck:
+    floating = Floating(
+        VEHICLE,
+        IdentifiedModel("coe", coefficients),
+        np.zeros(6) if constant is None else constant,
+    )
+    return motion_check(floating, card(), minimum_speed=0.05)
+
+
+def test_quadratic_damping_with_a_constant_heave_force_stays_upright() -> None:
+    strengths = zip("XYZKMN", "uvwpqr", (60, 90, 90, 2, 2, 3), strict=True)
+    rows = {axis: {f"{x}*|{x}|": -float(k)} for axis, x, k in strengths}
+    check = checked_model(rows, -6.0 * np.eye(6)[2])
+    own = [item for item in check.ranges if item.drive == "thrusters"]
+    assert [item.tips_in for item in own] == [""] * 4
+    assert max(item.pitch_rad for item in own) < np.radians(25.0)
+
+
+def test_an_unstable_roll_is_worded_with_the_sign_of_the_flown_end() -> None:
+    check = checked(K={"p": 0.5})
+    assert check.verdict == "unstable"
+    assert "leaves it unstable below 0 and above 0 m/s of sway" in check.words
+    assert check.decays_lost > 0
+    assert f"{check.decays_lost} of {check.decays} decays" in check.words
+
+
+def test_rest_is_without_drive_and_slowest_speed() -> None:
+    rows = DAMPED | {"M": {"q": -1.0, "u": -8.0}}
+    flown = card()
+    conditions = dict(flown.conditions) | {"u": VelocityRange(rms=0.1, low=0.12, high=0.2)}
+    floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
+    flown = flown.model_copy(update={"conditions": conditions})
+    check = motion_check(floating, flown, minimum_speed=0.05)
+    assert check.rest_rad == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert "at rest" not in check.words
+
+
+def test_nothing_flown_is_not_tried() -> None:
+    spans = {n: VelocityRange(rms=0.0, low=0.0, high=0.0) for n in "uvwpqr"}
+    flown = card().model_copy(update={"conditions": spans})
+    floating = Floating(VEHICLE, IdentifiedModel("coe", DAMPED), np.zeros(6))
+    check = motion_check(floating, flown, minimum_speed=0.05)
+    assert check.verdict == "not tried"
+    assert "no drive was tried" in check.words
+
+
+def test_no_balance_is_unknown_and_has_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("auvid.hydro.dynamics.steady_motion.ITERATIONS", 0)
+    check = checked()
+    assert check.verdict == "unknown"
+    assert {(item.tips_in, item.cause) for item in check.ranges} == {("no steady motion", "")}
+    assert "no steady motion was found below" in check.words
+
+
+def test_the_worse_of_both_directions_ends_a_range() -> None:
+    check = checked(M={"u": -10.0, "|u|": -10.0})
+    surge = next(item for item in check.ranges if (item.axis, item.drive) == ("X", "thrusters"))
+    assert (surge.tips_in, check.verdict) == ("pitch", "tips over")
+    assert surge.upright[0] == surge.flown[0]

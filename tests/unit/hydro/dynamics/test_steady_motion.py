@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from auvid.hydro.dynamics.steady_motion import (
+    NO_MOTION,
     TIPPED_RAD,
     Floating,
     growth_about,
     overturning,
+    rest_tilt,
     steady_motions,
 )
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -28,7 +30,9 @@ def floating(**rows: dict[str, float]) -> Floating:
 
 def test_pitch_of_steady_surge_balances_the_righting_moment_and_ends_at_sixty_degrees() -> None:
     """M_u u = (z_G W - z_B B) sin(theta), and X_u u + f = 0."""
-    motions = steady_motions(floating(M={"u": -3.0}), "X", SPEEDS, np.eye(6)[0])
+    model = floating(M={"u": -3.0})
+    motions, end = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)
+    assert end == "pitch"
     for motion in motions:
         assert np.sin(motion.tilt[1]) == pytest.approx(-3.0 * motion.speed / RIGHTING, abs=1e-9)
         assert motion.force == pytest.approx(4.0 * motion.speed, abs=1e-9)
@@ -39,10 +43,12 @@ def test_pitch_of_steady_surge_balances_the_righting_moment_and_ends_at_sixty_de
 def test_thrusters_below_the_origin_hold_what_a_force_at_the_origin_tips_over() -> None:
     """A drag centre at the height of the thrusters gives no pitch."""
     model = floating(X={"u": -50.0}, M={"u": -0.085 * 50.0})
-    held = steady_motions(model, "X", SPEEDS, [1.0, 0.0, 0.0, 0.0, 0.085, 0.0])
+    drive = [1.0, 0.0, 0.0, 0.0, 0.085, 0.0]
+    held, _ = steady_motions(model, "X", SPEEDS, drive, minimum_speed=0.05)
     assert len(held) == len(SPEEDS)
     assert max(abs(motion.tilt[1]) for motion in held) < 1e-9
-    assert len(steady_motions(model, "X", SPEEDS, np.eye(6)[0])) < 40
+    lost, _ = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)
+    assert len(lost) < 40
 
 
 def test_growth_is_that_of_a_damped_pendulum() -> None:
@@ -56,7 +62,7 @@ def test_growth_is_that_of_a_damped_pendulum() -> None:
     )
     inertia = VEHICLE.mass_matrix[3, 3]
     expected = np.roots([inertia, -0.3, RIGHTING]).real.max()
-    rate, axis = growth_about(model, np.zeros(6), np.zeros(2))
+    rate, axis = growth_about(model, np.zeros(6), np.zeros(2), minimum_speed=0.05)
     assert rate == pytest.approx(expected, rel=1e-9)
     assert axis == "K"
 
@@ -74,8 +80,31 @@ def test_slopes_are_those_of_the_balance() -> None:
 
 def test_the_coefficient_that_pushes_over_most_is_named_first() -> None:
     model = floating(M={"u": -3.0, "u*|u|": -0.5})
-    last = steady_motions(model, "X", SPEEDS, np.eye(6)[0])[-1]
+    last = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)[0][-1]
     shares = overturning(model, "M", last, np.eye(6)[0])
     assert next(iter(shares)) == "M_u"
     assert shares["M_u"] == pytest.approx(3.0 * last.speed)
     assert sum(shares.values()) == pytest.approx(RIGHTING * np.sin(abs(last.tilt[1])), rel=1e-9)
+
+
+def test_quadratic_damping_balances_a_constant_force_from_rest() -> None:
+    """w = -sqrt(6 / 90) where Z = -6 N rises against Z_ww = -90 kg/m."""
+    rows = {a: {f"{x}*|{x}|": -90.0} for a, x in zip("XYZKMN", "uvwpqr", strict=True)}
+    model = Floating(VEHICLE, IdentifiedModel("test", rows), -6.0 * np.eye(6)[2])
+    motions, end = steady_motions(model, "N", [0.0, 0.1], np.eye(6)[5], minimum_speed=0.05)
+    assert (end, len(motions)) == ("", 2)
+    assert motions[0].nu[2] == pytest.approx(-np.sqrt(6.0 / 90.0), abs=1e-9)
+    assert rest_tilt(model) == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_speed_without_balance_ends_without_a_tilt() -> None:
+    undriven = floating()
+    assert steady_motions(undriven, "X", [0.2], np.zeros(6), minimum_speed=0.05) == ([], NO_MOTION)
+
+
+def test_the_end_is_bisected() -> None:
+    model = floating(M={"u": -3.0})
+    speeds = np.linspace(0.0, 1.0, 8)
+    motions, _ = steady_motions(model, "X", speeds, np.eye(6)[0], minimum_speed=0.05)
+    limit = np.sin(TIPPED_RAD) * RIGHTING / 3.0
+    assert limit - 1.0 / 7.0 / 30.0 < motions[-1].speed <= limit
