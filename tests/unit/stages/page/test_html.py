@@ -196,6 +196,22 @@ def test_hostile_strings_stay_text() -> None:
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f\u202e]", page)
 
 
+@pytest.mark.parametrize("shifts", [{}, {"thrust": 4.0}])
+def test_the_table_of_coefficients_names_intervals_by_noise_alone(shifts: dict[str, float]) -> None:
+    made = example_run({"train": 4.0, "check": 2.0})
+    update = {"value": -90.0, "standard_error": 3.0, "verdict": "identified"}
+    for name, card in made.cards.items():
+        part = card.axes["X"]
+        items = [item.model_copy(update=update) for item in part.terms]
+        items[0] = items[0].model_copy(update={"assumed_shifts": shifts})
+        axes = {**card.axes, "X": part.model_copy(update={"terms": items})}
+        made.cards[name] = card.model_copy(update={"axes": axes})
+    page = run(made.inputs(), Params()).report_html.decode()
+    together = "by noise and assumed figures of the vehicle together"
+    assert (together in page, "± is 95 %, by noise alone." in page) == (bool(shifts), not shifts)
+    assert (" (noise alone)</td>" in page) == bool(shifts)
+
+
 def test_page_allows_its_own_script_only(page: str) -> None:
     script = re.search(r"<script>(.*)</script>", page, re.DOTALL)
     assert script is not None
