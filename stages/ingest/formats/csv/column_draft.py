@@ -34,7 +34,9 @@ MOST_BYTES = 1 << 24
 """Values of the first so many bytes decide on units."""
 FULL_TURN = 6.4
 """An angle beyond it [rad] is in degrees."""
-UNIX_TIMES = ((1e17, "ns"), (1e14, "us"), (1e11, "ms"), (1e8, "s"))
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Length of a unit of time [s]."""
+UNIX_TIMES = ((9e17, "ns"), (9e14, "us"), (9e11, "ms"), (9e8, "s"))
 """Unix time of this century in the unit is beyond this number."""
 POSSIBLE_STEPS = (5e-4, 10.0)
 """Steps [s] between rows of a log."""
@@ -301,20 +303,21 @@ def _clock(
     if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or finite[-1] <= finite[0]:
         return None
     size = float(np.median(finite))
-    unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
-    if unix is not None and (not item.unit or item.unit == unix):
-        return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
-    if item.unit in ("s", "ms", "us", "ns"):
-        return {"column": item.name, "unit": item.unit, "epoch": "boot"}, ""
     # A coarse clock repeats its stamps: rows over the whole time tell the rate.
     step = float(finite[-1] - finite[0]) / steps.size
-    factors = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
-    fits = [
+    possible = [
         unit
-        for unit, factor in factors
-        if POSSIBLE_STEPS[0] <= step * factor <= POSSIBLE_STEPS[1] and step * factor <= 2.0
+        for unit, factor in SECONDS.items()
+        if POSSIBLE_STEPS[0] <= step * factor <= POSSIBLE_STEPS[1]
     ]
-    unit = fits[0] if fits else "s"
+    unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
+    if unix in possible and item.unit in ("", unix):
+        return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
+    if item.unit in SECONDS:
+        check = f"one row every {step * SECONDS[item.unit]:.3g} s in this unit"
+        entry = {"column": item.name, "unit": item.unit, "epoch": "boot"}
+        return entry, "" if item.unit in possible else check
+    unit = next((unit for unit in possible if step * SECONDS[unit] <= 2.0), "s")
     return {
         "column": item.name,
         "unit": unit,
@@ -324,9 +327,8 @@ def _clock(
 
 def _seconds(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
     """Return the time of every row (n,) [s]."""
-    factors = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
     if time["unit"] != "iso8601":
-        return values * factors[time["unit"]]
+        return values * SECONDS[time["unit"]]
     stamps = iso_microseconds(pa.array([text for text in texts if text]))
     return np.zeros(1) if stamps is None else np.asarray(stamps.to_numpy()) / 1e6
 

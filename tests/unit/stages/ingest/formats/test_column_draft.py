@@ -111,6 +111,21 @@ def test_unix_times_tell_their_unit(factor: float, unit: str) -> None:
     assert dict(draft.time) == {"column": "stamp", "unit": unit, "epoch": "unix"}
 
 
+@pytest.mark.parametrize(("start", "factor"), [(1e8, 1e6), (2e9, 1e6), (1e12, 1e9)])
+def test_times_since_boot_are_not_taken_for_unix_times(start: float, factor: float) -> None:
+    draft = drafted({"timestamp": start + T_S * factor, "depth_m": wave(1.0)})
+    unit = {1e6: "us", 1e9: "ns"}[factor]
+    assert draft.time == {"column": "timestamp", "unit": unit, "epoch": "boot"}
+    assert draft.time_check == f"unit {unit} by the rate of the rows"
+
+
+def test_a_named_unit_of_time_is_marked_where_no_log_has_such_steps() -> None:
+    draft = drafted({"timestamp_s": 1e8 + T_S * 1e6, "depth_m": wave(1.0)})
+    assert draft.time["epoch"] == "boot"
+    assert draft.time_check == "one row every 1e+05 s in this unit"
+    assert drafted({"time_s": T_S, "depth_m": wave(1.0)}).time_check == ""
+
+
 def test_text_times_are_iso_and_times_of_day_are_refused() -> None:
     iso = np.array([f"2024-05-01 10:00:{second:06.3f}" for second in T_S])
     draft = drafted({"Date": np.arange(600) * 0.0, "Timestamp": iso, "depth_m": 3.0 + wave(1.0)})
