@@ -231,7 +231,7 @@ def check(
         typer.Argument(
             metavar="LOG... | CAMPAIGN",
             help="Log files, or a campaign for all its logs and legs.",
-            autocompletion=completion.campaigns_and_files,
+            autocompletion=completion.campaigns,
         ),
     ],
     columns: Annotated[
@@ -266,7 +266,7 @@ def inspect(
         typer.Argument(
             metavar="CAMPAIGN|LOG",
             help="A campaign that has been run, a log file, or a recording (.rrd).",
-            autocompletion=completion.runs_and_files,
+            autocompletion=completion.runs,
         ),
     ],
     log: Annotated[
@@ -868,6 +868,7 @@ def main() -> None:
         sys.exit(FAILED)
     except Exception as crash:
         if isinstance(crash, OSError) and (words := _refused(crash)):
+            output.print_envelope(FAILED, words)
             sys.exit(_say(f"error: {words}", FAILED))
         output.print_envelope(FAILED, f"{type(crash).__name__}: {crash}")
         sys.exit(_say(_internal(crash), FAILED))

@@ -1,7 +1,8 @@
 """Names that the shell completes: campaigns, runs, models, stages and more.
 
 Each call of a shell's completion is a process of its own, so the stages are not loaded:
-names come from folders and files.
+names come from folders and files. Paths are left to the shell, which quotes them: its
+script takes what is returned here as it stands.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
 PARAMS_FILE = "params.yaml"
+PLAIN = re.compile(r"[\w.+,:@%/][\w.+,:@%/-]*")
+"""A name that a shell takes as one word without quotes."""
 
 
 def _root() -> Path:
@@ -21,7 +24,8 @@ def _root() -> Path:
 
 
 def _with_start(names: Iterator[str], start: str) -> list[str]:
-    return sorted({name for name in names if name.startswith(start)})
+    """Return the names that begin so and that mean nothing else to a shell."""
+    return sorted({name for name in names if name.startswith(start) and PLAIN.fullmatch(name)})
 
 
 def campaigns(incomplete: str) -> list[str]:
@@ -34,25 +38,6 @@ def runs(incomplete: str) -> list[str]:
     """Return the campaigns that have been run."""
     paths = _root().glob("runs/*/*/manifest.json")
     return _with_start((path.parents[1].name for path in paths), incomplete)
-
-
-def campaigns_and_files(incomplete: str) -> list[str]:
-    """Return campaigns and what lies at a path that begins so."""
-    return campaigns(incomplete) + _files(incomplete)
-
-
-def runs_and_files(incomplete: str) -> list[str]:
-    """Return campaigns that have been run and what lies at a path that begins so."""
-    return runs(incomplete) + _files(incomplete)
-
-
-def _files(start: str) -> list[str]:
-    """Return the files and folders whose paths begin so, folders with a slash."""
-    folder, _, name = start.rpartition("/")
-    base = Path(folder or ("/" if start.startswith("/") else ".")).expanduser()
-    paths = [path for path in base.glob("*") if path.name.startswith(name)]
-    before = start[: len(start) - len(name)]
-    return sorted(f"{before}{path.name}{'/' * path.is_dir()}" for path in paths)
 
 
 def run_models(incomplete: str) -> list[str]:
@@ -74,17 +59,19 @@ def exportable(incomplete: str) -> list[str]:
 def run_or_model(incomplete: str) -> list[str]:
     """Return CAMPAIGN, CAMPAIGN@MODEL and CAMPAIGN@RUN of the runs, for diff."""
     of_models = (name.replace("/", "@") for name in run_models(""))
-    of_history = (
-        f"{path.parents[1].name}@{int(path.stem)}"
-        for path in _root().glob("runs/*/history/[0-9]*.json")
-    )
+    of_history = (f"{path.parents[1].name}@{int(path.stem)}" for path in _history())
     return _with_start(iter([*runs(""), *of_models, *of_history]), incomplete)
 
 
 def run_numbers(incomplete: str) -> list[str]:
     """Return the numbers of the runs in the histories of this workspace."""
-    paths = _root().glob("runs/*/history/[0-9]*.json")
-    return _with_start((str(int(path.stem)) for path in paths), incomplete)
+    return _with_start((str(int(path.stem)) for path in _history()), incomplete)
+
+
+def _history() -> Iterator[Path]:
+    """Yield the entries of the histories of this workspace."""
+    paths = _root().glob("runs/*/history/*.json")
+    return (path for path in paths if path.stem.isdecimal())
 
 
 def stages(incomplete: str) -> list[str]:

@@ -36,7 +36,7 @@ from auvid.pipeline.commands.new.vehicle_choice import (
     vehicle_of_text,
 )
 from auvid.pipeline.output import FAILED, FINE, answer
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import writable, write_atomically
 from auvid.stages.ingest.health.finding import CheckedLog
 
 SAMPLES_PER_PERIOD = 8.0
@@ -266,11 +266,12 @@ def _write(
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
         for name, path in sources.items():
             copy = Path(temporary) / name
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            if link:
-                copy.symlink_to(path.resolve())
-            else:
-                shutil.copyfile(path, copy)
+            with writable(folder / name):
+                copy.parent.mkdir(parents=True, exist_ok=True)
+                if link:
+                    copy.symlink_to(path.resolve())
+                else:
+                    shutil.copyfile(path, copy)
         for name, text in texts.items():
             write_atomically(Path(temporary) / name, text.encode())
         for name in (*sources, *texts):

@@ -91,7 +91,7 @@ def execute(
     if rest:
         if names != ["report"]:
             _stop_at_findings(run, [stage.name for stage in rest])
-            _stop_at_shortage(run, make_engine(engine, jobs).workers)
+            _stop_at_shortage(run, rest, make_engine(engine, jobs).workers, force=force)
         with show_progress(quiet=quiet) as progress:
             count += run.execute(
                 rest,
@@ -110,14 +110,26 @@ def _stop_at_findings(run: Run, stages: Sequence[str]) -> None:
         raise fault
 
 
-def _stop_at_shortage(run: Run, workers: int) -> None:
-    """Raise `DataError` where the longest legs would not fit into memory."""
+def _stop_at_shortage(run: Run, stages: Sequence[AnyStage], workers: int, *, force: bool) -> None:
+    """Raise `DataError` where legs have to run that would not fit into memory."""
     if "resample" in run.params:
         lengths_s = {log: float(document["duration_s"]) for log, document in health_of(run).items()}
         rate_hz = run.params["resample"].rate_hz
         fault = shortage(run.campaign, lengths_s, rate_hz, workers, available_bytes())
-        if fault is not None:
+        if fault is not None and (force or _any_stale(run, stages)):
             raise fault
+
+
+def _any_stale(run: Run, stages: Sequence[AnyStage]) -> bool:
+    """Return whether an item of these stages has to run."""
+    try:
+        return not all(
+            run.is_fresh(run.task(stage, place))
+            for stage in stages
+            for place in run.places(stage.maps_over)
+        )
+    except PipelineError:  # an input has not been made yet
+        return True
 
 
 def report_file(

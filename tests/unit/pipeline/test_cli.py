@@ -14,11 +14,13 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -242,6 +244,44 @@ def test_full_output_is_named_and_is_no_internal_fault(
     code, _, err = auvid(monkeypatch, capsys, "vehicles")
     assert code == 1
     assert "nothing more can be printed: No space left on device" in err
+
+
+def test_what_the_system_refuses_is_in_the_envelope(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(campaign: str, **options: object) -> int:
+        raise OSError(errno.EFBIG, "File too large", f"{campaign}.BIN")
+
+    monkeypatch.setattr(run_command, "run_campaign", refuse)
+    code, out, err = auvid(monkeypatch, capsys, "run", "toy", "--force", "--json")
+    document = json.loads(out)
+    assert (code, document["exit_code"], document["answer"]) == (1, 1, None)
+    assert "toy.BIN: the system refused it: File too large" in document["error"]["text"]
+    assert document["error"]["text"] in err
+
+
+def test_a_campaign_for_which_memory_is_short_is_refused_only_where_it_has_to_run(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_command, "health_of", lambda run: {})
+    monkeypatch.setattr(run_command, "shortage", lambda *words: DataError("too long"))
+    run = open_run.open_run("toy")
+    stages = run.graph.stages
+
+    def refused(*, force: bool = False) -> bool:
+        asked = replace(run, params={**run.params, "resample": SimpleNamespace(rate_hz=50.0)})
+        try:
+            run_command._stop_at_shortage(asked, stages, 1, force=force)
+        except DataError:
+            return True
+        return False
+
+    assert refused(), "nothing has been run yet"
+    run_command.execute(run, stages, quiet=True)
+    assert not refused()
+    assert refused(force=True)
+    (toy_workspace / "runs/toy/total/tables_text.txt").write_text("changed")
+    assert refused()
 
 
 def test_terminal_without_our_signs_gets_question_marks(

@@ -62,10 +62,28 @@ def test_names_of_the_workspace() -> None:
     assert completion.run_models("dive/") == ["dive/linear"]
     assert completion.run_or_model("dive@") == ["dive@1", "dive@2", "dive@linear"]
     assert completion.run_numbers("") == ["1", "2"]
-    assert completion.campaigns_and_files("logs/d") == ["logs/dive.BIN"]
-    assert completion.runs_and_files("l") == ["logs/"]
     assert "mine" in completion.vehicles("")
     assert "vt690" in completion.vehicles("")
+
+
+def test_names_that_a_shell_would_take_apart_are_left_out(workspace: Path) -> None:
+    (workspace / "campaigns/d$(touch PWNED)").mkdir()
+    (workspace / "campaigns/d$(touch PWNED)/campaign.yaml").touch()
+    (workspace / "runs/dive/history/1a.json").touch()
+    (workspace / "vehicles/m;y.yaml").touch()
+    assert completion.campaigns("d") == ["dive"]
+    assert completion.run_numbers("") == ["1", "2"]
+    assert completion.run_or_model("dive@") == ["dive@1", "dive@2", "dive@linear"]
+    assert completion.vehicles("m") == ["mine"]
+
+
+@pytest.mark.parametrize("command", ["check", "inspect"])
+@pytest.mark.parametrize("start", ["x", "logs/d", "~nouser/x"])
+def test_paths_are_left_to_the_shell_which_quotes_them(
+    workspace: Path, command: str, start: str
+) -> None:
+    (workspace / "x$(touch PWNED).BIN").touch()
+    assert complete(command, start) == []
 
 
 def test_names_of_auvid() -> None:
@@ -105,3 +123,5 @@ def test_scripts_of_three_shells(shell: str) -> None:
         check=True,
     )
     assert f"complete_{shell}" in done.stdout
+    if shell == "bash":
+        assert "complete -o default" in done.stdout, "bash completes paths where auvid is silent"

@@ -51,7 +51,7 @@ def test_legs_side_by_side_count_together(campaign: Campaign) -> None:
 def test_memory_left_is_that_of_the_machine_or_of_its_group(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("MEMORY_INFO", "LIMIT", "USED"):
+    for name in ("MEMORY_INFO", "LIMIT", "USED", "DETAIL"):
         monkeypatch.setattr(memory, name, tmp_path / name)
     assert memory.available_bytes() is None
     (tmp_path / "MEMORY_INFO").write_text("MemTotal: 900 kB\nMemAvailable:   500 kB\n")
@@ -60,4 +60,7 @@ def test_memory_left_is_that_of_the_machine_or_of_its_group(
     (tmp_path / "LIMIT").write_text("max\n")
     assert memory.available_bytes() == 512_000
     (tmp_path / "LIMIT").write_text("300000\n")
+    (tmp_path / "DETAIL").write_text("anon 40000\ninactive_file 0\n")
     assert memory.available_bytes() == 200_000
+    (tmp_path / "DETAIL").write_text("anon 40000\ninactive_file 60000\n")
+    assert memory.available_bytes() == 260_000, "files that nobody reads are given up"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,6 +84,19 @@ def test_nothing_is_overwritten() -> None:
         new_campaign("pier", [DIVE])
     with pytest.raises(PipelineError, match="named twice"):
         new_campaign("other", [DIVE, DIVE])
+
+
+def test_a_copy_that_the_system_refuses_is_named_by_its_own_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(source: Path, copy: Path) -> None:
+        raise OSError(errno.EFBIG, "File too large", str(source))
+
+    monkeypatch.setattr(shutil, "copyfile", refuse)
+    with pytest.raises(PipelineError, match="cannot be written: File too large") as refusal:
+        new_campaign("pier", [DIVE])
+    assert refusal.value.file == Path("pier/logs", DIVE.name)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_named_vehicle_is_taken() -> None:
