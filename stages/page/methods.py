@@ -49,6 +49,16 @@ FUSION = {
     "smoother": "estimated by a Rauch-Tung-Striebel smoother of all sensors (Rauch et al. 1965)",
 }
 """Parameter `method` of fuse -> words."""
+ESTIMATION = {
+    "least squares": "by least squares",
+    "within limits": "by least squares within physical limits",
+    "error function": "by another error function than squares of equal weight",
+    "output error": "by the output error method (maximum likelihood of the sensors)",
+    "filter error": "by the filter error method (maximum likelihood of the sensors)",
+}
+"""Method of a model card -> words."""
+COLOURED = ("least squares", "within limits")
+"""Methods whose intervals are those of Newey and West."""
 
 
 def methods_section(
@@ -60,7 +70,7 @@ def methods_section(
 ) -> dict[str, Any]:
     """Return the section: what was done in sentences, references, versions."""
     parameters = {name: entry["parameters"] for name, entry in provenance["stages"].items()}
-    sentences = [*_data(vehicle, segments), *_signals(parameters)]
+    sentences = [*_data(vehicle, segments, twin="simulate" in parameters), *_signals(parameters)]
     sentences += _models(cards, summary)
     words = " ".join(sentences)
     named = [entry for key, entry in REFERENCES.items() if key in words]
@@ -78,7 +88,8 @@ def methods_section(
     )
 
 
-def _data(vehicle: Vehicle, segments: Mapping[str, SegmentRecord]) -> list[str]:
+def _data(vehicle: Vehicle, segments: Mapping[str, SegmentRecord], *, twin: bool) -> list[str]:
+    """Return what was used; the logs of a `twin` are simulated."""
     assumed = len(list(assumed_quantities(vehicle.document)))
     first = f"The vehicle is {vehicle.title}."
     if assumed:
@@ -93,7 +104,9 @@ def _data(vehicle: Vehicle, segments: Mapping[str, SegmentRecord]) -> list[str]:
             words.append(f"{seconds:.0f} s in {legs} leg{'s' * (legs > 1)} for {use}")
     logs = len({item.log for item in segments.values()})
     return [first] + (
-        [f"From {logs} log{'s' * (logs > 1)} we used {' and '.join(words)}."] if words else []
+        [f"From {logs} {'simulated ' * twin}log{'s' * (logs > 1)} we used {' and '.join(words)}."]
+        if words
+        else []
     )
 
 
@@ -120,15 +133,19 @@ def _signals(parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
     if not cards:
         return []
-    sentences = [
-        f"To it we fitted {len(cards)} models by least squares: {_listed(cards)}."
-        " Their 95 % intervals allow for coloured residuals (Newey and West 1987)"
-        + (
-            " and for the spread of assumed values of the vehicle."
-            if any(card.spreads for card in cards.values())
-            else "."
-        )
-    ]
+    sentences = []
+    for method, words in ESTIMATION.items():
+        fitted = [card for card in cards.values() if card.method == method]
+        if fitted:
+            models = f"{len(fitted)} model{'s' * (len(fitted) > 1)}"
+            sentences.append(f"We fitted {models} {words}: {_listed(fitted)}.")
+        if fitted and method in COLOURED:
+            spread = any(card.spreads for card in fitted)
+            sentences.append(
+                "Their 95 % intervals allow for coloured residuals (Newey and West 1987)"
+                + " and for the spread of assumed values of the vehicle" * spread
+                + "."
+            )
     chosen = next((item for item in summary.models if item.name == summary.recommended), None)
     if chosen is not None:
         merit = chosen.axes[ALL]
@@ -163,6 +180,5 @@ def _limits_and_priors(card: ModelCard) -> list[str]:
     return sentences
 
 
-def _listed(cards: Mapping[str, ModelCard]) -> str:
-    titles: Sequence[str] = [f"{card.title} ({card.n_bar} terms)" for card in cards.values()]
-    return ", ".join(titles)
+def _listed(cards: Sequence[ModelCard]) -> str:
+    return ", ".join(f"{card.title} ({card.n_bar} terms)" for card in cards)
