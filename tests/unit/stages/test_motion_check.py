@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
-from auvid.hydro.dynamics.steady_motion import Floating
+from auvid.hydro.dynamics.steady_motion import Floating, steady_motions
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.validate.motion_check import ORIGIN, motion_check
+from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, motion_check
 from tests.support.example_run import example_run
 from tests.support.motions import shipped_vehicle
 
@@ -137,7 +137,12 @@ def test_no_balance_is_unknown_and_has_no_cause(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_worse_of_both_directions_ends_a_range() -> None:
-    check = checked(M={"u": -10.0, "|u|": -10.0})
-    surge = next(item for item in check.ranges if (item.axis, item.drive) == ("X", "thrusters"))
-    assert (surge.tips_in, check.verdict) == ("pitch", "tips over")
-    assert surge.upright[0] == surge.flown[0]
+    rows = DAMPED | {"M": {"q": -1.0, "u": -20.0}}
+    floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
+    drive, back = np.eye(6)[0], np.linspace(0.0, -0.3, 8)
+    motions, end = steady_motions(floating, "X", back, drive, minimum_speed=0.05)
+    tilted = Tried("X", ORIGIN, drive, back, motions, end)
+    lost = Tried("X", ORIGIN, drive, -back, [], "no steady motion")
+    flights = [(tilted, np.ones(len(motions), dtype=bool)), (lost, np.zeros(0, dtype=bool))]
+    surge = _range(floating, card(), flights)
+    assert (surge.tips_in, surge.cause) == ("pitch", "M_u")
