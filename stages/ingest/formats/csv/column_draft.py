@@ -50,6 +50,8 @@ FASTEST_RAD_S = 8.0
 """Larger rates (99th percentile) are in deg/s."""
 HELD_SHARE = 0.5
 PRESSURES = ("mbar", "dbar", "bar", "kPa", "Pa")
+WORLD_OR_BODY = re.compile(r"[xyz]$")
+"""End of a velocity's name that may as well be of world axes."""
 FROM_ABOVE = "up"
 """Mark of a height that is negative under water."""
 MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
@@ -395,6 +397,8 @@ def _with_columns(
         unit, check = _unit(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
             check = f"no name tells this; {name.split('_')[1]} answers it best of all columns"
+        if stream == "velocity" and WORLD_OR_BODY.search(item.words):
+            check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
         sign = -1 if item.frame in (FROM_ABOVE, MATCHED_REVERSED) else 1
         frame = item.frame if item.frame in ("frd", "flu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))

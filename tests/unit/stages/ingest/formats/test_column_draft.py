@@ -99,6 +99,25 @@ def test_units_that_no_name_tells_are_taken_from_the_values_and_marked() -> None
     assert 'field: u_m_s, unit: "mm/s"}  # check: by its size' in text
 
 
+@pytest.mark.parametrize(
+    ("names", "marked"),
+    [
+        (("vx_m_s", "vy_m_s", "vz_m_s"), True),
+        (("vel_x [m/s]", "vel_y [m/s]", "vel_z [m/s]"), True),
+        (("linear.x [m/s]", "linear.y [m/s]", "linear.z [m/s]"), True),
+        (("u_m_s", "v_m_s", "w_m_s"), False),
+        (("surge_speed_m_s", "sway_speed_m_s", "heave_speed_m_s"), False),
+    ],
+)
+def test_velocities_that_may_be_of_world_axes_are_marked(
+    names: tuple[str, ...], marked: bool
+) -> None:
+    draft = drafted({"t_s": T_S, **{name: wave(0.5) for name in names}})
+    assert [item.field for item in draft.columns] == ["u_m_s", "v_m_s", "w_m_s"]
+    check = "body axes assumed, forward right down" if marked else ""
+    assert {item.check for item in draft.columns} == {check}
+
+
 def test_semicolons_and_decimal_commas() -> None:
     draft = drafted({"t_s": T_S, "depth_m": 3.0 + wave(1.0)}, delimiter=";", decimal=",")
     assert (draft.delimiter, draft.decimal) == (";", ",")
