@@ -25,7 +25,6 @@ from auvid.stages.model_use import (
     damping_of,
     failing_axes,
     listed,
-    own_drives,
     recommendation,
 )
 from auvid.stages.number_format import fixed, true_minus
@@ -135,8 +134,9 @@ def _uses(
     if chosen.motion is not None:
         check = chosen.motion
         needs_own = check.verdict == "holds" and any(item.tips_in for item in check.ranges)
-        driver = f"Driven by its {own_drives(check)[0].drive}" if needs_own else "By itself"
-        uses.append(Use(f"{driver} it {VERDICT_WORDS[check.verdict]}", "", check.words))
+        title = f"By itself it {VERDICT_WORDS[check.verdict]}"
+        title += " under its own drive" if needs_own else ""
+        uses.append(Use(title, "", check.words))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
     tilts = [
