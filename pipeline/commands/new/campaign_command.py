@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -97,7 +97,7 @@ def new_campaign(
             sources[place] = item.path
             columns = None
             if item.draft is not None:
-                columns = f"columns/{Path(place).stem}.yaml"
+                columns = _free(f"columns/{Path(place).stem}.yaml", texts)
                 texts[columns] = item.draft.text()
             written[key].append(WrittenFile(place, columns))
     legs = proposal(feed, list(checks.values()))
@@ -208,7 +208,7 @@ def _same_dives(kept: list[tuple[SurveyedLog, CampaignFeed]]) -> list[str]:
     return words
 
 
-def _free(place: str, taken: Mapping[str, Path]) -> str:
+def _free(place: str, taken: Container[str]) -> str:
     path, number = Path(place), 1
     while place in taken:
         number += 1
@@ -293,6 +293,9 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
             " (auvid vehicles lists those that come with auvid)."
         )
     pages = log_pages(str(folder), None)
+    for page in pages:
+        if page.refused is not None:
+            return page.refused
     refusal = campaign_refusal(str(folder), pages)
     return "" if refusal is None else str(refusal)
 

@@ -13,7 +13,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
-from auvid.pipeline.commands.new.campaign_command import new_campaign
+from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.stages import KINDS
@@ -126,3 +126,16 @@ def test_one_dive_of_two_recorders_is_taken_once(tmp_path: Path) -> None:
     result = new_campaign("twice", [TLOG, copy])
     assert any("copy.tlog: the same dive as dive.tlog" in line for line in result.lines)
     assert len(read_yaml((result.folder / "campaign.yaml").read_text())["logs"]) == 1
+
+
+def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
+    text = (ROOT / "campaigns/blueye_heave/logs/dive.csv").read_text()
+    logs = [tmp_path / "dive.csv", tmp_path / "dive.txt"]
+    logs[0].write_text(text)
+    logs[1].write_text(text.replace("\n17", "\n16").replace(",", ";"))  # another dive
+    result = new_campaign("two", logs)
+    first, second = (result.folder / "columns" / name for name in ("dive.yaml", "dive_2.yaml"))
+    assert "delimiter" not in read_yaml(first.read_text())
+    assert read_yaml(second.read_text())["delimiter"] == ";"
+    first.write_text(second.read_text())
+    assert "dive.csv" in _stop(result.folder, VehicleChoice("", "", ""))
