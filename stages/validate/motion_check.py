@@ -260,11 +260,10 @@ def _words(check: MotionCheck) -> str:
         items = [item for item in check.ranges if item.drive == ORIGIN] if parts is None else parts
         tips = [item for item in items if item.tips_in]
         if parts is None:
-            driver = "a force at its origin"
+            driver = "a force at its origin alone"
         if tips:
-            alone = "" if parts else " alone"
             colon = ":" if tips[0].tips_in == NO_MOTION else ""
-            words.append(f"{driver}{alone}{colon} " + listed(_tips(tips)))
+            words.append(f"{driver}{colon} " + listed(_tips(tips)))
         elif parts:
             words.append(f"{driver} it stays upright over the flown speeds" + _tilt(items))
         elif not own and items:
