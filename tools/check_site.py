@@ -74,9 +74,9 @@ def main() -> None:
     """Print the faults of a site and end with 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("site", type=Path)
-    found = sorted(set(faults(parser.parse_args().site.resolve())))
-    print("\n".join(found), end="\n" if found else "")
-    sys.exit(bool(found))
+    lines = sorted(set(faults(parser.parse_args().site.resolve())))
+    print("\n".join(lines), end="\n" if lines else "")
+    sys.exit(bool(lines))
 
 
 if __name__ == "__main__":

@@ -76,8 +76,8 @@ def auvid(
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_with_an_example(command: str) -> None:
-    shown = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "120"}).output
-    assert re.search(rf"Example: auvid {command}\b", shown)
+    help_text = CliRunner().invoke(cli.app, [command, "--help"], env={"COLUMNS": "120"}).output
+    assert re.search(rf"Example: auvid {command}\b", help_text)
 
 
 def test_commands_are_those_that_are_tested() -> None:
@@ -181,12 +181,12 @@ def test_json_of_a_run_is_its_summary(
 
 
 def test_help_has_commands_by_task_and_no_types_of_flags() -> None:
-    shown = CliRunner().invoke(cli.app, ["--help"], env={"COLUMNS": "120"}).output
-    places = [shown.index(f" {panel} ") for panel in output.PANELS]
+    help_text = CliRunner().invoke(cli.app, ["--help"], env={"COLUMNS": "120"}).output
+    places = [help_text.index(f" {panel} ") for panel in output.PANELS]
     assert places == sorted(places)
     for name in COMMANDS:
-        shown = CliRunner().invoke(cli.app, [name, "--help"], env={"COLUMNS": "120"}).output
-        assert "<bool>" not in shown
+        help_text = CliRunner().invoke(cli.app, [name, "--help"], env={"COLUMNS": "120"}).output
+        assert "<bool>" not in help_text
 
 
 def test_user_fault_is_one_line_and_1(
@@ -269,9 +269,9 @@ def test_a_campaign_for_which_memory_is_short_is_refused_only_where_it_has_to_ru
     stages = run.graph.stages
 
     def refused(*, force: bool = False) -> bool:
-        asked = replace(run, params={**run.params, "resample": SimpleNamespace(rate_hz=50.0)})
+        at_50_hz = replace(run, params={**run.params, "resample": SimpleNamespace(rate_hz=50.0)})
         try:
-            run_command._stop_at_shortage(asked, stages, 1, force=force)
+            run_command._stop_at_shortage(at_50_hz, stages, 1, force=force)
         except DataError:
             return True
         return False

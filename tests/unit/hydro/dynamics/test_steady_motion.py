@@ -44,9 +44,9 @@ def test_thrusters_below_the_origin_hold_what_a_force_at_the_origin_tips_over() 
     """A drag centre at the height of the thrusters gives no pitch."""
     model = floating(X={"u": -50.0}, M={"u": -0.085 * 50.0})
     drive = [1.0, 0.0, 0.0, 0.0, 0.085, 0.0]
-    held, _ = steady_motions(model, "X", SPEEDS, drive, minimum_speed=0.05)
-    assert len(held) == len(SPEEDS)
-    assert max(abs(motion.tilt[1]) for motion in held) < 1e-9
+    motions, _ = steady_motions(model, "X", SPEEDS, drive, minimum_speed=0.05)
+    assert len(motions) == len(SPEEDS)
+    assert max(abs(motion.tilt[1]) for motion in motions) < 1e-9
     lost, _ = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)
     assert len(lost) < 40
 

@@ -259,6 +259,6 @@ def test_a_finding_that_two_logs_share_leads_to_the_log_that_it_names() -> None:
     assert alert.startswith("log 'dive_1' and 1 other: ")
     assert alert.place == anchor("ingest", "dive_1")
     one = finding_alerts(replace(inputs, health=collection({"dive_10": health["dive_10"]})))
-    (alone,) = [words for words in one if "no_velocity" in words]
-    assert not alone.startswith("log ")
-    assert alone.place == anchor("ingest", "dive_10")
+    (of_one_log,) = [words for words in one if "no_velocity" in words]
+    assert not of_one_log.startswith("log ")
+    assert of_one_log.place == anchor("ingest", "dive_10")
