@@ -1,0 +1,1 @@
+"""Axes of motion that a log measures, fitted by output error over chosen windows."""
