@@ -101,7 +101,7 @@ inspect: $(RUN)
 
 # Runs the cases of docs/gallery/cases.yaml and takes their pictures; needs xvfb, xauth and mesa-vulkan-drivers.
 gallery: $(RUN)
-	python -m auvid.pipeline.commands.inspect.gallery
+	python -m auvid.pipeline.commands.look.inspect.gallery
 
 diff: $(RUN)
 	@test -n "$(A)" -a -n "$(B)" || { echo "say what: make diff A=bluerov2_dvl B=tests/golden/bluerov2_dvl"; exit 1; }

@@ -296,7 +296,7 @@ def inspect(
     ] = False,
 ) -> None:
     """Look at a campaign's run or at a raw log in the Rerun viewer."""
-    from auvid.pipeline.commands.inspect import inspect_command
+    from auvid.pipeline.commands.look.inspect import inspect_command
 
     inspect_command.inspect(
         target,
@@ -357,7 +357,7 @@ def diff(
 
     Exits with 1 if anything left its tolerance.
     """
-    from auvid.pipeline.commands.diff import diff_command
+    from auvid.pipeline.commands.look.diff import diff_command
 
     if not diff_command.diff(first, second, save=save, picture=screenshot, relative=relative):
         raise typer.Exit(FAILED)

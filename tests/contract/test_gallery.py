@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from auvid.data_schemas.errors import CampaignError
-from auvid.pipeline.commands.inspect import gallery
+from auvid.pipeline.commands.look.inspect import gallery
 from tests.support.pictures import look
 
 ROOT = Path(__file__).resolve().parents[2]

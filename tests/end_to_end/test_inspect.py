@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
-from auvid.pipeline.commands.inspect import inspect_command
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.inspect import inspect_command
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 from tests.support.pictures import PICTURES, look
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from auvid.pipeline import cli
 from auvid.pipeline.commands.history import run_history as history
-from auvid.pipeline.commands.inspect import rerun_viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer
 from tests.support.campaign_runs import copy_workspace
 from tests.support.pictures import assert_pictured
 

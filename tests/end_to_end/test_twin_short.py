@@ -27,7 +27,7 @@ from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.pipeline import cli
-from auvid.pipeline.commands.inspect import rerun_viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.stages import simulate
 from auvid.stages.columns import ACCELERATION, POSE, VELOCITY, force_columns

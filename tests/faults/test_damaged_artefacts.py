@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.pipeline.commands.diff.diff_operands import read_operand
 from auvid.pipeline.commands.history import run_history
-from auvid.pipeline.commands.inspect.inspect_command import campaign_subject
+from auvid.pipeline.commands.look.diff.diff_operands import read_operand
+from auvid.pipeline.commands.look.inspect.inspect_command import campaign_subject
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress.regress_command import error_tables
 from auvid.pipeline.commands.run.run_command import report_file

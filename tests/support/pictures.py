@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 
 PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
 

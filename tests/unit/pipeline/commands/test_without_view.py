@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
-from auvid.pipeline.commands.inspect import rerun_viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer
 from auvid.stages.report import Params, run
 from tests.support.example_run import example_run
 

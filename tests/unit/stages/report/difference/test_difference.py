@@ -18,9 +18,9 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, make_table
 from auvid.pipeline import cli
-from auvid.pipeline.commands.diff import diff_command as diff
-from auvid.pipeline.commands.diff import diff_operands
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.diff import diff_command as diff
+from auvid.pipeline.commands.look.diff import diff_operands
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.graph import Port
 from auvid.pipeline.output import OUTPUT

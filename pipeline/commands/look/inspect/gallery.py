@@ -9,7 +9,7 @@ from typing import Any
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, UsageError, nearest
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.commands.inspect.inspect_command import find_subject, photograph
+from auvid.pipeline.commands.look.inspect.inspect_command import find_subject, photograph
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.store.atomic_files import write_atomically

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 
 SIZE = (400, 250)
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES
-from auvid.pipeline.commands.diff.diff_operands import RunData, common, read_operand
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
-from auvid.pipeline.commands.inspect.inspect_command import check_suffix, photograph
+from auvid.pipeline.commands.look.diff.diff_operands import RunData, common, read_operand
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.inspect.inspect_command import check_suffix, photograph
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Departure, Tables
 from auvid.pipeline.output import answer, note

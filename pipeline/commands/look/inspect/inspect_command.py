@@ -11,7 +11,7 @@ from pathlib import Path
 
 from auvid.data_schemas.errors import LogError, PipelineError, UsageError, nearest
 from auvid.pipeline.commands.check.log_page import LogPage, log_pages, names_campaign
-from auvid.pipeline.commands.inspect import rerun_viewer as viewer
+from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE

@@ -1,0 +1,1 @@
+"""What draws runs and logs: `auvid inspect`, and `auvid diff` of two of them."""
