@@ -28,6 +28,8 @@ FinCoefficients = Annotated[Quantity, Unit("1", (6, 4))]
 PositiveMetres = Annotated[Quantity, Unit("m", positive=True)]
 PositiveRatio = Annotated[Quantity, Unit("1", positive=True)]
 PositiveKilograms = Annotated[Quantity, Unit("kg", positive=True)]
+PositiveNewtons = Annotated[Quantity, Unit("N", positive=True)]
+PositiveNewtonMetres = Annotated[Quantity, Unit("N*m", positive=True)]
 PositiveSquareMetres = Annotated[Quantity, Unit("m^2", positive=True)]
 
 
@@ -237,8 +239,8 @@ class ThrustersEntry(Model):
     """1, or -1 where the pulse is mirrored about 1500 us."""
     outputs: list[Annotated[int, Range(1, 16)]] | None = None
     """Output channel of each thruster; default 1 to n."""
-    thrust_curve: ThrustCurveEntry
-    """Bollard thrust of one thruster."""
+    thrust_curve: ThrustCurveEntry | None = None
+    """Bollard thrust of one thruster; without it forces are in full commands."""
 
     @model_validator(mode="after")
     def _fits(self) -> ThrustersEntry:
@@ -271,6 +273,48 @@ class ThrustersEntry(Model):
         return self
 
 
+class FullForceEntry(Model):
+    """Force of a full command, as a pull at the bollard measures it."""
+
+    surge: PositiveNewtons | None = None
+    """Forward."""
+    sway: PositiveNewtons | None = None
+    """To the side."""
+    heave: PositiveNewtons | None = None
+    """Downward."""
+    roll: PositiveNewtonMetres | None = None
+    """Moment about x."""
+    pitch: PositiveNewtonMetres | None = None
+    """Moment about y."""
+    yaw: PositiveNewtonMetres | None = None
+    """Moment about z."""
+
+
+class CommandsEntry(Model):
+    """Actuators whose newtons are not known: forces count in full commands."""
+
+    axes: list[Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]] | None = None
+    """Commands that act, for logs of normalised commands; default those that are logged.
+    """
+    frame: (
+        Literal[
+            "bluerov1",
+            "vectored",
+            "vectored_6dof",
+            "vectored_6dof_90deg",
+            "simplerov_3",
+            "simplerov_4",
+            "simplerov_5",
+        ]
+        | None
+    ) = None
+    """Frame of ArduSub, for pulses where neither `thrusters` nor the log says how they
+    mix.
+    """
+    full_force: FullForceEntry = FullForceEntry()
+    """Force of a full command; one axis is enough to turn everything into newtons."""
+
+
 class ActuatorsEntry(Model):
     """Propeller, fins, thrusters; none for a vehicle that glides or is towed."""
 
@@ -280,6 +324,8 @@ class ActuatorsEntry(Model):
     """Four fins, columns starboard, port, bottom, top; listens to fin_{s,p,b,t}_rad."""
     thrusters: ThrustersEntry | None = None
     """Fixed thrusters; listens to pwm_{n}_us."""
+    commands: CommandsEntry = CommandsEntry()
+    """What is known of actuators in full commands, where newtons are not."""
 
 
 class MountedEntry(Model):

@@ -11,6 +11,7 @@ from auvid.data_schemas.documents.model import Faults, Quantity, Unit, assumed_q
 from auvid.data_schemas.documents.vehicle import (
     AddedMassEntry,
     BuoyancyEngineEntry,
+    CommandsEntry,
     GeometryEntry,
     HullEntry,
     MountedEntry,
@@ -22,6 +23,13 @@ from auvid.data_schemas.documents.vehicle import (
 from auvid.data_schemas.errors import CampaignError, PipelineError, raise_faults
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
+from auvid.hydro.dynamics.actuators.commands import (
+    COMMANDS,
+    UNIT_THRUST,
+    FullCommands,
+    axis_of,
+    unscaled,
+)
 from auvid.hydro.dynamics.actuators.fins import Fins
 from auvid.hydro.dynamics.actuators.propeller import Propeller
 from auvid.hydro.dynamics.actuators.thrusters import (
@@ -63,6 +71,8 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
     body, sensors, actuators = document.rigid_body, document.sensors, document.actuators
     geometry = None if document.geometry is None else geometry_from_entry(document.geometry)
     density = document.environment.water_density.si
+    thrusters = actuators.thrusters
+    layout = None if thrusters is None else _thrusters(thrusters)
     fins, engine, propulsion = actuators.fins, document.buoyancy_engine, document.propulsion
     vehicle = Vehicle(
         document=document,
@@ -84,7 +94,7 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
             if fins.from_geometry
             else Fins(_si(fins.reference_length), _array(fins.linear), _array(fins.quadratic))
         ),
-        thrusters=None if actuators.thrusters is None else _thrusters(actuators.thrusters),
+        thrusters=None if thrusters is None or thrusters.thrust_curve is None else layout,
         dvl=_mounted(sensors.dvl),
         imu=_mounted(sensors.imu),
         depth_sensor=_mounted(sensors.depth),
@@ -105,6 +115,7 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
             for name in type(document.spreads).model_fields
             if (quantity := getattr(document.spreads, name)) is not None
         },
+        commands=_commands(actuators.commands, layout),
     )
     raise_faults([*_faults(vehicle)])
     return vehicle
@@ -192,6 +203,9 @@ def _thrusters(entry: ThrustersEntry) -> Thrusters:
         axis = axis / np.linalg.norm(axis, axis=1)[:, None]
         allocation = thruster_allocation(_array(entry.position), axis)
     curve = entry.thrust_curve
+    outputs = tuple(entry.outputs or range(1, allocation.shape[1] + 1))
+    if curve is None:
+        return Thrusters(read_only(allocation), entry.direction.array, outputs, UNIT_THRUST)
     if curve.polynomial is None:
         polynomial, force = None, _array(curve.force)
     else:
@@ -200,7 +214,7 @@ def _thrusters(entry: ThrustersEntry) -> Thrusters:
     return Thrusters(
         allocation=read_only(allocation),
         direction=entry.direction.array,
-        outputs=tuple(entry.outputs or range(1, allocation.shape[1] + 1)),
+        outputs=outputs,
         curve=ThrustCurve(
             curve.pulse_width.array,
             force,
@@ -208,6 +222,20 @@ def _thrusters(entry: ThrustersEntry) -> Thrusters:
             curve.voltage_exponent.si,
             polynomial,
         ),
+    )
+
+
+def _commands(entry: CommandsEntry, layout: Thrusters | None) -> FullCommands:
+    """Return what is known in full commands, with the layout of the thrusters."""
+    return FullCommands(
+        axes=tuple(axis_of(name) for name in entry.axes or ()),
+        frame=entry.frame,
+        full_force={
+            axis_of(name): force.si
+            for name in COMMANDS
+            if (force := getattr(entry.full_force, name)) is not None
+        },
+        thrusters=None if layout is None else unscaled(layout),
     )
 
 

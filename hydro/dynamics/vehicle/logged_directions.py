@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvid.hydro.dynamics.actuators.thrusters import Thrusters
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {
@@ -29,19 +30,28 @@ def with_logged_directions(
     """
     if vehicle.thrusters is None:
         return vehicle, ""
-    motors = [
-        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION") or 0.0, output)
-        for output in vehicle.thrusters.outputs
-    ]
-    logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
-    directions = [float(value) for value in logged if value in (1.0, -1.0)]
-    if len(directions) < len(logged):
+    thrusters = turned_as_logged(vehicle.thrusters, parameters)
+    if thrusters is None:
         return (
             vehicle,
             "Motor directions are those of the vehicle file; the log does not hold them all.",
         )
-    thrusters = replace(vehicle.thrusters, direction=np.array(directions))
     return (
         replace(vehicle, thrusters=thrusters),
         "Motor directions are those of the log's parameters MOT_n_DIRECTION.",
     )
+
+
+def turned_as_logged(
+    thrusters: Thrusters, parameters: Mapping[str, float | None]
+) -> Thrusters | None:
+    """Return thrusters that turn as MOT_n_DIRECTION says, None where one is missing."""
+    motors = [
+        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION") or 0.0, output)
+        for output in thrusters.outputs
+    ]
+    logged = [parameters.get(f"MOT_{motor}_DIRECTION") for motor in motors]
+    directions = [float(value) for value in logged if value in (1.0, -1.0)]
+    if len(directions) < len(logged):
+        return None
+    return replace(thrusters, direction=np.array(directions))

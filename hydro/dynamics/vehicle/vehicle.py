@@ -11,6 +11,7 @@ import numpy as np
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.hydro.arrays import Array, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
+from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.actuators.fins import Fins
 from auvid.hydro.dynamics.actuators.propeller import Propeller
 from auvid.hydro.dynamics.actuators.thrusters import Thrusters
@@ -43,7 +44,8 @@ class Vehicle:
     (rate of change of body velocity). `assumed` names every assumed number that shapes
     the motion. `published` and `as_simulated` are coefficients by name, those of the
     source and those that its own simulations need in their place. `spreads`:
-    standard deviations of assumed figures in SI, by their key. `document` is what all
+    standard deviations of assumed figures in SI, by their key. `thrusters` have a thrust
+    in newtons; those without one are in `commands`. `document` is what all
     this was read from, for what is printed of it.
     """
 
@@ -73,6 +75,7 @@ class Vehicle:
     as_simulated: Mapping[str, Coefficient] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     spreads: Mapping[str, float] = field(default_factory=dict)
+    commands: FullCommands = field(default_factory=FullCommands)
 
     @property
     def weight(self) -> float:
