@@ -1,0 +1,154 @@
+"""Velocity from poses: against truth, filterpy's smoother, and named faults."""
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.pose.track import (
+    LARGEST_RATE,
+    PoseTrack,
+    pose_track,
+    smooth_columns,
+)
+from tests.support.pose_runs import PoseRun, pose_run, tracked
+
+ARM = (0.2, -0.1, -0.3)
+MOCAP_S = np.arange(0.0, 60.0, 0.01)
+VISUAL_S = np.arange(0.0, 120.0, 1.0 / 15.0)
+
+
+def rmse(values: Array) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def errors(run: PoseRun, track: PoseTrack) -> tuple[Array, Array]:
+    """Return errors of velocity and rate (m, 3)."""
+    at = np.searchsorted(run.t_s, track.t_s)
+    return track.velocity - run.velocity[at], track.rate - run.rate[at]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_motion_capture_off_the_origin(seed: int) -> None:
+    # 100 Hz, 1 mm, 2 mrad: half a centimetre per second, over twenty times better than
+    # differences of neighbouring samples (1.4 mm / 10 ms).
+    run = pose_run(MOCAP_S, seed)
+    track = pose_track(
+        run.t_s, *tracked(run, seed, noise_m=1e-3, noise_rad=2e-3, arm_m=ARM), arm_m=ARM
+    )
+    velocity, rate = errors(run, track)
+    assert rmse(velocity) < 6e-3
+    assert rmse(rate) < 12e-3
+    assert np.mean(np.abs(velocity) < 1.96 * track.velocity_sd) > 0.93
+    assert np.mean(np.abs(rate) < 1.96 * track.rate_sd) > 0.93
+    np.testing.assert_allclose(track.noise_m, 1e-3, rtol=0.1)
+    assert track.noise_rad == pytest.approx(2e-3, rel=0.1)
+    assert track.faults == ()
+    assert len(track.pieces) == 1
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_visual_tracking_with_gaps_and_outliers(seed: int) -> None:
+    # 15 Hz, 1 cm, 5 % outliers: 15 cm/s by differences.
+    run = pose_run(VISUAL_S, seed)
+    position, attitude = tracked(run, seed, noise_m=1e-2, noise_rad=1e-2, outliers=0.05)
+    gap = (run.t_s > 40.0) & (run.t_s < 42.5)
+    track = pose_track(run.t_s[~gap], position[~gap], attitude[~gap])
+    velocity, rate = errors(run, track)
+    assert rmse(velocity) < 0.04
+    assert rmse(rate) < 0.05
+    assert np.mean(np.abs(velocity) < 1.96 * track.velocity_sd) > 0.93
+    off = np.linalg.norm(position - run.position, axis=1) > 0.1
+    inside = np.isin(run.t_s, track.t_s)
+    assert np.isin(run.t_s[off & inside], track.outliers_s).all()
+    assert np.count_nonzero(off) - 3 < track.outliers_s.size < np.count_nonzero(off) + 10
+    (fault,) = track.faults
+    assert fault.kind == "gap"
+    assert fault.start_s <= 40.0
+    assert fault.end_s >= 42.5
+    assert fault.end_s - fault.start_s < 3.0
+
+
+def test_smoother_is_that_of_filterpy() -> None:
+    run = pose_run(np.sort(np.random.default_rng(4).uniform(0.0, 20.0, 200)), 4)
+    position, _ = tracked(run, 4, noise_m=5e-3, noise_rad=0.0)
+    t, y = run.t_s, position[:, :1]
+    rate = LARGEST_RATE["position"]
+    mine = smooth_columns(t, y, rate=np.array([rate]), max_gap_s=5.0)
+    assert mine.accepted.all()
+    assert mine.begins.sum() == 1
+    variance, q = float(mine.noise[0]) ** 2, float(mine.density[0])
+    dt = np.diff(t, prepend=t[0])
+    F = [np.array([[1.0, h, h * h / 2.0], [0.0, 1.0, h], [0.0, 0.0, 1.0]]) for h in dt]
+    Q = [
+        q
+        * np.array(
+            [
+                [h**5 / 20.0, h**4 / 8.0, h**3 / 6.0],
+                [h**4 / 8.0, h**3 / 3.0, h**2 / 2.0],
+                [h**3 / 6.0, h**2 / 2.0, h],
+            ]
+        )
+        for h in dt
+    ]
+    kalman = KalmanFilter(dim_x=3, dim_z=1)
+    kalman.x = np.array([[y[0, 0]], [0.0], [0.0]])
+    kalman.P = np.diag([100.0 * variance, rate**2, rate**2])
+    kalman.H, kalman.R = np.array([[1.0, 0.0, 0.0]]), np.array([[variance]])
+    means, covariances, _, _ = kalman.batch_filter(list(y[:, :, None]), Fs=F, Qs=Q)
+    means, covariances, _, _ = kalman.rts_smoother(means, covariances, Fs=F, Qs=Q)
+    np.testing.assert_allclose(mine.x[:, 0], means[:, :, 0], rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(mine.P[:, 0], covariances, rtol=1e-5, atol=1e-12)
+
+
+def test_a_jump_is_cut_and_named() -> None:
+    run = pose_run(VISUAL_S, 3)
+    position, attitude = tracked(run, 3, noise_m=5e-3, noise_rad=5e-3)
+    position[run.t_s >= 70.0] += [0.3, 0.0, 0.4]
+    track = pose_track(run.t_s, position, attitude)
+    (fault,) = track.faults
+    assert fault.kind == "jump"
+    assert fault.start_s == pytest.approx(70.0, abs=0.2)
+    assert fault.moved_m == pytest.approx(0.5, abs=0.15)
+    assert rmse(errors(run, track)[0]) < 0.03
+
+
+def test_a_freeze_is_named_and_held_rows_are_no_samples() -> None:
+    run = pose_run(np.arange(0.0, 60.0, 0.01), 5)
+    position, attitude = tracked(run, 5, noise_m=2e-3, noise_rad=2e-3)
+    newest = np.arange(len(run.t_s)) // 5 * 5  # rows at 100 Hz of a tracker at 20 Hz
+    newest[(run.t_s > 20.0) & (run.t_s < 23.0)] = 2000
+    track = pose_track(run.t_s, position[newest], attitude[newest])
+    freezes = [item for item in track.faults if item.kind == "freeze"]
+    assert [item.kind for item in track.faults] == ["freeze"]
+    assert freezes[0].start_s == pytest.approx(20.0, abs=0.06)
+    assert freezes[0].end_s == pytest.approx(23.0, abs=0.06)
+    assert track.repeats > 4000
+    assert not np.any((track.t_s > 20.1) & (track.t_s < 22.9))
+    assert rmse(errors(run, track)[0]) < 0.02
+
+
+def test_yaw_averaged_across_its_wrap_is_left_out() -> None:
+    run = pose_run(VISUAL_S, 6)
+    position, _ = tracked(run, 6, noise_m=5e-3, noise_rad=0.0)
+    euler = run.attitude + np.random.default_rng(6).normal(0.0, 5e-3, run.attitude.shape)
+    euler[:, 2] = euler[:, 2] % (2.0 * np.pi) - np.pi
+    crossing = np.flatnonzero(np.abs(np.diff(euler[:, 2])) > np.pi)
+    euler[crossing, 2] = 0.5 * (euler[crossing, 2] + euler[crossing + 1, 2])
+    assert crossing.size > 2
+    track = pose_track(run.t_s, position, euler)
+    assert set(np.round(run.t_s[crossing], 6)) <= set(np.round(track.outliers_s, 6))
+    assert rmse(errors(run, track)[1]) < 0.05
+
+
+def test_nothing_to_track_is_refused() -> None:
+    t = np.arange(100) * 0.1
+    with pytest.raises(DataError, match="too few poses"):
+        pose_track(t, np.zeros((100, 3)), np.zeros((100, 3)))
+    rng = np.random.default_rng(0)
+    with pytest.raises(DataError, match="no stretch of poses hangs together"):
+        pose_track(t[:9], rng.normal(size=(9, 3)), rng.normal(size=(9, 4)))
+    with pytest.raises(DataError, match="increase strictly"):
+        pose_track(t[::-1], rng.normal(size=(100, 3)), rng.normal(size=(100, 3)))
