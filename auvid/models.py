@@ -14,7 +14,8 @@ from auvid.arguments import as_numbers, finite
 from auvid.data_schemas.errors import DataError, UsageError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.hydro import model_file
-from auvid.hydro.arrays import STATES, Array
+from auvid.hydro.arrays import AXES, STATES, Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
@@ -22,6 +23,7 @@ from auvid.hydro.dynamics.steady_motion import TIPPED_RAD
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.force_input import driven_by_force
 from auvid.hydro.model_file import ModelForces
+from auvid.hydro.partial_model import imposed, uncoupled
 from auvid.pipeline.store.model_files import read_model, write_model
 from auvid.stages.columns import POSE, VELOCITY
 
@@ -42,6 +44,10 @@ class VehicleModel:
         Whether its run advises to take it.
     use : str
         What it may be used for, in words.
+    axes : tuple of str
+        Axes that it has: all six, but for a partial model.
+    lacking : dict
+        Axis -> why a partial model does not have it.
     inertia : ndarray, shape (6, 6)
         M, rigid body and added mass, with the inertia that was fitted.
     coefficients : pandas.DataFrame
@@ -103,8 +109,21 @@ class VehicleModel:
         return self.file.use.sentence
 
     @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes that the model has, X to N."""
+        return model_file.axes_of(self.file)
+
+    @property
+    def lacking(self) -> dict[str, str]:
+        """Axis -> why the model does not have it; empty for a whole one."""
+        part = self.file.partial
+        if part is None:
+            return {}
+        return {axis: f"{item.verdict}: {item.words}" for axis, item in part.lacking.items()}
+
+    @property
     def inertia(self) -> Array:
-        """M (6, 6) [kg, kg m, kg m^2]."""
+        """M (6, 6) [kg, kg m, kg m^2], or in the unit of mass of a normalised model."""
         return model_file.inertia(self.file)
 
     @property
@@ -122,7 +141,8 @@ class VehicleModel:
         Columns axis, term, unit, value (nan where the run gives none), standard_error,
         low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
         figures of the vehicle), low_total and high_total (95 % by both together),
-        nan where either is not known, verdict, determined.
+        nan where either is not known, verdict, determined; of a partial model also
+        source, empty where the logs of the run are it.
         """
         nothing = [np.nan, np.nan]
         rows = [
@@ -146,6 +166,7 @@ class VehicleModel:
                 ),
                 "verdict": item.verdict,
                 "determined": item.determined,
+                **({} if self.file.partial is None else {"source": item.source or ""}),
             }
             for item in self.file.coefficients
         ]
@@ -199,13 +220,16 @@ class VehicleModel:
         fins: ArrayLike | None = None,
         propeller_rev_s: ArrayLike | None = None,
         voltage: ArrayLike | None = None,
+        commands: Mapping[str | int, ArrayLike] | None = None,
         nu: ArrayLike = (0.0,) * 6,
         eta: ArrayLike = (0.0,) * 6,
     ) -> pd.DataFrame:
         """Simulate the vehicle with this model.
 
         Runge-Kutta of fourth order with the steps of `time`, in which the actuators
-        change linearly. The lag of the actuators that was fitted is in it.
+        change linearly. The lag of the actuators that was fitted is in it. A partial
+        model moves along the axes that it has; the velocities of the others, and the
+        angles of other rotations, stay what they are at the start.
 
         Parameters
         ----------
@@ -221,6 +245,9 @@ class VehicleModel:
             Propeller speed [1/s]; beside `tau` it gives the propulsion ratio alone.
         voltage : array_like, shape (n,) or scalar, optional
             Battery voltage [V]; by default that of the thrust curve.
+        commands : mapping of array_like, shape (n,) or scalar, optional
+            Axis (``"Z"``) or output channel -> share of a full command, -1 to 1, for a
+            model with gains (``file.partial.gains``).
         nu, eta : array_like, shape (6,)
             Velocity and pose at the start.
 
@@ -228,7 +255,8 @@ class VehicleModel:
         -------
         pandas.DataFrame
             t_s, velocities and pose; nan from where the model leaves all bounds on.
-            ``attrs["warnings"]`` names velocities beyond the range of the training legs.
+            ``attrs["warnings"]`` names velocities beyond the range of the training legs;
+            ``attrs["held"]`` the states that a partial model does not simulate.
 
         Raises
         ------
@@ -239,16 +267,22 @@ class VehicleModel:
         """
         t_s = _clock(time)
         count, vehicle = len(t_s), self.vehicle
+        if commands is not None:
+            if tau is not None:
+                raise UsageError(
+                    "give the force of the actuators or their commands", value=["tau", "commands"]
+                )
+            tau = _force_of(self.file, commands, count)
         screw, level = vehicle.propeller, None
         thrusters = 0 if vehicle.thrusters is None else len(vehicle.thrusters.outputs)
-        commands = {"pulses": pulses, "fins": fins, "voltage": voltage}
+        others = {"pulses": pulses, "fins": fins, "voltage": voltage}
         if tau is None and vehicle.thrusters is not None:
-            del commands["pulses"], commands["voltage"]
+            del others["pulses"], others["voltage"]
         if tau is None and vehicle.fins is not None:
-            del commands["fins"]
+            del others["fins"]
         if screw is None:
-            commands["propeller_rev_s"] = propeller_rev_s
-        idle = [name for name, values in commands.items() if values is not None]
+            others["propeller_rev_s"] = propeller_rev_s
+        idle = [name for name, values in others.items() if values is not None]
         if idle and tau is not None:
             raise UsageError(
                 "give the force of the actuators or their commands", value=["tau", *idle]
@@ -279,20 +313,28 @@ class VehicleModel:
         state = np.zeros((count, 12))
         state[:, :6], state[:, 6:] = _start(nu, "nu"), _start(eta, "eta")
         viscous, constant = model_file.viscous_model(self.file)
+        motion, held = MeasuredMotion(t_s, state, control, level), None
+        if self.file.partial is not None:
+            axes = model_file.axes_of(self.file)
+            held, late = imposed(axes), _late(self.file, motion.inputs(vehicle)[:, 6:], motion)
+            vehicle = uncoupled(driven_by_force(vehicle), axes)
+            motion = MeasuredMotion(t_s, state, Control(thruster_force_N=late), level)
         states, _ = fly_freely(
             vehicle,
             [viscous],
             constant[None],
-            MeasuredMotion(t_s, state, control, level),
+            motion,
             first=np.zeros(1, dtype=np.intp),
             steps=np.arange(count, dtype=np.intp),
             lags_s=np.array([self.file.dynamics.actuator_lag_s]),
             minimum_speed=_minimum_speed(self.file),
+            imposed=held,
         )
         frame = pd.DataFrame(states[0, 0], columns=list(STATE_COLUMNS))
         frame.insert(0, "t_s", t_s)
         frame.attrs["units"] = {"t_s": "s", **dict(zip(STATE_COLUMNS, UNITS, strict=True))}
         frame.attrs["warnings"] = _beyond(self.file, states[0, 0])
+        frame.attrs["held"] = [] if held is None else list(np.array(STATE_COLUMNS)[held])
         return frame
 
     def export(
@@ -346,6 +388,37 @@ def _refuse_missing(commands: Mapping[str, tuple[object, object]]) -> None:
             remedy=f"Give {', '.join([*missing, 'or '] if missing else [])}tau (n, 6) or (6,),"
             " the force of all actuators; zeros let it drift.",
         )
+
+
+def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: int) -> Array:
+    """Return the force (n, 6) of shares of full commands, in the unit of force of the file."""
+    gains = [] if file.partial is None else file.partial.gains
+    keys = {gain.axis if gain.output is None else gain.output for gain in gains}
+    unknown = [key for key in commands if key not in keys]
+    if unknown:
+        raise UsageError(
+            "the model has no gain for a command",
+            field="commands",
+            value=unknown,
+            allowed=sorted(map(str, keys)) or "none: this model takes tau, or pulses",
+        )
+    force = np.zeros((count, 6))
+    for gain in gains:
+        command = commands.get(gain.axis if gain.output is None else gain.output)
+        values = _series(command, count, 0, "commands")
+        if values is not None:
+            force[:, AXES.index(gain.axis)] += gain.value * values
+    return force
+
+
+def _late(file: ModelFile, force: Array, motion: MeasuredMotion) -> Array:
+    """Return the force (n, 6) of a partial model, each axis with its own lag."""
+    assert file.partial is not None
+    late = np.zeros(force.shape)
+    for axis, source in file.partial.axes.items():
+        place = AXES.index(axis)
+        late[:, place] = first_order_lag(force[:, place], lag_s=source.lag_s, step_s=motion.step_s)
+    return late
 
 
 def open_model(name: str | PathLike[str]) -> VehicleModel:
@@ -441,12 +514,12 @@ def _beyond(file: ModelFile, states: Array) -> list[str]:
                 f"{name} reaches {np.degrees(reach_rad):.0f} degrees: the vehicle tips over, and"
                 " what follows means nothing; no leg flew so"
             )
-    for i, (name, flown) in enumerate(file.validity.items()):
+    for name, flown in file.validity.items():
         reach = states[:, STATES.index(name)]
         low, high = np.nanmin(reach), np.nanmax(reach)
         if low < flown.low or high > flown.high:
             words.append(
                 f"{name} reaches {low:.3g} to {high:.3g}, the training legs"
-                f" {flown.low:.3g} to {flown.high:.3g} {'m/s' if i < 3 else 'rad/s'}"
+                f" {flown.low:.3g} to {flown.high:.3g} {'m/s' if name in 'uvw' else 'rad/s'}"
             )
     return words

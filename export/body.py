@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,13 @@ from auvid.data_schemas.records.model_file import (
     ThrustCurveFigures,
     ThrusterFigures,
 )
+from auvid.data_schemas.records.partial import CommandGain
 from auvid.export.text import one_line
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.viscous.basis import PROPULSION, cross_flow_speed, signed_speed
+from auvid.hydro.model_file import axes_of, unit_of_mass
+from auvid.hydro.partial_model import block_inverse
 
 TO_FLU = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
 """Components of nu and tau, forward-starboard-down to forward-port-up and back."""
@@ -65,7 +68,8 @@ class Body:
     """A vehicle with its viscous terms; body axes FRD, all about the body origin, SI.
 
     inertia (3, 3) about the origin; added_mass (6, 6) is M_A <= 0, mass (6, 6) is M_RB -
-    M_A.
+    M_A. Of a partial model: `axes` that it has, the axis whose apparent inertia is the
+    `unit_of_mass` (None for kg), lags of its axes, gains of full commands.
     """
 
     title: str
@@ -86,6 +90,10 @@ class Body:
     propeller: PropellerFigures | None
     lag_s: float
     terms: tuple[Term, ...]
+    axes: tuple[str, ...] = AXES
+    unit_of_mass: str | None = None
+    lags_s: Mapping[str, float] = field(default_factory=dict)
+    gains: tuple[CommandGain, ...] = ()
 
     @cached_property
     def inertia_about_G(self) -> Array:
@@ -95,8 +103,8 @@ class Body:
 
     @cached_property
     def mass_inverse(self) -> Array:
-        """M^-1 (6, 6)."""
-        return np.asarray(np.linalg.inv(self.mass), dtype=np.float64)
+        """M^-1 (6, 6), 0 across axes that a partial model lacks: these are held."""
+        return block_inverse(self.mass, self.axes)
 
     @property
     def volume(self) -> float:
@@ -215,6 +223,7 @@ def full_title(model: ModelFile) -> str:
 def body_of(model: ModelFile) -> Body:
     """Return what a model file says of the motion, with every term that is not 0."""
     figures: DynamicsFigures = model.dynamics
+    part = model.partial
     return Body(
         title=one_line(full_title(model)),
         mass_kg=figures.mass_kg,
@@ -238,6 +247,10 @@ def body_of(model: ModelFile) -> Body:
             for item in model.coefficients
             if item.predictor
         ),
+        axes=axes_of(model),
+        unit_of_mass=unit_of_mass(model),
+        lags_s={} if part is None else {axis: item.lag_s for axis, item in part.axes.items()},
+        gains=() if part is None else tuple(part.gains),
     )
 
 

@@ -43,7 +43,8 @@ class Exported:
 class Target:
     """A simulator that models are exported to.
 
-    source: public files that its formula stands in.
+    source: public files that its formula stands in. lacking_axes: whether it takes a model
+    that lacks axes; any_unit_of_mass: one that has no newtons.
     """
 
     name: str
@@ -51,3 +52,5 @@ class Target:
     holds: str
     source: str
     export: Callable[[Request], Exported]
+    lacking_axes: bool = False
+    any_unit_of_mass: bool = False

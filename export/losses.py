@@ -92,9 +92,11 @@ def sample_envelope(validity: Mapping[str, VelocityRange]) -> tuple[Array, Array
 
 def flown_ranges(validity: Mapping[str, VelocityRange]) -> dict[str, tuple[float, float]]:
     """Return the ends of each range, `ASSUMED_REACH` where there is none."""
-    if not validity:
-        return dict.fromkeys(VELOCITIES, (-ASSUMED_REACH, ASSUMED_REACH))
-    return {name: (validity[name].low, validity[name].high) for name in VELOCITIES}
+    assumed = (-ASSUMED_REACH, ASSUMED_REACH)
+    return {
+        name: (validity[name].low, validity[name].high) if name in validity else assumed
+        for name in VELOCITIES
+    }
 
 
 def range_words(validity: Mapping[str, VelocityRange]) -> str:

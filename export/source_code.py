@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from auvid.export.body import Body, Term
 from auvid.export.text import number, numbers, product, python_rows, python_tuple
 from auvid.hydro.arrays import AXES, Array
@@ -212,6 +214,49 @@ def propulsion_excess(nu, rev_s):
     speed = math.sqrt(sum(float(value) ** 2 for value in nu[:3]))
     return level / max(speed, MINIMUM_SPEED) - 1.0
 '''
+
+
+_PARTIAL = '''\
+
+
+AXES = {axes}
+"""Axes that the model has; MASS_INVERSE holds the velocities of the others."""
+LAGS = {lags}
+"""Axis -> first-order lag between command and force [s]; the caller applies it."""
+GAINS = (
+{gains})
+"""Axis, output channel (None for the axis as a whole), force of a full command."""
+
+
+def command_force(commands):
+    """Return tau of shares of full commands (-1 to 1), by axis or output channel."""
+    tau = [0.0] * 6
+    for axis, output, gain in GAINS:
+        command = commands.get(axis if output is None else output, 0.0)
+        tau["XYZKMN".index(axis)] += gain * float(command)
+    return tau
+'''
+_NEWTONS = re.compile(r"\[(?:N|kg)\b[^]]*\]")
+
+
+def without_newtons(text: str, body: Body) -> str:
+    """Return text with shares in place of kg and N, of a body that has no kg."""
+    if body.unit_of_mass is None:
+        return text
+    return _NEWTONS.sub("[shares]", text).replace("MASS_KG", "MASS_SHARE")
+
+
+def partial_text(body: Body) -> str:
+    """Return the axes, lags and gains of a partial model; empty for a whole one."""
+    if not body.lags_s:
+        return ""
+    return _PARTIAL.format(
+        axes=repr(body.axes),
+        lags=repr(dict(body.lags_s)),
+        gains="".join(
+            f"    ({item.axis!r}, {item.output!r}, {number(item.value)}),\n" for item in body.gains
+        ),
+    )
 
 
 def constants(body: Body) -> str:

@@ -9,12 +9,15 @@ from pathlib import Path
 from auvid.data_schemas.errors import DataError, PipelineError, UsageError, nearest
 from auvid.data_schemas.records.model_file import AS_PUBLISHED, ModelFile
 from auvid.data_schemas.records.models import UsableFor
+from auvid.data_schemas.records.partial import PartialFigures
 from auvid.export.body import body_of
 from auvid.export.exported import Request, Target
 from auvid.export.losses import LARGEST_SHARE, ExportLosses, measure
 from auvid.export.readme import readme
 from auvid.export.targets import TARGETS, load_target
 from auvid.export.text import identifier, one_line, sanitised
+from auvid.hydro.arrays import AXES
+from auvid.hydro.published_model import MOTIONS
 
 
 @dataclass(frozen=True)
@@ -59,12 +62,14 @@ def prepare(
     """Return the files of a target as text, with the losses.
 
     name: of files and of functions or classes in them; default VEHICLE_MODEL. Raises
-    `UsageError` for an unknown target and a name that is no identifier; `DataError` for
+    `UsageError` for an unknown target and a name that is no identifier; `DataError` where
+    the target needs axes or newtons that a partial model lacks, for
     a model that is usable for nothing, unless `force`, and where the target loses more
     than `LARGEST_SHARE` of the viscous force on an axis that the model is usable for,
     unless `lossy`.
     """
     to = check_target(target)
+    _refuse_partial(model, to)
     own = dict.fromkeys((model.vehicle.name, model.name))  # of a published set they are one
     named = identifier(name) if name else sanitised("_".join(own))
     if draws < 1:
@@ -140,6 +145,7 @@ def check_target(name: str) -> Target:
     return load_target(name)
 
 
+MOTION_WORDS = dict(zip(AXES, MOTIONS, strict=True))
 SIMULATORS = {
     **dict.fromkeys(
         ("simulink", "matlab", "octave"), "MATLAB, Simulink and Octave take the target mss."
@@ -155,6 +161,37 @@ SIMULATORS = {
     **dict.fromkeys(("numpy", "py"), "Python without a simulator takes the target python."),
 }
 """What users write for a target -> which one that is."""
+
+
+def _refuse_partial(model: ModelFile, to: Target) -> None:
+    """Raise `DataError` where a target needs axes or newtons that a model lacks."""
+    part = model.partial
+    if part is None:
+        return
+    holding = [name for name in TARGETS if load_target(name).lacking_axes]
+    if part.lacking and not to.lacking_axes:
+        lacking = [f"{MOTION_WORDS[a]} ({item.verdict})" for a, item in part.lacking.items()]
+        raise DataError(
+            f"{to.title} needs six axes, and this model lacks {', '.join(lacking)}",
+            field="target",
+            value=to.name,
+            allowed=holding,
+            remedy="Fill the axes in campaign.yaml from a published set or a bench, as"
+            f" `fill: {{{MOTION_WORDS[next(iter(part.lacking))]}: bluerov2_wu_2018}}`, and run"
+            " again; or measure them: "
+            + " ".join(dict.fromkeys(item.remedy for item in part.lacking.values())),
+        )
+    if part.unit_of_mass is not None and not to.any_unit_of_mass:
+        raise DataError(
+            f"{to.title} needs newtons, and this model has none: its unit of mass is the"
+            f" apparent inertia of {MOTION_WORDS[part.unit_of_mass]}",
+            field="target",
+            value=to.name,
+            allowed=[name for name in TARGETS if load_target(name).any_unit_of_mass],
+            remedy="Measure one bollard pull and write it into the vehicle file, as `actuators:"
+            " {commands: {full_force: {surge: {value: 60, unit: N, source: a scale}}}}`, or name"
+            " its measured mass with `scale: mass` of stage fit_axes, and run again.",
+        )
 
 
 def _usable_for_nothing(use: UsableFor | None) -> bool:
@@ -174,6 +211,8 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
     lines = [first, f"Use: {model.use.sentence}."]
     if useless:
         lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)
+    if model.partial is not None:
+        lines += _partial_lines(model.partial)
     if model.use.axes is None:
         lines.append("No validation leg judges this model: no axis has a verdict.")
     motion = None if model.validation is None else model.validation.motion
@@ -190,6 +229,29 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
         )
         lines.append(f"Valid within the flown range (m/s, rad/s): {flown}.")
     return tuple(map(one_line, lines))
+
+
+def _partial_lines(part: PartialFigures) -> list[str]:
+    """Return what a file of a partial model says of its axes and units."""
+    lines = [
+        f"It lacks {MOTION_WORDS[axis]}, {item.verdict}: {item.words}."
+        for axis, item in part.lacking.items()
+    ]
+    if part.lacking:
+        lines.append("Velocities of lacking axes are held: their acceleration is 0 here.")
+    lines += [
+        f"{MOTION_WORDS[axis].capitalize()} was not fitted to this log, it is from the"
+        f" {item.source}: {item.name}."
+        for axis, item in part.axes.items()
+        if item.source != "fitted"
+    ]
+    if part.unit_of_mass is not None:
+        lines.append(
+            "NO NEWTONS, NO KILOGRAMS: every mass, inertia and force is a share of the apparent"
+            f" inertia of {MOTION_WORDS[part.unit_of_mass]}; ratios of inertia are those of the"
+            " vehicle file."
+        )
+    return lines
 
 
 def _shares(losses: ExportLosses) -> str:

@@ -32,11 +32,15 @@ from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import added_mass_change, added_mass_unknown
 from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.partial_model import figures_in_unit, in_unit_of_mass
 
 
 @dataclass(frozen=True)
 class ModelForces:
-    """M nu_dot + coriolis = viscous + restoring + tau, each (n, 6) [N, N m]."""
+    """M nu_dot + coriolis = viscous + restoring + tau, each (n, 6) [N, N m].
+
+    In the unit of force of the file where its model is normalised; nan on axes that it lacks.
+    """
 
     coriolis: Array
     viscous: Array
@@ -72,17 +76,29 @@ def forces(
         )
         ratio = eta_ratio(level, nu, screw.minimum_speed_m_s)
     viscous = np.broadcast_to(constant, nu.shape)
-    return ModelForces(
-        coriolis_force(dynamics.mass, nu),
-        viscous + identified.force(nu, ratio) if identified.terms else viscous,
-        restoring_force(
-            eta,
-            weight=dynamics.weight_N,
-            buoyancy=dynamics.buoyancy_N,
-            r_G=dynamics.centre_of_gravity_m,
-            r_B=dynamics.centre_of_buoyancy_m,
-        ),
+    restoring = restoring_force(
+        eta,
+        weight=dynamics.weight_N,
+        buoyancy=dynamics.buoyancy_N,
+        r_G=dynamics.centre_of_gravity_m,
+        r_B=dynamics.centre_of_buoyancy_m,
     )
+    gap = np.array([0.0 if axis in axes_of(model) else np.nan for axis in AXES])
+    return ModelForces(
+        coriolis_force(dynamics.mass, nu) + gap,
+        (viscous + identified.force(nu, ratio) if identified.terms else viscous) + gap,
+        restoring + gap,
+    )
+
+
+def axes_of(model: ModelFile) -> tuple[str, ...]:
+    """Return the axes that a model has, X to N."""
+    return AXES if model.partial is None else tuple(a for a in AXES if a in model.partial.axes)
+
+
+def unit_of_mass(model: ModelFile) -> str | None:
+    """Return the axis whose apparent inertia is the unit of mass; None for kg."""
+    return None if model.partial is None else model.partial.unit_of_mass
 
 
 def viscous_model(model: ModelFile) -> tuple[IdentifiedModel, Array]:
@@ -105,7 +121,8 @@ def fitted_change(cards: Sequence[InertiaCard]) -> Array:
 def vehicle_of(model: ModelFile) -> Vehicle:
     """Return the vehicle of a model file, with the inertia that was fitted.
 
-    Raises `DataError` where `dynamics` is not what follows from it.
+    In the unit of mass of the file. Raises `DataError` where `dynamics` is not what
+    follows from it.
     """
     vehicle = vehicle_from_document(model.vehicle)
     change, screw = fitted_change(model.fitted_inertia), model.dynamics.propeller
@@ -115,6 +132,8 @@ def vehicle_of(model: ModelFile) -> Vehicle:
         lag_s=model.dynamics.actuator_lag_s,
         minimum_speed_m_s=0.0 if screw is None else screw.minimum_speed_m_s,
     )
+    unit = unit_of_mass(model)
+    dynamics = dynamics if unit is None else figures_in_unit(dynamics, unit)
     filed = model.dynamics.model_dump()
     for name, value in dynamics.model_dump().items():
         if not _same(value, filed[name]):
@@ -123,7 +142,8 @@ def vehicle_of(model: ModelFile) -> Vehicle:
                 field=f"dynamics.{name}",
                 remedy="Change the vehicle file and run the campaign again.",
             )
-    return replace(vehicle, added_mass=vehicle.added_mass + change)
+    vehicle = replace(vehicle, added_mass=vehicle.added_mass + change)
+    return vehicle if unit is None else in_unit_of_mass(vehicle, unit)
 
 
 def frames(origin: str) -> FramesEntry:

@@ -23,7 +23,7 @@ from pydantic.fields import FieldInfo
 from auvid.data_schemas.documents import MODELS, model_of
 from auvid.data_schemas.documents.model import Model, Quantity, Range, Unit
 from auvid.data_schemas.documents.vehicle import VehicleDocument
-from auvid.data_schemas.records.model_file import FORMAT, ModelFile
+from auvid.data_schemas.records.model_file import FORMAT, PARTIAL_FORMAT, ModelFile
 from auvid.data_schemas.schemas import schema, schema_names, schema_text
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
@@ -211,8 +211,9 @@ MODEL_FILE_HEAD = f"""# The model file
 {WRITTEN.format("the docstrings of `data_schemas/records/model_file.py`")}
 
 A run writes each model as `runs/CAMPAIGN/model_file/model_file/MODEL.json`. The file
-stands alone: a simulator needs nothing else of auvid. This is format {FORMAT}; a file
-in another format is refused, and the message names the version that reads it.
+stands alone: a simulator needs nothing else of auvid. This is format {FORMAT},
+or {PARTIAL_FORMAT} where a model lacks axes or newtons ([axes](axes.md)); a file in another
+format is refused, and the message names the version that reads it.
 `auvid schema model_file` prints the JSON schema. In Python:
 
 ```python
@@ -226,7 +227,8 @@ nu_dot = (parts.viscous + parts.restoring + tau - parts.coriolis) @ inv(M).T
 ```
 
 Before you use a number, read `use`: a model may be usable for some axes, or for
-nothing. Before you quote a coefficient, read its `verdict`.
+nothing. Before you quote a coefficient, read its `verdict`. A file with `partial` lacks
+axes, which `forces` gives as nan, or counts mass in a unit of its own.
 """
 
 

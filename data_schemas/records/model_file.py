@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from auvid.data_schemas.documents.model import Model
+from auvid.data_schemas.documents.model import Faults, Model, fault
 from auvid.data_schemas.documents.vehicle import VehicleDocument
 from auvid.data_schemas.records.models import (
     AxisMerit,
@@ -20,15 +20,20 @@ from auvid.data_schemas.records.models import (
     VelocityRange,
     Verdict,
 )
+from auvid.data_schemas.records.partial import Axis, PartialFigures
 
 FORMAT: Final = 1
-"""Number of the layout below; it goes up when a reader of the old one would be wrong."""
+"""Number of the layout of a model of six axes in newtons; it goes up when a reader of the
+old one would be wrong.
+"""
+PARTIAL_FORMAT: Final = 2
+"""That of a model with `partial`, which a reader of format 1 would take for a whole one."""
+FORMATS: Final = (FORMAT, PARTIAL_FORMAT)
 AS_PUBLISHED: Final = "nothing: as published"
 """Method of a published set."""
 PUBLISHED: Final = "published"
 """Verdict of a coefficient that was read from its source and fitted to nothing."""
 
-Axis = Literal["X", "Y", "Z", "K", "M", "N"]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 Row = Annotated[list[float], Field(min_length=6, max_length=6)]
 Matrix = Annotated[list[Row], Field(min_length=6, max_length=6)]
@@ -138,7 +143,9 @@ class PropellerFigures(Model):
 class DynamicsFigures(Model):
     """Inertia, buoyancy and actuators in SI, all that the equation needs but damping.
 
-    It follows from `vehicle` and `fitted_inertia`.
+    It follows from `vehicle` and `fitted_inertia`. Where `partial.unit_of_mass` names an
+    axis, every kg below is that unit, so that N is m/s^2, and there are no actuators: what
+    drives the vehicle are `partial.gains`.
     """
 
     mass_kg: float
@@ -213,7 +220,8 @@ class CoefficientEntry(Model):
     """The number that the judged model computes with, whatever the verdict."""
     verdict: Verdict | Literal["published"]
     """What the data say; where they say too little, what the value rests on; published:
-    read from `source` of the file, and nothing was fitted.
+    read from `source` of the file, and nothing was fitted. What fills an axis that the
+    logs do not give is `from the shelf` or `from a bench`, with its `source`.
     """
     standard_error: float | None
     """Standard error by noise, for coloured residuals; null where there is none."""
@@ -236,6 +244,10 @@ class CoefficientEntry(Model):
     """Terms of the axis it cannot be told from."""
     turns_without: list[str]
     """Training legs without which its sign turns."""
+    source: str | None = None
+    """Where a coefficient that fills an axis comes from; absent for the logs of the run and
+    for a published set, whose `source` the file has.
+    """
 
 
 class LagEntry(Model):
@@ -321,11 +333,12 @@ class ModelFile(Model):
 
     Everything is in SI. Start at `frames.equation`: `dynamics` has inertia, buoyancy and
     actuators, `coefficients` the viscous force; `use` says what all this may be used for,
-    `validity` where.
+    `validity` where. A file with `partial` lacks axes, or has a unit of mass of its own:
+    read that first.
     """
 
-    format: Literal[1]
-    """Number of this layout."""
+    format: Literal[1, 2]
+    """Number of this layout: 2 with `partial`, 1 without."""
     kind: Literal["auvid model"]
     """What this file is."""
     auvid: str
@@ -374,3 +387,14 @@ class ModelFile(Model):
     """
     origin: OriginEntry
     """Hashes of logs and code, parameters, versions."""
+    partial: PartialFigures | None = None
+    """Axes that the model has and lacks, and its unit of mass; absent where it has six axes
+    in newtons.
+    """
+
+    @model_validator(mode="after")
+    def _format_of_a_part(self) -> ModelFile:
+        right = FORMAT if self.partial is None else PARTIAL_FORMAT
+        if self.format != right:
+            raise Faults(fault("a model file with `partial` has format 2", value=self.format))
+        return self

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from auvid.data_schemas.documents.model import Model
 from auvid.data_schemas.records.likelihood import LikelihoodFit
+from auvid.data_schemas.records.partial import PartialFigures
 
 Verdict = Literal[
     "identified",
@@ -17,6 +18,8 @@ Verdict = Literal[
     "not applicable",
     "at its bound",
     "from the prior",
+    "from a bench",
+    "from the shelf",
 ]
 
 
@@ -43,6 +46,8 @@ class TermCard(Model):
     """Assumed figure of the vehicle -> what one standard deviation of it moves the value
     by, in the unit of the value; no part of the standard error.
     """
+    source: str | None = None
+    """Where a coefficient comes from that fills an axis; absent for the logs of the run."""
 
 
 class CovarianceCard(Model):
@@ -223,10 +228,11 @@ class ModelCard(Model):
     but one of an inseparable group). Results are those of `axes`, with a verdict.
     """
     method: Literal[
-        "least squares", "within limits", "error function", "output error", "filter error"
+        "least squares", "within limits", "error function", "output error", "filter error", "axes"
     ] = "least squares"
     """Least squares alone, or with physical limits and the six axes as one problem, or
-    another error function, or maximum likelihood of the sensors themselves.
+    another error function, or maximum likelihood of the sensors themselves, or output
+    error over windows of the axes that a log measures.
     """
     error_function: Literal["squares", "absolute", "median", "huber"] = "squares"
     """What of the force error is least: sum of squares, sum of moduli, median of moduli,
@@ -258,6 +264,10 @@ class ModelCard(Model):
     """Priors from a bench or from other campaigns."""
     likelihood: LikelihoodFit | None = None
     """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
+    partial: PartialFigures | None = None
+    """Axes that the model has and lacks, and its unit of mass; absent where it has six in
+    newtons.
+    """
 
     @property
     def identified(self) -> int:

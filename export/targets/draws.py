@@ -118,4 +118,6 @@ DRAWS = Target(
     "coefficients and their covariance, not the vehicle",
     "none",
     export,
+    lacking_axes=True,
+    any_unit_of_mass=True,
 )

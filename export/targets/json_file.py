@@ -32,4 +32,12 @@ def export(request: Request) -> Exported:
     )
 
 
-JSON = Target("json", "the model file itself", "all", "none", export)
+JSON = Target(
+    "json",
+    "the model file itself",
+    "all",
+    "none",
+    export,
+    lacking_axes=True,
+    any_unit_of_mass=True,
+)

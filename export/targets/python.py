@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from auvid.export.exported import Exported, Request, Target
-from auvid.export.source_code import constants, functions
+from auvid.export.source_code import constants, functions, partial_text, without_newtons
 from auvid.export.text import docstring
 
 CONVENTION = (
@@ -34,7 +34,8 @@ def export(request: Request) -> Exported:
     """
     body = request.body
     head = "\n".join([f"Model {request.name}: {body.title}.", "", *request.head, "", CONVENTION])
-    text = f'"""{docstring(head)}\n"""\n\nimport math\n\n{constants(body)}\n\n{functions(body)}'
+    code = without_newtons(f"{constants(body)}\n\n{functions(body)}", body) + partial_text(body)
+    text = f'"""{docstring(head)}\n"""\n\nimport math\n\n{code}'
     more = []
     if body.curve is not None:
         more.append("`thrust` and `thruster_force` the force of thrusters")
@@ -42,6 +43,8 @@ def export(request: Request) -> Exported:
         more.append("`fin_force` that of fins")
     if body.propeller is not None:
         more.append("`propeller_force` that of the propeller")
+    if body.gains:
+        more.append("`command_force` the force of full commands")
     return Exported(
         {f"{request.name}.py": text},
         (),
@@ -53,6 +56,8 @@ def export(request: Request) -> Exported:
 
 def late_actuators(request: Request) -> tuple[str, ...]:
     """Return the note on a lag of the actuators, which is the caller's."""
+    if any(request.body.lags_s.values()):
+        return ("Each axis follows its command with a lag (LAGS); whoever integrates applies it.",)
     if not request.body.lag_s:
         return ()
     return (
@@ -67,4 +72,6 @@ PYTHON = Target(
     "all",
     "none: the equation of the model file",
     export,
+    lacking_axes=True,
+    any_unit_of_mass=True,
 )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.errors import SchemaError
-from auvid.data_schemas.records.model_file import FORMAT, ModelFile
+from auvid.data_schemas.records.model_file import FORMATS, ModelFile
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import readable, write_output
 
@@ -50,15 +50,15 @@ def read_model(path: Path) -> ModelFile:
             allowed="auvid model",
             remedy=REMEDY,
         )
-    if document.get("format") != FORMAT:
+    if document.get("format") not in FORMATS:
         number = document.get("format")
-        newer = isinstance(number, int) and number > FORMAT
+        newer = isinstance(number, int) and number > max(FORMATS)
         raise SchemaError(
             "a model file of another format",
             file=path,
             field="format",
             value=number,
-            allowed=FORMAT,
+            allowed=list(FORMATS),
             remedy=(
                 f"It was written by auvid {document.get('auvid')}: "
                 + ("install that version, or a newer one." if newer else "run its campaign again.")

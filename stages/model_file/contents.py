@@ -14,6 +14,7 @@ from auvid.data_schemas.documents.model import Quantity, Unit, in_schema_units
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import (
     FORMAT,
+    PARTIAL_FORMAT,
     CoefficientEntry,
     FreeRunEntry,
     LagEntry,
@@ -31,6 +32,7 @@ from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.model_file import dynamics_of, fitted_change, frames
+from auvid.hydro.partial_model import FROM_BENCH, FROM_SHELF, figures_in_unit
 from auvid.stages.base import Document
 from auvid.stages.model_use import recommendation, usable_for, use_words
 from auvid.stages.page.first_screen import ALL
@@ -41,6 +43,9 @@ RMS = {
     **{name: f"{name}_rms_rad" for name in ("phi", "theta", "psi")},
 }
 """Component of the state -> column of the table of free runs."""
+
+RESTS_ELSEWHERE = (AT_BOUND, FROM_PRIOR, FROM_SHELF, FROM_BENCH)
+"""Verdicts of values that the data of the run do not determine."""
 
 
 def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard) -> UseEntry:
@@ -74,8 +79,17 @@ def model_document(
     free_runs: its rows of the table of free runs; merit: None where nothing judges it.
     """
     lag = None if card.likelihood is None else card.likelihood.lag
+    part = card.partial
+    dynamics = dynamics_of(
+        vehicle,
+        fitted_change(card.inertia),
+        lag_s=0.0 if lag is None else lag.value_s,
+        minimum_speed_m_s=minimum_speed_m_s,
+    )
+    if part is not None and part.unit_of_mass is not None:
+        dynamics = figures_in_unit(dynamics, part.unit_of_mass)
     return ModelFile(
-        format=FORMAT,
+        format=FORMAT if part is None else PARTIAL_FORMAT,
         kind="auvid model",
         auvid=__version__,
         name=card.name,
@@ -84,12 +98,7 @@ def model_document(
         method=card.method,
         use=use,
         frames=frames(vehicle.document.origin),
-        dynamics=dynamics_of(
-            vehicle,
-            fitted_change(card.inertia),
-            lag_s=0.0 if lag is None else lag.value_s,
-            minimum_speed_m_s=minimum_speed_m_s,
-        ),
+        dynamics=dynamics,
         coefficients=[
             _coefficient(axis, item, card)
             for axis, part in card.axes.items()
@@ -121,6 +130,7 @@ def model_document(
             },
             packages=dict(provenance["packages"]),
         ),
+        **({} if part is None else {"partial": part}),
     )
 
 
@@ -174,7 +184,7 @@ def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry
             "term": item.term,
             "factors": list(BASIS_TERMS[item.term].factors) if item.term in BASIS_TERMS else [],
             "unit": item.unit,
-            "determined": value is not None and item.verdict not in (AT_BOUND, FROM_PRIOR),
+            "determined": value is not None and item.verdict not in RESTS_ELSEWHERE,
             "value": value,
             # A term that a refined model leaves out keeps its verdict and acts no more.
             "predictor": card.predictor.get(axis, {}).get(item.term, 0.0),
@@ -186,6 +196,7 @@ def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry
             "assumed_shifts": item.assumed_shifts,
             "inseparable_from": item.inseparable_from or [],
             "turns_without": item.turns_without or [],
+            **({} if item.source is None else {"source": item.source}),
         }
     )
 

@@ -246,7 +246,7 @@ def test_numbers_of_the_vehicle_are_in_si(run: ExampleRun) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"format": 2}, "a model file of another format; found 2; allowed: 1"),
+        ({"format": 3}, "a model file of another format; found 3; allowed: 1, 2"),
         ({"format": 0}, "run its campaign again"),
         ({"kind": "something"}, "not a model file"),
         ({"coefficients": [{"axis": "X"}]}, "field 'coefficients[0].verdict': missing key"),

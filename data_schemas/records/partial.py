@@ -1,0 +1,117 @@
+"""What is known of a model that has some axes only, or a unit of mass of its own."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from auvid.data_schemas.documents.model import Model
+
+Axis = Literal["X", "Y", "Z", "K", "M", "N"]
+FIGURES = (
+    "time constant",
+    "steady speed at full command",
+    "linear damping over inertia",
+    "quadratic damping over inertia",
+    "acceleration at full command",
+)
+"""What motion and commands determine of an axis without any newton."""
+
+
+class AxisSource(Model):
+    """Where an axis of a partial model comes from, and how well it predicts."""
+
+    source: Literal["fitted", "shelf", "bench"]
+    """The logs of this campaign, a published set, or a bench."""
+    name: str
+    """What was fitted to, or the set or file that the numbers are from, in words."""
+    held_out_percent: float | None
+    """Fit of its rate on windows that it was not fitted to, 100 (1 - |error| / |departure
+    from the mean|); null where nothing judges it.
+    """
+    lag_s: float
+    """Time constant of a first-order lag between command and force on this axis."""
+    lag_verdict: Literal["identified", "weak", "assumed"]
+    """Whether the data determine the lag."""
+
+
+class LackingAxis(Model):
+    """Why a partial model does not have an axis."""
+
+    verdict: Literal["not observable", "not excited", "not commanded"]
+    """Nothing measures it; it hardly moves; no actuator drives it."""
+    words: str
+    """The reason."""
+    remedy: str
+    """What would give the axis."""
+
+
+class MassFreeFigure(Model):
+    """A figure of an axis that needs neither newtons nor kilograms."""
+
+    axis: Axis
+    """The axis."""
+    quantity: Literal[
+        "time constant",
+        "steady speed at full command",
+        "linear damping over inertia",
+        "quadratic damping over inertia",
+        "acceleration at full command",
+    ]
+    """What it is; the speed of a rotation is its rate."""
+    value: float
+    """The figure."""
+    unit: str
+    """Its SI unit."""
+    interval_95: list[float] | None
+    """Ends of its 95 % interval; null where there is none."""
+    verdict: Literal["identified", "weak", "not excited", "inseparable", "at its bound"]
+    """What the data say; of several coefficients in it, of the worst."""
+
+
+class CommandGain(Model):
+    """What a full command gives: gain of an axis, or of one actuator on it."""
+
+    axis: Axis
+    """Component of the force."""
+    output: int | None
+    """Output channel; null for the command of the axis as a whole."""
+    value: float
+    """Force of a full command in the unit of force of the file."""
+    unit: str
+    """N or N m; of a normalised model m/s^2 or m^2/s^2."""
+    interval_95: list[float] | None
+    """Ends of its 95 % interval; null where there is none."""
+    verdict: Literal["identified", "weak", "not excited", "inseparable", "at its bound"]
+    """What the data say."""
+
+
+class ScaleSource(Model):
+    """What turned full commands into newtons."""
+
+    axis: Axis
+    """The axis that it was measured on."""
+    source: Literal["bollard pull", "mass"]
+    """A force that was measured, or a mass that is known."""
+    value: float
+    """The force at full command [N, N m], or the apparent inertia [kg, kg m^2]."""
+    relative_sd: float
+    """Its standard deviation as a share; every interval in newtons has it."""
+
+
+class PartialFigures(Model):
+    """Axes that a model has and lacks, and its unit of mass."""
+
+    unit_of_mass: Axis | None
+    """Null: kg. Else the apparent inertia of this axis is 1 and every mass, inertia, force
+    and coefficient of the file is a share of it; ratios of inertia are the vehicle file's.
+    """
+    axes: dict[Axis, AxisSource]
+    """Axes that it has."""
+    lacking: dict[Axis, LackingAxis]
+    """Axes that it does not have; a simulation holds their velocities."""
+    without_newtons: list[MassFreeFigure]
+    """What holds whatever the newtons are."""
+    gains: list[CommandGain]
+    """What full commands give; none where the actuators have a thrust curve."""
+    scale: ScaleSource | None = None
+    """What gave the newtons; absent where the thrust curve did, or nothing."""
