@@ -1,0 +1,1 @@
+"""What several dives of a vehicle agree on, and what changed between them."""

@@ -1,0 +1,166 @@
+"""Changes of a vehicle between its dives, watched for dive by dive.
+
+After each dive every earlier dive is tried as the first one of a new level. With the
+scatter between dives tau uncertain as in `scatter.py`, the odds of a change after dive c
+against none are
+
+    B_c = sum_tau weight N(D; 0, V + r^2 (tau^2 + s^2)) / N(D; 0, V),
+
+D the difference of the means after and before c given tau, V its variance, s the typical
+error and r the size of a change in scatters of one dive. The alarm is raised where the
+mean of B_c over c passes a limit that fleets without a change pass as rarely as stated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import logsumexp
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.pooling import Interval
+from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives, typical_error
+
+FEWEST_BEFORE = 3
+"""Dives before a change: two have no scatter to compare it with."""
+SIZE = 1.0
+"""r: the size of a change that is looked for, in scatters of one dive."""
+FALSE_ALARMS = 0.05
+"""Probability of an alarm in a fleet of ten dives without a change, all figures together."""
+LIMITS = {0.05: 0.99, 0.01: 1.45}
+"""False alarms in ten dives of one figure -> limit of the logarithm of the odds."""
+
+
+@dataclass(frozen=True)
+class ChangeAlarm:
+    """A figure that changed between two dives.
+
+    dive: index of the dive after which the alarm is raised. first_dive: index of the most
+    probable first dive of the new level. before, after: means of the two levels in the
+    figure's unit. change: after less before, with its 95 % interval; share: the same over
+    `before`. log_odds: natural logarithm of the odds, above `limit`.
+    """
+
+    figure: str
+    dive: int
+    first_dive: int
+    before: float
+    after: float
+    change: float
+    change_interval: Interval
+    share: float
+    log_odds: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class ChangeOdds:
+    """Odds (...) of a change; `by_dive` (..., k - 3): that it came with dive 3, 4, ...
+
+    All are natural logarithms, against no change.
+    """
+
+    log_odds: Array
+    by_dive: Array
+
+
+def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> ChangeOdds:
+    """Return the odds of a change in values (..., k) with standard errors (..., k).
+
+    k is 4 or more; the first three dives are one level.
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    scatter = between_dives(y, s)
+    difference, variance = _contrast(scatter, y, s)
+    wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
+    prior = variance + wide[..., None]
+    odds = 0.5 * (np.log(variance / prior) + difference**2 * (1.0 / variance - 1.0 / prior))
+    weight = np.log(np.maximum(scatter.weight, 1e-300))
+    by_dive = logsumexp(odds + weight[..., None], axis=-2)
+    return ChangeOdds(
+        np.asarray(logsumexp(by_dive, axis=-1) - np.log(by_dive.shape[-1])), np.asarray(by_dive)
+    )
+
+
+def change_alarms(
+    figures: Mapping[str, tuple[ArrayLike, ArrayLike]], *, false_alarms: float = FALSE_ALARMS
+) -> tuple[ChangeAlarm, ...]:
+    """Return the changes of figures over dives in order of time, earliest first.
+
+    `figures`: name -> (values (k,), standard errors (k,)), nan where a dive has none.
+    After an alarm the dives before the change no longer count. Probabilities of false
+    alarms are shared among the figures.
+    """
+    limit = alarm_limit(false_alarms / max(len(figures), 1))
+    alarms = []
+    for name, (values, errors) in figures.items():
+        y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+        dives = np.flatnonzero(np.isfinite(y) & np.isfinite(s))
+        start, end = 0, FEWEST_BEFORE + 1
+        while end <= len(dives):
+            level = dives[start:end]
+            odds = change_odds(y[level], s[level])
+            if odds.log_odds > limit:
+                first = FEWEST_BEFORE + int(np.argmax(odds.by_dive))
+                alarms.append(_alarm(name, y, s, level, first, float(odds.log_odds), limit))
+                start += first
+                end = max(end, start + FEWEST_BEFORE)
+            end += 1
+    return tuple(sorted(alarms, key=lambda alarm: (alarm.dive, alarm.figure)))
+
+
+def alarm_limit(false_alarms: float) -> float:
+    """Return the limit that one figure without a change passes as rarely as that.
+
+    In ten dives; linear in the logarithm of the probability, also beyond the table.
+    """
+    x, y = np.log(list(LIMITS)), list(LIMITS.values())
+    slope = (y[-1] - y[-2]) / (x[-1] - x[-2])
+    at = np.log(false_alarms)
+    if at < x[-1]:
+        return float(y[-1] + slope * (at - x[-1]))
+    return float(np.interp(at, x[::-1], y[::-1]))
+
+
+def _contrast(scatter: BetweenDives, y: Array, s: Array) -> tuple[Array, Array]:
+    """Return mean after less mean before (..., g, c) and its variance, by first dive."""
+    weight = 1.0 / (s[..., None, :] ** 2 + scatter.tau[..., None] ** 2)
+    total = np.cumsum(weight, axis=-1)
+    moment = np.cumsum(weight * y[..., None, :], axis=-1)
+    before, first = total[..., FEWEST_BEFORE - 1 : -1], moment[..., FEWEST_BEFORE - 1 : -1]
+    after, second = total[..., -1:] - before, moment[..., -1:] - first
+    return second / after - first / before, 1.0 / before + 1.0 / after
+
+
+def _alarm(
+    name: str, y: Array, s: Array, level: Array, first: int, odds: float, limit: float
+) -> ChangeAlarm:
+    """Return the alarm of a change at place `first` of the dives `level`."""
+    values, errors = y[level], s[level]
+    # The scatter without the change: each level about its own mean.
+    own = between_dives(values - np.where(np.arange(len(values)) < first, 0.0, np.nan_to_num(
+        np.average(values[first:], weights=1.0 / errors[first:] ** 2)
+        - np.average(values[:first], weights=1.0 / errors[:first] ** 2)
+    )), errors)  # fmt: skip
+    difference, variance = _contrast(own, values, errors)
+    at = first - FEWEST_BEFORE
+    mean = float(own.weight @ difference[:, at])
+    spread = own.weight @ (variance[:, at] + (difference[:, at] - mean) ** 2)
+    half = 1.96 * float(np.sqrt(spread))
+    weight = 1.0 / (errors**2 + float(own.tau_reml) ** 2)
+    before = float(np.average(values[:first], weights=weight[:first]))
+    return ChangeAlarm(
+        figure=name,
+        dive=int(level[-1]),
+        first_dive=int(level[first]),
+        before=before,
+        after=before + mean,
+        change=mean,
+        change_interval=(mean - half, mean + half),
+        share=mean / before,
+        log_odds=odds,
+        limit=limit,
+    )

@@ -1,0 +1,138 @@
+"""Dives that do not belong to the others, and what was different on them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtri
+
+from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, Interval
+from auvid.hydro.identification.fleet.scatter import between_dives
+
+LEVEL = 0.05
+"""Probability that a fleet without an outlying dive has one named, all its dives and all
+figures looked at together.
+"""
+BEYOND = 0.5
+"""A condition differs when it lies outside the range of the other dives by more than so
+much of that range.
+"""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A condition that one dive does not share with the others, in words."""
+
+    condition: str
+    words: str
+
+
+@dataclass(frozen=True)
+class OutlyingDive:
+    """A dive whose figure the others do not explain.
+
+    dive: its index. figure: name of the coefficient or force. expected: interval of what
+    the other dives expect it to show, with its own standard error, at `LEVEL` for one
+    dive. deviation: in standard normal deviations (studentised by the other dives alone).
+    p: two-sided, before the correction for many looks. differences: what was different.
+    """
+
+    dive: int
+    figure: str
+    value: float
+    standard_error: float
+    expected: Interval
+    deviation: float
+    p: float
+    differences: tuple[Difference, ...]
+
+
+def outlying_dives(
+    figures: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    conditions: Mapping[str, Sequence[float | str | None]] | None = None,
+    *,
+    level: float = LEVEL,
+) -> tuple[OutlyingDive, ...]:
+    """Return the dives that the others do not explain, most unlikely first.
+
+    `figures`: name -> (values (k,), standard errors (k,)), nan where a dive has none.
+    `conditions`: name -> a number or word per dive (k), None where unknown: battery
+    voltage, water density, depth, tether, temperature, firmware. A dive is left out, the
+    others give the distribution of what it should show; the smallest p of all dives and
+    figures is compared with level / (number of looks), the next with one look less
+    (Holm 1979). Fewer than four dives with a figure are not looked at.
+    """
+    looks = []
+    for name, (values, errors) in figures.items():
+        y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+        dives = np.flatnonzero(np.isfinite(y) & np.isfinite(s))
+        if len(dives) <= FEWEST_DIVES:
+            continue
+        for dive in dives:
+            others = dives[dives != dive]
+            scatter = between_dives(y[others], s[others])
+            # The tail that it lies in, without loss of digits in the upper one.
+            below = float(scatter.next_dive_share(y[dive], s[dive]))
+            mirrored = between_dives(-y[others], s[others])
+            above = float(mirrored.next_dive_share(-y[dive], s[dive]))
+            tail = min(below, above)
+            low, high = (
+                float(scatter.next_dive_quantile(share, s[dive]))
+                for share in (0.5 * level, 1.0 - 0.5 * level)
+            )
+            looks.append(
+                OutlyingDive(
+                    dive=int(dive),
+                    figure=name,
+                    value=float(y[dive]),
+                    standard_error=float(s[dive]),
+                    expected=(low, high),
+                    deviation=float(-ndtri(tail) if above < below else ndtri(tail)),
+                    p=2.0 * tail,
+                    differences=(),
+                )
+            )
+    outlying = []
+    for rank, look in enumerate(sorted(looks, key=lambda item: item.p)):
+        if look.p > level / (len(looks) - rank):
+            break
+        outlying.append(look)
+    return tuple(
+        OutlyingDive(**{**vars(item), "differences": differences(conditions or {}, item.dive)})
+        for item in outlying
+    )
+
+
+def differences(
+    conditions: Mapping[str, Sequence[float | str | None]], dive: int
+) -> tuple[Difference, ...]:
+    """Return the conditions that a dive does not share with the others.
+
+    A word differs when no other dive has it; a number when it lies outside the range of
+    the others by more than half of that range. Two other dives with the condition are the
+    fewest.
+
+    >>> differences({"battery_V": [15.9, 13.2, 15.7, 16.0]}, 1)[0].words
+    '13.2, the others 15.7 to 16'
+    >>> differences({"firmware": ["4.1", "4.5", "4.1"]}, 1)[0].words
+    '4.5, the others 4.1'
+    """
+    result = []
+    for name, row in conditions.items():
+        own = row[dive]
+        others = [x for i, x in enumerate(row) if i != dive and x is not None]
+        if own is None or len(others) < 2:
+            continue
+        if isinstance(own, str) or any(isinstance(x, str) for x in others):
+            if own not in others:
+                words = ", ".join(sorted({str(x) for x in others}))
+                result.append(Difference(name, f"{own}, the others {words}"))
+            continue
+        low, high = min(map(float, others)), max(map(float, others))
+        if max(low - own, own - high) > BEYOND * (high - low):
+            span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+            result.append(Difference(name, f"{own:.4g}, the others {span}"))
+    return tuple(result)

@@ -1,0 +1,129 @@
+"""What dives agree on in one figure, and where a further dive will lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import chi2
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.models import FactorRecord
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.scatter import between_dives, typical_error
+from auvid.hydro.identification.regression.least_squares import TriangularFactor
+
+FEWEST_DIVES = 3
+"""Two dives say nothing of a scatter between dives."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PooledFigure:
+    """One figure over dives, in its own unit; intervals hold at `level`.
+
+    dives: with a number. mean and its interval. tau: scatter between dives (REML) and its
+    interval. i2: share of the scatter of estimates that is between dives. q, q_p:
+    Cochran's Q and the probability of so large a Q without scatter. next_dive: interval
+    of what a further dive shows with the standard error `next_error` (0: of its true
+    figure). Intervals are None for two dives, and `refusal` says why; mean and tau are
+    then those of the estimates.
+    """
+
+    dives: int
+    level: float
+    mean: float
+    mean_interval: Interval | None
+    tau: float
+    tau_interval: Interval | None
+    i2: float
+    q: float
+    q_p: float
+    next_error: float
+    next_dive: Interval | None
+    refusal: str
+
+
+def pool(
+    values: ArrayLike, errors: ArrayLike, *, next_error: float = 0.0, level: float = 0.95
+) -> PooledFigure:
+    """Return what dives with values (k,) and standard errors (k,) agree on.
+
+    A dive without a number has nan and is left out. Raises `DataError` for fewer than
+    two dives with a number and for a standard error that is not positive.
+
+    >>> print(pool([10.0, 11.0, 9.0], [1.0, 1.0, 1.0]).mean)
+    10.0
+    >>> pool([10.0, 11.0], [1.0, 1.0]).refusal
+    '2 dives: no interval; the scatter between dives needs 3'
+    """
+    y, s = numbers_of(values, errors)
+    if len(y) < 2:
+        raise DataError("too few dives with a number", value=len(y), allowed="2 or more")
+    w = 1.0 / s**2
+    q = float(w @ (y - w @ y / w.sum()) ** 2)
+    scatter = between_dives(y, s)
+    tau = float(scatter.tau_reml)
+    own = 1.0 / (s**2 + tau**2)
+    tails = (0.5 * (1.0 - level), 0.5 * (1.0 + level))
+    enough = len(y) >= FEWEST_DIVES
+    low, high = (
+        [(float(scatter.mean_quantile(p)), float(scatter.tau_quantile(p)),
+          float(scatter.next_dive_quantile(p, next_error))) for p in tails]
+    )  # fmt: skip
+    return PooledFigure(
+        dives=len(y),
+        level=level,
+        mean=float(own @ y / own.sum()),
+        mean_interval=(low[0], high[0]) if enough else None,
+        tau=tau,
+        tau_interval=(low[1], high[1]) if enough else None,
+        i2=tau**2 / (tau**2 + float(typical_error(s)) ** 2),
+        q=q,
+        q_p=float(chi2.sf(q, len(y) - 1)),
+        next_error=next_error,
+        next_dive=(low[2], high[2]) if enough else None,
+        refusal=""
+        if enough
+        else f"{len(y)} dives: no interval; the scatter between dives needs {FEWEST_DIVES}",
+    )
+
+
+def numbers_of(values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
+    """Return values and standard errors of the dives that have both.
+
+    Raises `DataError` for a standard error that is not positive.
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    if y.ndim != 1 or y.shape != s.shape:
+        raise DataError("values and errors do not fit", value=(y.shape, s.shape), allowed="(k,)")
+    numbers = np.isfinite(y) & np.isfinite(s)
+    if (s[numbers] <= 0.0).any():
+        raise DataError(
+            "a standard error is not positive",
+            row=int(np.argmax(numbers & (s <= 0.0))),
+            value=float(s[numbers].min()),
+        )
+    return y[numbers], s[numbers]
+
+
+def merged_factor(records: Sequence[FactorRecord]) -> TriangularFactor:
+    """Return the triangular factor of the training data of all dives together.
+
+    R'R = sum R_i'R_i; every model, axis and term subset of the pooled data follows from
+    it as from the data. Raises `DataError` for no dive, `PipelineError` for other terms.
+    """
+    if not records:
+        raise DataError("no dive to merge", value=0, allowed="1 or more")
+    return reduce(TriangularFactor.merge, map(factor_of, records))
+
+
+def factor_of(record: FactorRecord) -> TriangularFactor:
+    """Return the triangular factor of a record, ready to solve and to merge."""
+    return TriangularFactor(
+        tuple(record.terms), np.asfortranarray(record.factor, dtype=np.float64), record.samples
+    )

@@ -1,0 +1,150 @@
+"""The scatter between dives as a distribution, and what follows from it.
+
+A figure of dive i is y_i = mu + tau e_i + s_i f_i: a mean, the scatter between dives and
+the error s_i of the fit, e_i and f_i standard normal. Three or four dives hardly
+determine tau, so it is not one number here but weights on a grid, by the likelihood of
+the contrasts (REML) and a prior 1/(s + tau), s the typical error. Functions take arrays
+(..., k) of fleets of k dives; the grid is the last axis but one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtr
+
+from auvid.hydro.arrays import Array
+
+GRID = 160
+"""Values of tau, in equal steps of its logarithm: 9 steps a decade at least."""
+LEAST_TAU, MOST_TAU = 1e-3, 3e3
+"""Ends of the grid: of the typical error, and of the scatter of the estimates."""
+HALVINGS = 60
+"""Of the interval in which a quantile lies."""
+
+
+@dataclass(frozen=True)
+class BetweenDives:
+    """Weights (..., g) on values of tau (..., g), and at each of them the mean.
+
+    `mean`, `mean_variance` (..., g): of mu given tau. `log_likelihood` (..., g): of the
+    contrasts (REML), without prior. `squares` (..., g): Q(tau), sum of squares of the
+    estimates about the mean over their variances.
+    """
+
+    tau: Array
+    weight: Array
+    mean: Array
+    mean_variance: Array
+    log_likelihood: Array
+    squares: Array
+
+    def mean_quantile(self, share: float) -> Array:
+        """Return the quantile (...) of the mean of all dives."""
+        return _quantile(share, self.weight, self.mean, np.sqrt(self.mean_variance))
+
+    def next_dive_quantile(self, share: float, error: ArrayLike = 0.0) -> Array:
+        """Return the quantile (...) of what a further dive shows with `error` (...).
+
+        Error 0: of its true figure.
+        """
+        return _quantile(share, self.weight, self.mean, self._next_dive_sd(error))
+
+    def next_dive_share(self, value: ArrayLike, error: ArrayLike = 0.0) -> Array:
+        """Return the probability (...) that a further dive shows less than `value`."""
+        return _mixture(
+            np.asarray(value, dtype=np.float64),
+            self.weight,
+            self.mean,
+            self._next_dive_sd(error),
+        )
+
+    def tau_quantile(self, share: float) -> Array:
+        """Return the quantile (...) of tau."""
+        below = np.cumsum(self.weight, axis=-1) - 0.5 * self.weight
+        at = np.clip(np.argmax(below >= share, axis=-1), 1, GRID - 1)[..., None]
+        at_low = np.take_along_axis(below, at - 1, axis=-1)
+        part = (share - at_low) / (np.take_along_axis(below, at, axis=-1) - at_low)
+        tau = np.take_along_axis(self.tau, at - 1, axis=-1) * (1.0 - part)
+        return np.asarray(tau + np.take_along_axis(self.tau, at, axis=-1) * part)[..., 0]
+
+    @property
+    def tau_reml(self) -> Array:
+        """Return the tau (...) of the largest restricted likelihood.
+
+        A parabola through the largest value on the grid and its neighbours.
+        """
+        at = np.argmax(self.log_likelihood, axis=-1)[..., None]
+        middle = np.clip(at, 1, GRID - 2)
+        left, top, right = (
+            np.take_along_axis(self.log_likelihood, middle + step, axis=-1) for step in (-1, 0, 1)
+        )
+        tau = np.take_along_axis(self.tau, middle, axis=-1)
+        step = np.log(tau / np.take_along_axis(self.tau, middle - 1, axis=-1))
+        curvature = np.minimum(left - 2.0 * top + right, -1e-300)
+        peak = tau * np.exp(0.5 * step * np.clip((left - right) / curvature, -2.0, 2.0))
+        return np.where(at == 0, 0.0, peak)[..., 0]
+
+    def _next_dive_sd(self, error: ArrayLike) -> Array:
+        own = np.asarray(error, dtype=np.float64)[..., None]
+        return np.asarray(np.sqrt(self.mean_variance + self.tau**2 + own**2))
+
+
+def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
+    """Return the scatter between dives of values (..., k) with standard errors (..., k).
+
+    With w_i = 1 / (s_i^2 + tau^2), mu = sum w y / sum w, Q = sum w (y - mu)^2:
+        2 log L = sum log w - log sum w - Q,   weight ~ L / (s + tau) d tau.
+    Where tau is far above all errors, the figure of a further dive then has Student's
+    distribution with k - 1 degrees of freedom, as it has to.
+
+    >>> sure = between_dives([1.0, 2.0, 3.0, 4.0, 5.0], np.full(5, 1e-6))
+    >>> bool(abs(sure.next_dive_quantile(0.975) - (3.0 + 2.776 * np.sqrt(2.5 * 1.2))) < 0.02)
+    True
+    """
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    typical = typical_error(s)
+    spread = np.maximum(typical, np.std(y, axis=-1, ddof=1))
+    low, high = np.log(LEAST_TAU * typical), np.log(MOST_TAU * spread)
+    tau = np.exp(low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, GRID))
+    weight = 1.0 / (s[..., None, :] ** 2 + tau[..., None] ** 2)
+    total = weight.sum(axis=-1)
+    mean = (weight * y[..., None, :]).sum(axis=-1) / total
+    squares = (weight * (y[..., None, :] - mean[..., None]) ** 2).sum(axis=-1)
+    likelihood = 0.5 * (np.log(weight).sum(axis=-1) - np.log(total) - squares)
+    # tau: equal steps of the logarithm.
+    posterior = likelihood + np.log(tau / (typical[..., None] + tau))
+    share = np.exp(posterior - posterior.max(axis=-1, keepdims=True))
+    share /= share.sum(axis=-1, keepdims=True)
+    return BetweenDives(tau, share, mean, 1.0 / total, likelihood, squares)
+
+
+def typical_error(errors: ArrayLike) -> Array:
+    """Return the typical standard error (...) of dives with errors (..., k).
+
+    s^2 = (k - 1) sum w / ((sum w)^2 - sum w^2), w = 1 / s_i^2: Higgins and Thompson
+    2002, equation (9).
+
+    >>> float(typical_error([2.0, 2.0, 2.0]))
+    2.0
+    """
+    w = 1.0 / np.asarray(errors, dtype=np.float64) ** 2
+    total = w.sum(axis=-1)
+    return np.asarray(np.sqrt((w.shape[-1] - 1) * total / (total**2 - (w**2).sum(axis=-1))))
+
+
+def _mixture(value: Array, weight: Array, mean: Array, sd: Array) -> Array:
+    """Return the distribution function (...) of normals with weights (..., g)."""
+    return np.asarray((weight * ndtr((value[..., None] - mean) / sd)).sum(axis=-1))
+
+
+def _quantile(share: float, weight: Array, mean: Array, sd: Array) -> Array:
+    """Return the quantile (...) of normals with weights (..., g), by halving."""
+    low, high = (mean - 40.0 * sd).min(axis=-1), (mean + 40.0 * sd).max(axis=-1)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        below = _mixture(middle, weight, mean, sd) < share
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.asarray(0.5 * (low + high))
