@@ -22,7 +22,7 @@ it would have, were the other one sure. Normal velocities about rest have -.92.
 
 
 @dataclass(frozen=True)
-class AxisDrag:
+class DragAtSpeed:
     """Drag of one axis at `speed` [m/s or rad/s], ahead and astern averaged [N or N m].
 
     force: positive where it brakes. trade: correlation of the linear and the quadratic
@@ -52,7 +52,7 @@ def drag_terms(axis: str) -> tuple[str, str]:
 
 def drag_at_speed(
     terms: Sequence[str], values: ArrayLike, covariance: ArrayLike, *, axis: str, speed: float
-) -> AxisDrag | None:
+) -> DragAtSpeed | None:
     """Return the drag of an axis at a speed from its terms (k,) and covariance (k, k).
 
     F(U) = -(a U + b U |U|), s^2 = g' C g, g = (U, U |U|). None where neither term is
@@ -73,7 +73,7 @@ def drag_at_speed(
     g = np.array([speed * (1.0 if terms[i] == damping[0] else abs(speed)) for i in at])
     sd: Array = np.sqrt(np.diag(part))
     trade = float(part[0, 1] / (sd[0] * sd[1])) if len(at) == 2 else float("nan")
-    return AxisDrag(speed, float(-g @ own), float(np.sqrt(g @ part @ g)), trade)
+    return DragAtSpeed(speed, float(-g @ own), float(np.sqrt(g @ part @ g)), trade)
 
 
 def common_speed(conditions: Sequence[Mapping[str, float]], axis: str) -> float:

@@ -23,7 +23,7 @@ much of that range.
 
 
 @dataclass(frozen=True)
-class Difference:
+class ConditionDifference:
     """A condition that one dive does not share with the others, in words."""
 
     condition: str
@@ -47,7 +47,7 @@ class OutlyingDive:
     expected: Interval
     deviation: float
     p: float
-    differences: tuple[Difference, ...]
+    differences: tuple[ConditionDifference, ...]
 
 
 def outlying_dives(
@@ -108,7 +108,7 @@ def outlying_dives(
 
 def differences(
     conditions: Mapping[str, Sequence[float | str | None]], dive: int
-) -> tuple[Difference, ...]:
+) -> tuple[ConditionDifference, ...]:
     """Return the conditions that a dive does not share with the others.
 
     A word differs when no other dive has it; a number when it lies outside the range of
@@ -129,10 +129,10 @@ def differences(
         if isinstance(own, str) or any(isinstance(x, str) for x in others):
             if own not in others:
                 words = ", ".join(sorted({str(x) for x in others}))
-                result.append(Difference(name, f"{own}, the others {words}"))
+                result.append(ConditionDifference(name, f"{own}, the others {words}"))
             continue
         low, high = min(map(float, others)), max(map(float, others))
         if max(low - own, own - high) > BEYOND * (high - low):
             span = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
-            result.append(Difference(name, f"{own:.4g}, the others {span}"))
+            result.append(ConditionDifference(name, f"{own:.4g}, the others {span}"))
     return tuple(result)

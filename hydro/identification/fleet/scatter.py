@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtr
+from scipy.special import logsumexp, ndtr
 
 from auvid.hydro.arrays import Array
 
@@ -29,17 +29,23 @@ HALVINGS = 60
 class BetweenDives:
     """Weights (..., g) on values of tau (..., g), and at each of them the mean.
 
+    `log_weight`: logarithms, since a change of level can make weights of 1e-400 count.
     `mean`, `mean_variance` (..., g): of mu given tau. `log_likelihood` (..., g): of the
     contrasts (REML), without prior. `squares` (..., g): Q(tau), sum of squares of the
     estimates about the mean over their variances.
     """
 
     tau: Array
-    weight: Array
+    log_weight: Array
     mean: Array
     mean_variance: Array
     log_likelihood: Array
     squares: Array
+
+    @property
+    def weight(self) -> Array:
+        """Return the weights (..., g) themselves."""
+        return np.exp(self.log_weight)
 
     def mean_quantile(self, share: float) -> Array:
         """Return the quantile (...) of the mean of all dives."""
@@ -116,9 +122,8 @@ def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
     likelihood = 0.5 * (np.log(weight).sum(axis=-1) - np.log(total) - squares)
     # tau: equal steps of the logarithm.
     posterior = likelihood + np.log(tau / (typical[..., None] + tau))
-    share = np.exp(posterior - posterior.max(axis=-1, keepdims=True))
-    share /= share.sum(axis=-1, keepdims=True)
-    return BetweenDives(tau, share, mean, 1.0 / total, likelihood, squares)
+    log_weight = posterior - logsumexp(posterior, axis=-1, keepdims=True)
+    return BetweenDives(tau, log_weight, mean, 1.0 / total, likelihood, squares)
 
 
 def typical_error(errors: ArrayLike) -> Array:
