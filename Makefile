@@ -166,11 +166,12 @@ docs: $(TEST)
 COMPILE = echo "setuptools>=77" | uv pip compile pyproject.toml - --universal --python-version 3.11 --generate-hashes --no-header \
 	--no-annotate --no-emit-index-url --no-emit-find-links --quiet
 
-# Three sets, each within the next: for running, with DVC, and for testing.
+# Three sets, each within the next: for running, with DVC, and for testing; with Dask apart.
 lock:
 	$(COMPILE) --extra view -o requirements.lock
 	$(COMPILE) --extra view --extra dvc -c requirements.lock -o requirements-dvc.lock
-	$(COMPILE) --extra view --extra dvc --extra test --extra docs -c requirements-dvc.lock -o requirements-test.lock
+	$(COMPILE) --extra view --extra dask -c requirements.lock -o requirements-dask.lock
+	$(COMPILE) --extra view --extra dvc --extra dask --extra test --extra docs -c requirements-dvc.lock -c requirements-dask.lock -o requirements-test.lock
 
 bench: $(RUN)
 	@python -m benchmarks

@@ -17,6 +17,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.models import VehicleModel
 from auvid.pipeline.commands.open_run import open_run as open_folder
 from auvid.pipeline.commands.run.run_command import execute
+from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task_inputs import Artefact
 from auvid.pipeline.graph import ONCE, select
@@ -196,6 +197,9 @@ def run(
     until: str | None = None,
     engine: str | None = None,
     jobs: int | None = None,
+    scheduler: str | None = None,
+    memory: str | None = None,
+    exchange: str | None = None,
     force: bool = False,
     progress: bool = True,
 ) -> RunResults:
@@ -207,10 +211,17 @@ def run(
         As `open_run`.
     only, until : str, optional
         Run this stage only, or this one and all that it needs.
-    engine : {"serial", "processes"}, optional
+    engine : {"serial", "processes", "dask"}, optional
         Where items run; results are the same.
     jobs : int, optional
         How many processes.
+    scheduler : str, optional
+        Address of a Dask scheduler; without it Dask starts workers on this machine.
+    memory : str, optional
+        Memory of each worker that Dask starts on this machine, as "1.2GB".
+    exchange : str, optional
+        Where files go that Dask's workers need and make if they share no folder with this
+        machine: a URL of fsspec, as "s3://bucket/folder".
     force : bool
         Run again what is up to date.
     progress : bool
@@ -228,5 +239,6 @@ def run(
     """
     opened = open_folder(fspath(campaign))
     stages = select(opened.graph, only=only, until=until)
-    execute(opened, stages, engine=engine, jobs=jobs, force=force, quiet=not progress)
+    chosen = make_engine(engine, jobs, scheduler=scheduler, memory=memory, exchange=exchange)
+    execute(opened, stages, engine=chosen, force=force, quiet=not progress)
     return RunResults(opened)

@@ -87,13 +87,37 @@ RunName = Annotated[
 EngineName = Annotated[
     str | None,
     typer.Option(
-        metavar="serial|processes",
+        metavar="serial|processes|dask",
         help="Where items run; results are the same. (default: serial)",
-        autocompletion=lambda: ["serial", "processes"],
+        autocompletion=lambda: ["serial", "processes", "dask"],
     ),
 ]
 JobCount = Annotated[
     int | None, typer.Option(metavar="N", help="How many processes. (default: one per core)")
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Dask: run on the workers of this scheduler, as tcp://HOST:8786. (default: workers"
+        " on this machine)",
+    ),
+]
+WorkerMemory = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="Dask: memory of each worker on this machine, as 1.2GB; one that takes more is"
+        " started anew. (default: its share)",
+    ),
+]
+ExchangeURL = Annotated[
+    str | None,
+    typer.Option(
+        metavar="URL",
+        help="Dask: where files go that workers need and make if they share no folder with"
+        " this machine, as s3://bucket/folder.",
+    ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Run again what is up to date.")]
 Screenshot = Annotated[
@@ -129,6 +153,9 @@ def run(
     ] = False,
     engine: EngineName = None,
     jobs: JobCount = None,
+    scheduler: Scheduler = None,
+    memory: WorkerMemory = None,
+    exchange: ExchangeURL = None,
     force: Force = False,
 ) -> None:
     """Run a campaign: only what is stale runs.
@@ -142,21 +169,22 @@ def run(
     """
     from auvid.pipeline.execution.kept_output import printed_before
 
-    if not (only or until or engine or jobs or force or OUTPUT.quiet or OUTPUT.verbose):
+    chosen = engine or jobs or scheduler or memory or exchange
+    if not (only or until or chosen or force or OUTPUT.quiet or OUTPUT.verbose):
         printed = printed_before(campaign, strict=strict)
         if printed is not None:
             print(printed.text, end="")
             answer(printed.answer)
             raise typer.Exit(printed.status)
     from auvid.pipeline.commands.run.run_command import run_campaign
+    from auvid.pipeline.execution.engines import make_engine
 
     status = run_campaign(
         campaign,
         only=only,
         until=until,
         strict=strict,
-        engine=engine,
-        jobs=jobs,
+        engine=make_engine(engine, jobs, scheduler=scheduler, memory=memory, exchange=exchange),
         force=force,
     )
     raise typer.Exit(status)
@@ -533,7 +561,7 @@ def reproduce(
 
     printed = printed_values.open_comparison(campaign)
     if printed is not None:
-        execute(printed, printed.graph.stages, engine=engine, jobs=jobs, force=force)
+        execute(printed, printed.graph.stages, engine=make_engine(engine, jobs), force=force)
         met = printed_values.print_comparison(printed)
         page = result_files(printed).get("report")
     else:

@@ -1,4 +1,4 @@
-"""Engines that run work items: one after another here, or spread over processes."""
+"""Engines that run work items: one after another here, over processes, or by Dask."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Protocol
 from auvid.data_schemas.errors import UsageError, nearest
 from auvid.pipeline.execution.task import Outcome, Task, execute
 
-ENGINES = ("serial", "processes")
+ENGINES = ("serial", "processes", "dask")
 
 
 class Engine(Protocol):
@@ -119,17 +119,36 @@ def _interrupts_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
-    """Return the engine of a name, with `jobs` processes or one per core.
+def make_engine(
+    name: str | None = None,
+    jobs: int | None = None,
+    *,
+    scheduler: str | None = None,
+    memory: str | None = None,
+    exchange: str | None = None,
+) -> Engine:
+    """Return the engine of a name, with `jobs` workers or one per core.
 
-    More than one job means processes, named or not.
+    More than one job means processes, named or not. Of Dask alone: the address of a
+    `scheduler`, `memory` of a worker started here, `exchange` (URL) of its files.
     """
+    of_dask = {"--scheduler": scheduler, "--memory": memory, "--exchange": exchange}
     if name is None:
-        name = "processes" if jobs is not None and jobs > 1 else "serial"
+        several = jobs is not None and jobs > 1
+        name = "dask" if any(of_dask.values()) else "processes" if several else "serial"
     if name not in ENGINES:
         raise UsageError(
             "unknown engine", value=name, allowed=ENGINES, remedy=nearest(name, ENGINES)
         )
+    if name != "dask":
+        for option, value in of_dask.items():
+            if value is not None:
+                raise UsageError(
+                    "is an option of --engine dask",
+                    field=option,
+                    value=value,
+                    allowed="--engine dask",
+                )
     if jobs is not None and (jobs < 1 or (name == "serial" and jobs > 1)):
         raise UsageError(
             "does not fit the engine",
@@ -137,6 +156,18 @@ def make_engine(name: str | None = None, jobs: int | None = None) -> Engine:
             value=jobs,
             allowed="1" if name == "serial" else "1 or more",
         )
+    if scheduler and (jobs or memory):
+        raise UsageError(
+            "the workers of a scheduler are started with their own number and memory",
+            field="--jobs" if jobs else "--memory",
+            value=jobs or memory,
+            remedy="dask worker ADDRESS --nworkers N --nthreads 1 --memory-limit SIZE",
+        )
+    workers = jobs if jobs is not None else (os.cpu_count() or 1)
     if name == "serial":
         return Serial()
-    return Processes(jobs if jobs is not None else (os.cpu_count() or 1))
+    if name == "processes":
+        return Processes(workers)
+    from auvid.pipeline.execution.dask.engine import Dask
+
+    return Dask(workers, scheduler, memory, exchange)

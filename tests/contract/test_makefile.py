@@ -110,7 +110,12 @@ def test_demo_says_what_it_waits_for(folder: Path) -> None:
     [
         ("requirements.lock", {"rerun-sdk", "setuptools"}, {"dvc", "mypy", "ruff", "pyulog"}),
         ("requirements-dvc.lock", {"rerun-sdk", "dvc"}, {"mypy", "ruff", "pyulog", "hypothesis"}),
-        ("requirements-test.lock", {"rerun-sdk", "dvc", "mypy", "ruff", "pyulog"}, set()),
+        ("requirements-dask.lock", {"rerun-sdk", "distributed", "s3fs"}, {"dvc", "mypy", "ruff"}),
+        (
+            "requirements-test.lock",
+            {"rerun-sdk", "dvc", "distributed", "mypy", "ruff", "pyulog"},
+            set(),
+        ),
     ],
 )
 def test_locks_hold_their_sets_with_hashes_and_without_addresses(
@@ -128,5 +133,14 @@ def test_locks_hold_their_sets_with_hashes_and_without_addresses(
 def test_a_user_does_not_get_what_only_tests_and_extras_need() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     base = {re.split(r"[<>=]", item)[0] for item in project["dependencies"]}
-    assert not base & {"rerun-sdk", "dvc", "mypy", "ruff", "hypothesis", "pyulog", "pytest"}
-    assert {"view", "dvc", "test"} <= set(project["optional-dependencies"])
+    assert not base & {
+        "rerun-sdk",
+        "dvc",
+        "distributed",
+        "mypy",
+        "ruff",
+        "hypothesis",
+        "pyulog",
+        "pytest",
+    }
+    assert {"view", "dvc", "dask", "test"} <= set(project["optional-dependencies"])

@@ -81,13 +81,14 @@ def test_report_and_tables_are_there(short_workspace: Path) -> None:
     assert printed.strip().endswith("report_html.html")
 
 
-def test_processes_give_the_same_artefacts(
-    short_template: Path, short_workspace: Path, tmp_path: Path
+@pytest.mark.parametrize("engine", ["processes", "dask"])
+def test_other_engines_give_the_same_artefacts(
+    engine: str, short_template: Path, short_workspace: Path, tmp_path: Path
 ) -> None:
     """As a program: workers start anew from it."""
     folder = copy_workspace(short_template, tmp_path / "workspace")
-    processes = ("--engine", "processes", "--jobs", "2")
-    call("auvid", "run", "example", "--until", SHORT_CHAIN[-1], *processes, folder=folder)
+    two = ("--engine", engine, "--jobs", "2")
+    call("auvid", "run", "example", "--until", SHORT_CHAIN[-1], *two, folder=folder)
     assert hashes(folder) == hashes(short_workspace, *SHORT_CHAIN)
 
 

@@ -19,7 +19,7 @@ from auvid.pipeline.commands.run.run_summary import (
     print_summary,
     summary_document,
 )
-from auvid.pipeline.execution.engines import make_engine
+from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
 from auvid.pipeline.execution.memory import available_bytes, shortage
 from auvid.pipeline.execution.runner import Run
@@ -35,8 +35,7 @@ def run_campaign(
     only: str | None = None,
     until: str | None = None,
     strict: bool = False,
-    engine: str | None = None,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     force: bool = False,
 ) -> int:
     """Run what is stale, print the results in short, and return the exit code.
@@ -47,7 +46,7 @@ def run_campaign(
     start = time.time()
     run = open_run(campaign)
     stages = select(run.graph, only=only, until=until)
-    count = execute(run, stages, engine=engine, jobs=jobs, force=force)
+    count = execute(run, stages, engine=engine, force=force)
     items = f"{count} item{'s' * (count != 1)} run"
     if not OUTPUT.quiet:
         print(items if count else NOTHING)
@@ -70,8 +69,7 @@ def execute(
     run: Run,
     stages: Sequence[AnyStage],
     *,
-    engine: str | None = None,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     force: bool = False,
     quiet: bool = False,
 ) -> int:
@@ -79,25 +77,37 @@ def execute(
 
     Stages behind ingest run only if the findings of the logs let them: `DataError`.
     A run that makes its report again is entered into the history of the campaign.
-    `quiet`: no progress is printed.
+    `engine`: closed at the end; None works here, one item after another. `quiet`: no
+    progress is printed.
     """
+    engine = engine or make_engine()
+    try:
+        return _execute(run, stages, engine, force=force, quiet=quiet)
+    finally:
+        engine.close()
+
+
+def _execute(
+    run: Run, stages: Sequence[AnyStage], engine: Engine, *, force: bool, quiet: bool
+) -> int:
     names = [stage.name for stage in stages]
     decoding = stages[: names.index("ingest") + 1] if "ingest" in names else ()
     count = 0
     if decoding:
         with show_progress(quiet=quiet) as progress:
-            count = run.execute(decoding, make_engine(engine, jobs), progress, force=force)
+            count = run.execute(decoding, engine, progress, force=force, close_engine=False)
     rest = stages[len(decoding) :]
     if rest:
         if names != ["report"]:
             _stop_at_findings(run, [stage.name for stage in rest])
-            _stop_at_shortage(run, rest, make_engine(engine, jobs).workers, force=force)
+            _stop_at_shortage(run, rest, engine.workers, force=force)
         with show_progress(quiet=quiet) as progress:
             count += run.execute(
                 rest,
-                make_engine(engine, jobs),
+                engine,
                 progress,
                 force=force,
+                close_engine=False,
                 after=run_history.add_entry if "report" in names else None,
             )
     return count

@@ -1,0 +1,70 @@
+"""What runs on a worker: a task, if the worker is fit for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from auvid.pipeline.execution.dask.exchange import Exchange
+from auvid.pipeline.execution.task import Outcome, Task, execute
+from auvid.pipeline.graph import AnyStage
+from auvid.pipeline.store.fingerprints import stage_code
+from auvid.pipeline.store.package_versions import package_versions
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What a worker must agree in with the client, and how they share files.
+
+    `marker`: a file of the client that a worker must find, with its content; None with an
+    exchange.
+    """
+
+    packages: dict[str, str]
+    marker: tuple[Path, str] | None
+    exchange: Exchange | None
+
+
+@dataclass(frozen=True)
+class Unfit:
+    """A worker that cannot run the tasks of this client, and why."""
+
+    worker: str
+    reason: str
+
+
+def run_task(task: Task, terms: Terms) -> Outcome | Unfit:
+    """Run a task on this worker, or return why the worker is unfit for it."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    reason = _unfit(task, terms)
+    if reason:
+        return Unfit(worker.address, reason)
+    if terms.exchange is None:
+        return execute(task)
+    return terms.exchange.execute(task, Path(worker.local_directory) / "auvid-tasks")
+
+
+def _unfit(task: Task, terms: Terms) -> str:
+    here = package_versions()
+    for name, version in terms.packages.items():
+        if here[name] != version:
+            return f"{name} {here[name]}, and the client has {version}"
+    if _code(task.stage) != task.code:
+        return f"another version of auvid: the code of stage {task.stage.name} differs"
+    if terms.marker is not None:
+        path, content = terms.marker
+        try:
+            if path.read_text(encoding="utf-8") == content:
+                return ""
+        except OSError:
+            pass
+        return f"it does not share the folder {path.parent} (--exchange URL needs none)"
+    return ""
+
+
+@cache
+def _code(stage: AnyStage) -> str:
+    return stage_code(stage)
