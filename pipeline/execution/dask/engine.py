@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from auvid.data_schemas.errors import PipelineError, UsageError
-from auvid.pipeline.execution.dask import sent
+from auvid.pipeline.execution.dask import pickled
 from auvid.pipeline.execution.dask.exchange import Exchange
 from auvid.pipeline.execution.dask.worker import Terms, Unfit
 from auvid.pipeline.execution.task import Outcome, Task
@@ -97,7 +97,7 @@ class Dask:
                 )
         name = f"{task.stage.name} {task.item} {uuid4().hex}"
         work = cloudpickle.dumps((task, terms))
-        return client.submit(sent.run_pickled, work, key=name, pure=False, workers=fit)
+        return client.submit(pickled.run_pickled, work, key=name, pure=False, workers=fit)
 
     def _result(self, client: Client, future: Future, task: Task) -> Outcome | Unfit:
         from distributed import CancelledError, KilledWorker
@@ -143,7 +143,7 @@ class Dask:
             "distributed.scheduler.allowed-failures": DEATHS,
         }
         dask.config.set(settings)
-        cloudpickle.register_pickle_by_value(sent)
+        cloudpickle.register_pickle_by_value(pickled)
         for name in logging.root.manager.loggerDict:
             if name.partition(".")[0] == "distributed":
                 logging.getLogger(name).setLevel(logging.CRITICAL)

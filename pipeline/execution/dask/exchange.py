@@ -36,7 +36,7 @@ class Exchange:
         system.mv(part, target)
 
     def get(self, digest: str, path: Path) -> None:
-        """Copy a file from there. Raises `PipelineError` where it is not what it was."""
+        """Copy a file from there. Raises `PipelineError` for another content."""
         if path.is_file() and hash_file(path) == digest:
             return
         system, root = self._opened()

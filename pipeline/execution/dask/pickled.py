@@ -10,7 +10,7 @@ from typing import Any
 
 
 def run_pickled(work: bytes) -> Any:
-    """Run a pickled task; return the worker's address and why where that cannot begin."""
+    """Run a pickled task, or return this worker's address and why it cannot begin."""
     try:
         from auvid.pipeline.execution.dask.worker import run_task
 
