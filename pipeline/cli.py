@@ -841,6 +841,13 @@ def campaign(
     link: Annotated[
         bool, typer.Option("--link", help="Link to the logs in place of copying them.")
     ] = False,
+    commands: Annotated[
+        str,
+        typer.Option(
+            metavar="AXIS=COLUMN,...",
+            help="Columns of CSV files that are commands: surge=cmd4,heave=-cmd2 (reversed).",
+        ),
+    ] = "",
 ) -> None:
     """Write a campaign from logs: campaign.yaml, column maps, vehicle file.
 
@@ -852,7 +859,8 @@ def campaign(
     """
     from auvid.pipeline.commands.new.campaign_command import print_new_campaign
 
-    raise typer.Exit(print_new_campaign(name, [*first, *(more or [])], vehicle=vehicle, link=link))
+    logs = [*first, *(more or [])]
+    raise typer.Exit(print_new_campaign(name, logs, vehicle=vehicle, link=link, commands=commands))
 
 
 @app.command(hidden=True, epilog="Example: auvid code")

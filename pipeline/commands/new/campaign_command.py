@@ -25,7 +25,8 @@ from auvid.pipeline.commands.new.campaign_text import (
 from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal, way_on
 from auvid.pipeline.commands.new.log_survey import (
     SurveyedLog,
-    corrected_log,
+    command_lines,
+    corrected_logs,
     draft_remarks,
     shared,
     survey,
@@ -38,6 +39,7 @@ from auvid.pipeline.commands.new.vehicle_choice import (
 from auvid.pipeline.output import FAILED, FINE, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
 from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.ingest.health.vehicle import MOTION_WORDS
 
 SAMPLES_PER_PERIOD = 8.0
 """A low-pass keeps what the slowest of velocity, attitude and commands samples so often."""
@@ -65,16 +67,18 @@ def new_campaign(
     *,
     vehicle: str | None = None,
     link: bool = False,
+    commands: str = "",
     ask: Callable[[VehicleChoice], str] | None = None,
 ) -> WrittenCampaign:
     """Write a campaign from logs and return what was written.
 
-    `ask` returns the name of a vehicle in the place of a guess, '' to keep the guess.
-    It stands under campaigns/ of the workspace here, without one in the current folder.
-    Raises `PipelineError`, with nothing written, for logs that feed no campaign.
+    commands: `surge=cmd4,heave=-cmd2`, columns of CSV files by axis. `ask` returns the
+    name of a vehicle in the place of a guess, '' to keep the guess. It stands under
+    campaigns/ of the workspace here, without one in the current folder. Raises
+    `PipelineError`, with nothing written, for logs that feed no campaign.
     """
     folder = _place(name)
-    surveyed = survey(logs)
+    surveyed = survey(logs, _commands(commands))
     feed, kept, left_out = _sort(surveyed)
     ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
     by_id = dict(zip(ids, kept, strict=True))
@@ -85,7 +89,7 @@ def new_campaign(
         choice = choose_vehicle(first, named=named, normalised=False) if named else choice
     if not choice.lacking:
         body = vehicle_of_text(choice.text)
-        by_id = {key: corrected_log(log, body) for key, log in by_id.items()}
+        by_id = dict(zip(by_id, corrected_logs(list(by_id.values()), body), strict=True))
     checks = {key: checked(log.page) for key, log in by_id.items()}
     texts: dict[str, str] = {"vehicle.yaml": choice.text}
     written: dict[str, list[WrittenFile]] = {}
@@ -97,8 +101,10 @@ def new_campaign(
             sources[place] = item.path
             columns = None
             if item.draft is not None:
-                columns = _free(f"columns/{Path(place).stem}.yaml", texts)
-                texts[columns] = item.draft.text()
+                text = item.draft.text()
+                columns = next((name for name, other in texts.items() if other == text), None)
+                columns = columns or _free(f"columns/{Path(place).stem}.yaml", texts)
+                texts[columns] = text
             written[key].append(WrittenFile(place, columns))
     legs = proposal(feed, list(checks.values()))
     content = CampaignContent(
@@ -119,11 +125,31 @@ def new_campaign(
     lines = [
         f"{feed.kind}: {len(legs.legs)} legs from {len(kept)} log{'s' * (len(kept) > 1)}",
         f"vehicle: {choice.name}, {choice.why}",
+        *command_lines(list(by_id.values())),
         f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",
         *([f"in no leg: {dropped_words(legs)}"] if legs.dropped_s else []),
         *(f"left out: {item}" for item in left_out),
     ]
     return WrittenCampaign(folder, tuple(lines), _stop(folder, choice))
+
+
+def _commands(text: str) -> dict[str, str]:
+    """Return column -> axis of `surge=cmd4,heave=-cmd2`, the minus before the axis."""
+    axes: dict[str, str] = {}
+    for pair in filter(None, (part.strip() for part in text.split(","))):
+        axis, _, column = (part.strip() for part in pair.partition("="))
+        minus = "-" if column.startswith("-") else ""
+        column = column.removeprefix("-")
+        if axis not in MOTION_WORDS.values() or not column or column in axes:
+            raise UsageError(
+                "no command of an axis",
+                field="--commands",
+                value=pair,
+                allowed=f"AXIS=COLUMN of {', '.join(MOTION_WORDS.values())}, each column once",
+                remedy="For example --commands surge=cmd4,heave=-cmd2 (a minus: reversed).",
+            )
+        axes[column] = minus + axis
+    return axes
 
 
 def _place(name: str) -> Path:
@@ -307,11 +333,17 @@ def _ask(choice: VehicleChoice) -> str:
 
 
 def print_new_campaign(
-    name: str, logs: Sequence[Path], *, vehicle: str | None = None, link: bool = False
+    name: str,
+    logs: Sequence[Path],
+    *,
+    vehicle: str | None = None,
+    link: bool = False,
+    commands: str = "",
 ) -> int:
     """Write a campaign, print what was written, and return the exit code."""
     terminal = sys.stdin.isatty() and sys.stdout.isatty()
-    result = new_campaign(name, logs, vehicle=vehicle, link=link, ask=_ask if terminal else None)
+    ask = _ask if terminal else None
+    result = new_campaign(name, logs, vehicle=vehicle, link=link, commands=commands, ask=ask)
     answer(
         {
             "folder": result.folder,

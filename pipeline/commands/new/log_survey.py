@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import LogFile
 from auvid.pipeline.commands.check.log_page import LogPage, page_of_log
@@ -27,10 +28,11 @@ ROUNDS = 5
 
 @dataclass(frozen=True)
 class SurveyedFile:
-    """A file of a log, and the column map that was drafted for it."""
+    """A file of a log, its columns, and the column map that was drafted for it."""
 
     path: Path
     draft: ColumnDraft | None = None
+    columns: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,13 @@ class SurveyedLog:
     page: LogPage
 
 
-def survey(paths: Sequence[Path]) -> list[SurveyedLog]:
+def survey(paths: Sequence[Path], commands: Mapping[str, str] | None = None) -> list[SurveyedLog]:
     """Return the logs in files, in order; CSV files of one dive are one log.
 
-    Raises `PipelineError` for a file that is not there or is named twice.
+    CSV files with the same columns are runs: a log each, with one column map. commands:
+    axis (surge, -heave ...) of columns that are commands. Raises `PipelineError` for a
+    file that is not there or is named twice, and `UsageError` for a column of a command
+    that no file has.
     """
     named: set[Path] = set()
     for path in paths:
@@ -54,24 +59,59 @@ def survey(paths: Sequence[Path]) -> list[SurveyedLog]:
         if path.resolve() in named:
             raise PipelineError("the log is named twice", file=path)
         named.add(path.resolve())
-    logs: list[list[SurveyedFile]] = []
     refused: dict[Path, str] = {}
+    columns: dict[Path, tuple[str, ...]] = {}
+    drafts: dict[Path, ColumnDraft] = {}
     for path in paths:
         try:
-            draft = _draft(path)
+            columns[path] = _columns(path)
+            if columns[path]:
+                drafts[path] = draft_columns(_raw(path))
         except PipelineError as fault:
             refused[path] = str(fault)
-            draft = None
-        _join(logs, SurveyedFile(path, draft))
-    return [_surveyed(files, refused) for files in logs]
+    commands = commands or {}
+    _check_commands(commands, columns.values())
+    alike: dict[object, list[Path]] = {}
+    for path, draft in drafts.items():
+        form = draft.delimiter, draft.decimal, *draft.time.items()
+        alike.setdefault((columns[path], form), []).append(path)
+    for runs in alike.values():
+        known = {key: axis for key, axis in commands.items() if key in columns[runs[0]]}
+        if len(runs) > 1 or known:
+            one_map = draft_columns(*map(_raw, runs), commands=known)
+            for path in runs:
+                drafts[path] = replace(one_map, file=path.name, span_s=drafts[path].span_s)
+    logs: list[list[SurveyedFile]] = []
+    for path in paths:
+        _join(logs, SurveyedFile(path, drafts.get(path), columns.get(path, ())))
+    return corrected_logs([_surveyed(files, refused) for files in logs])
 
 
-def _draft(path: Path) -> ColumnDraft | None:
-    """Return the drafted column map of a CSV file; None for one that needs none."""
-    file = RawFile(path.name, contents(path, file=path.name, what="log"), None)
-    if reader_of(file) is not CSV or dialect_map(header(file, None).names) is not None:
-        return None
-    return draft_columns(file)
+def _raw(path: Path) -> RawFile:
+    return RawFile(path.name, contents(path, file=path.name, what="log"), None)
+
+
+def _columns(path: Path) -> tuple[str, ...]:
+    """Return the columns of a CSV file that needs a map; () for any other log."""
+    file = _raw(path)
+    if reader_of(file) is not CSV:
+        return ()
+    names = header(file, None).names
+    return () if dialect_map(names) is not None else names
+
+
+def _check_commands(commands: Mapping[str, str], columns: Iterable[tuple[str, ...]]) -> None:
+    """Raise `UsageError` for a column of a command that no file has."""
+    there = list(dict.fromkeys(name for names in columns for name in names))
+    for name in commands:
+        if name not in there:
+            raise UsageError(
+                "no file has such a column",
+                field="--commands",
+                value=name,
+                allowed=", ".join(there) or "none: --commands is for CSV files",
+                remedy=nearest(name, there),
+            )
 
 
 def _join(logs: list[list[SurveyedFile]], file: SurveyedFile) -> None:
@@ -84,7 +124,7 @@ def _join(logs: list[list[SurveyedFile]], file: SurveyedFile) -> None:
         there = {name for item in drafts for name in item.streams}
         new = set(draft.streams) - there
         if new and there and shared(drafts[0].span_s, draft.span_s) >= SHARED:
-            files.append(SurveyedFile(file.path, draft.without(*there)))
+            files.append(replace(file, draft=draft.without(*there)))
             return
     logs.append([file])
 
@@ -105,30 +145,79 @@ def _surveyed(files: Sequence[SurveyedFile], refused: Mapping[Path, str]) -> Sur
         faults.append(_nothing(draft))
     if faults:
         return SurveyedLog(name, tuple(files), LogPage(name, refused="; ".join(faults)))
-    return corrected_log(SurveyedLog(name, tuple(files), _page(files)))
+    return SurveyedLog(name, tuple(files), _page(files))
 
 
-def corrected_log(log: SurveyedLog, vehicle: Vehicle | None = None) -> SurveyedLog:
-    """Return a log with its drafted column maps corrected by its checks.
+def corrected_logs(
+    logs: Sequence[SurveyedLog], vehicle: Vehicle | None = None
+) -> list[SurveyedLog]:
+    """Return logs with their drafted column maps corrected by their checks.
 
-    With a vehicle these know how the thrusters push.
+    Runs with the same columns keep one map: it is corrected by what most of them find.
+    With a vehicle the checks know how the thrusters push.
     """
-    if all(file.draft is None for file in log.files):
-        return log
+    groups: dict[object, list[int]] = {}
+    for number, log in enumerate(logs):
+        maps = tuple(file.draft.text() if file.draft else "" for file in log.files)
+        groups.setdefault(maps if all(maps) else number, []).append(number)
+    result = list(logs)
+    for numbers in groups.values():
+        for number, log in zip(
+            numbers, _corrected([logs[at] for at in numbers], vehicle), strict=True
+        ):
+            result[number] = log
+    return result
+
+
+def _corrected(runs: Sequence[SurveyedLog], vehicle: Vehicle | None) -> list[SurveyedLog]:
+    """Return runs of the same columns with their one map corrected."""
+    logs = list(runs)
+    if all(file.draft is None for file in logs[0].files):
+        return logs
     if vehicle is not None:
-        log = replace(log, page=_page(log.files, vehicle))
+        logs = [
+            log if log.page.health is None else replace(log, page=_page(log.files, vehicle))
+            for log in logs
+        ]
     for _ in range(ROUNDS):
-        if log.page.health is None:
+        findings = _common_findings(logs)
+        files = [
+            tuple(
+                replace(file, draft=file.draft and corrected(file.draft, findings))
+                for file in log.files
+            )
+            for log in logs
+        ]
+        if all(new == log.files for new, log in zip(files, logs, strict=True)):
             break
-        findings = log.page.health["findings"]
-        files = tuple(
-            replace(file, draft=file.draft and corrected(file.draft, findings))
-            for file in log.files
-        )
-        if files == log.files:
-            break
-        log = replace(log, files=files, page=_page(files, vehicle))
-    return log
+        logs = [
+            log if log.page.health is None else replace(log, files=new, page=_page(new, vehicle))
+            for new, log in zip(files, logs, strict=True)
+        ]
+    return logs
+
+
+def _common_findings(logs: Sequence[SurveyedLog]) -> list[Mapping[str, Any]]:
+    """Return the findings that more than half of the checked logs have, each once."""
+    pages = [log.page.health["findings"] for log in logs if log.page.health is not None]
+    alike: dict[object, list[Mapping[str, Any]]] = {}
+    for page in pages:
+        for item in page:
+            alike.setdefault((item["id"], tuple(item["fields"])), []).append(item)
+    return [items[0] for items in alike.values() if 2 * len(items) > len(pages)]
+
+
+def command_lines(logs: Sequence[SurveyedLog]) -> list[str]:
+    """Return in words which columns were matched to which axis, and how to name others."""
+    drafts = [file.draft for log in logs for file in log.files if file.draft is not None]
+    matched = {axis: column for draft in drafts for axis, column in draft.matched.items()}
+    if not matched:
+        return []
+    pairs = ",".join(f"{axis}={column}" for axis, column in matched.items())
+    return [
+        f"commands: {pairs}, each matched to the axis that answers it; if others, the same call"
+        f" with --commands {pairs}"
+    ]
 
 
 def _nothing(draft: ColumnDraft | None) -> str:

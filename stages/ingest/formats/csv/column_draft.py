@@ -56,6 +56,12 @@ FROM_ABOVE = "up"
 """Mark of a height that is negative under water."""
 MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
 """Marks of commands that were matched to the axis that answers them."""
+NAMED_COMMAND, NAMED_REVERSED = "named", "named reversed"
+"""Marks of commands whose axis the user names."""
+REVERSED = (FROM_ABOVE, MATCHED_REVERSED, NAMED_REVERSED)
+NO_NAME = "no name tells this"
+BETWEEN_RUNS_S = 10.0
+"""Runs with the same columns are looked at one behind the other with such a pause."""
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
 LARGEST_COMMAND = 1.5
@@ -92,6 +98,15 @@ class ColumnDraft:
     remarks: tuple[str, ...] = field(default_factory=tuple)
     span_s: tuple[float, float] = (0.0, 0.0)
     """First and last time of the file."""
+
+    @property
+    def matched(self) -> dict[str, str]:
+        """Return the columns of commands that no name tells, by axis, with their sign."""
+        return {
+            item.field.removeprefix("command_"): f"{'-' if item.sign < 0 else ''}{item.column}"
+            for item in self.columns
+            if item.check.startswith(NO_NAME)
+        }
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -178,10 +193,15 @@ def _checked(line: str, check: str) -> str:
     return f"{line}  # check: {check}" if check else line
 
 
-def draft_columns(file: RawFile) -> ColumnDraft:
+def draft_columns(
+    file: RawFile, *runs: RawFile, commands: Mapping[str, str] | None = None
+) -> ColumnDraft:
     """Return a column map drafted from a file's names and values.
 
-    Raises `LogError` where the first line names no columns, or no column is the time.
+    runs: further files with the same columns, for one map together. commands: axis
+    (surge, sway ..., with a minus where the column is reversed) of each column that is a
+    command. Raises `LogError` where the first line names no columns, or no column is the
+    time.
     """
     head = header(file, None)
     texts, decimal = _cells(file, head.names, head.delimiter, head.encoding)
@@ -202,7 +222,31 @@ def draft_columns(file: RawFile) -> ColumnDraft:
     draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
     finite = t_s[np.isfinite(t_s)]
     draft = replace(draft, span_s=(float(finite[0]), float(finite[-1])))
-    return _with_columns(draft, _with_commands(rest, values, t_s), values)
+    for run in runs:
+        more, _ = _cells(run, head.names, head.delimiter, head.encoding)
+        own = {name: _numbers(cells, decimal) for name, cells in more.items()}
+        later = _seconds(time, own[time["column"]], more[time["column"]])
+        t_s = np.append(t_s, later - np.nanmin(later) + np.nanmax(t_s) + BETWEEN_RUNS_S)
+        values = {name: np.append(values[name], own[name]) for name in values}
+    named = dict(commands or {})
+    rest = [_as_command(item, named[item.name]) if item.name in named else item for item in rest]
+    if named:
+        rest = [item if item.name in named else _without_guess(item) for item in rest]
+    else:
+        rest = _with_commands(rest, values, t_s)
+    return _with_columns(draft, rest, values)
+
+
+def _as_command(item: NamedColumn, axis: str) -> NamedColumn:
+    """Return a column as the command of an axis that the user named."""
+    mark = NAMED_REVERSED if axis.startswith("-") else NAMED_COMMAND
+    return replace(item, place=("actuators", f"command_{axis.lstrip('-')}"), frame=mark)
+
+
+def _without_guess(item: NamedColumn) -> NamedColumn:
+    """Return a column that is no command where the user named all of these."""
+    is_command = item.place is not None and item.place[1].startswith("command_")
+    return replace(item, place=None) if is_command or COMMANDS.search(item.words) else item
 
 
 def _cells(
@@ -396,10 +440,10 @@ def _with_columns(
         ]
         unit, check = _unit(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
-            check = f"no name tells this; {name.split('_')[1]} answers it best of all columns"
+            check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"
         if stream == "velocity" and WORLD_OR_BODY.search(item.words):
             check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
-        sign = -1 if item.frame in (FROM_ABOVE, MATCHED_REVERSED) else 1
+        sign = -1 if item.frame in REVERSED else 1
         frame = item.frame if item.frame in ("frd", "flu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
     partial = {
@@ -417,6 +461,14 @@ def _with_columns(
         remarks.append("a quaternion cannot be mapped: export roll, pitch and yaw.")
     kept = tuple(item for item in drafted if not partial[item.stream])
     used = {item.column for item in kept}
+    unmatched = [
+        item.name for item in columns if COMMANDS.search(item.words) and item.name not in used
+    ]
+    if unmatched and not any(item.field.startswith(("pwm_", "command_")) for item in kept):
+        remarks.append(
+            f"{', '.join(unmatched)} may be commands, and neither name nor motion tells of which"
+            f" axis: name them with --commands surge={unmatched[0]},..."
+        )
     return replace(
         draft,
         columns=kept,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
@@ -18,6 +18,7 @@ from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.stages import KINDS
 from auvid.stages.ingest.health.finding import CheckedLog
+from tests.support.tank_runs import noisy, tank_run, write_csv
 from tests.support.tools import ROOT
 
 DIVE = ROOT / "campaigns/bluerov2_dvl/logs/00000029_first130s.BIN"
@@ -139,3 +140,66 @@ def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
     assert read_yaml(second.read_text())["delimiter"] == ";"
     first.write_text(second.read_text())
     assert "dive.csv" in _stop(result.folder, VehicleChoice("", "", ""))
+
+
+def tank_files(folder: Path, *, left_out: tuple[str, ...] = ()) -> list[Path]:
+    """Write three runs in a tank and return their files."""
+    return [
+        write_csv(
+            folder / f"run_{seed}.csv",
+            {
+                name: values
+                for name, values in noisy(tank_run(seed), seed).items()
+                if name not in left_out
+            },
+        )
+        for seed in (1, 2, 3)
+    ]
+
+
+def test_runs_with_the_same_columns_are_logs_with_one_map(tmp_path: Path) -> None:
+    written = new_campaign("tank", tank_files(tmp_path))
+    document = read_yaml((written.folder / "campaign.yaml").read_text())
+    assert [entry["file"] for entry in document["logs"]] == [
+        "logs/run_1.csv",
+        "logs/run_2.csv",
+        "logs/run_3.csv",
+    ]
+    (columns,) = {entry["columns"] for entry in document["logs"]}
+    text = (written.folder / columns).read_text()
+    assert "column: cmd2, stream: actuators, field: command_surge" in text
+    (line,) = [line for line in written.lines if line.startswith("commands: ")]
+    assert "surge=cmd2" in line
+    assert "yaw=cmd0" in line
+    assert "--commands" in line
+    assert not written.stop
+
+
+def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None:
+    files = tank_files(tmp_path)
+    written = new_campaign("tank", files, commands="surge=cmd2,sway=cmd3,heave=-cmd1")
+    document = read_yaml((written.folder / "columns" / "run_1.yaml").read_text())
+    commands = {
+        item["field"]: (item["column"], item.get("sign", 1))
+        for item in document["columns"]
+        if item["stream"] == "actuators"
+    }
+    assert commands == {
+        "command_surge": ("cmd2", 1),
+        "command_sway": ("cmd3", 1),
+        "command_heave": ("cmd1", -1),
+    }
+    assert not any(line.startswith("commands: ") for line in written.lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("surge=cmd9", "no file has such a column.*cmd9.*cmd2"),
+        ("forward=cmd2", "no command of an axis.*forward=cmd2.*surge"),
+        ("surge=cmd2,sway=cmd2", "each column once"),
+    ],
+)
+def test_commands_that_are_none_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        new_campaign("tank", tank_files(tmp_path), commands=text)
