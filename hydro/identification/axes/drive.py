@@ -1,0 +1,97 @@
+"""The force of a record behind dead band, curve and lag of what gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.axes.record import AxisRecord
+
+LAG, DEAD_BAND, CURVE = "lag", "dead_band", "curve"
+BOUNDS = {LAG: (0.01, 2.0), DEAD_BAND: (0.0, 0.3), CURVE: (0.5, 2.5)}
+"""Lag [s]; dead band in full commands; exponent of the curve."""
+STEPS = {LAG: 0.1, DEAD_BAND: 0.1, CURVE: 0.05}
+"""Half widths of differences, relative; of a dead band relative to `BOUNDS`."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How force follows its command.
+
+    y = sign(f) (max(|f| - dead_band, 0) / (1 - dead_band))^curve, then lag_s F_dot + F = y.
+    Dead band and curve are for commands of -1 .. 1; a force in newtons has neither.
+    """
+
+    lag_s: float = 0.08
+    dead_band: float = 0.0
+    curve: float = 1.0
+
+
+def lagged_columns(step_s: float, force: Array, lag_s: float) -> Array:
+    """Return F (n, m) of lag_s F_dot + F = f, f (n, m) linear between nodes, steady at first.
+
+    >>> lagged_columns(0.1, np.array([[0.0], [1.0], [1.0]]), 0.1).round(3)[:, 0].tolist()
+    [0.0, 0.368, 0.767]
+    """
+    from auvid.hydro.identification.bench.compiled_loops import filter_first_order
+
+    rate = 1.0 / lag_s
+    f = np.ascontiguousarray(force)
+    steps = np.full(len(f) - 1, step_s)
+    return np.asarray(rate * filter_first_order(steps, rate, f[:-1], f[1:], f[0] / rate))
+
+
+def shaped(force: Array, drive: Drive) -> Array:
+    """Return commands behind dead band and curve."""
+    if drive.dead_band == 0.0 and drive.curve == 1.0:
+        return force
+    size = np.maximum(np.abs(force) - drive.dead_band, 0.0) / (1.0 - drive.dead_band)
+    return np.asarray(np.sign(force) * size**drive.curve)
+
+
+def inputs_of(
+    record: AxisRecord,
+    names: Sequence[str],
+    drive: Drive,
+    *,
+    extra: Mapping[str, Array] | None = None,
+) -> Array:
+    """Return inputs (n, m) by name: lagged forces of axes, and `extra` columns as they are."""
+    step = float(record.t_s[1] - record.t_s[0])
+    forces = [shaped(record.force[name], drive) for name in names if name in record.force]
+    late = iter(lagged_columns(step, np.column_stack(forces), drive.lag_s).T)
+    columns = [next(late) if name in record.force else (extra or {})[name] for name in names]
+    return np.ascontiguousarray(np.column_stack(columns))
+
+
+def input_derivatives(
+    record: AxisRecord, names: Sequence[str], drive: Drive, free: Sequence[str]
+) -> Array:
+    """Return derivatives (n, m, e) of `inputs_of` by free parameters, by differences."""
+    out = np.zeros((len(record.t_s), len(names), len(free)))
+    driven = [i for i, name in enumerate(names) if name in record.force]
+    for e, parameter in enumerate(free):
+        value = values_of(drive)[parameter]
+        low, high = BOUNDS[parameter]
+        half = STEPS[parameter] * (high if parameter == DEAD_BAND else value)
+        ends = (max(value - half, low), min(value + half, high))
+        here, there = (
+            inputs_of(record, [names[i] for i in driven], changed(drive, {parameter: end}))
+            for end in ends
+        )
+        out[:, driven, e] = (there - here) / (ends[1] - ends[0])
+    return out
+
+
+def values_of(drive: Drive) -> dict[str, float]:
+    """Return the parameters of a drive by name."""
+    return {LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve}
+
+
+def changed(drive: Drive, values: Mapping[str, float]) -> Drive:
+    """Return a drive with some parameters changed."""
+    every = values_of(drive) | dict(values)
+    return Drive(every[LAG], every[DEAD_BAND], every[CURVE])

@@ -1,0 +1,425 @@
+"""Output error over windows of several legs, each window with its own start.
+
+Least sum over windows of rho(e) / colour + priors, e = (simulated - measured) / sigma,
+by damped Gauss-Newton. rho(e) = sqrt(1 + e^2) - 1 (soft L1) or e^2 / 2. sigma: robust
+size of the errors of a channel; colour: how many samples count as one. A window's own
+unknowns are x(0), s(0) and a constant with a prior around 0.
+
+Covariance: windows are left out in turn (jackknife of clusters, CR3: Bell and McCaffrey
+2002), by one step from the optimum each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import VELOCITIES, Array, Mask
+from auvid.hydro.identification.axes.drive import (
+    BOUNDS,
+    Drive,
+    changed,
+    input_derivatives,
+    inputs_of,
+    values_of,
+)
+from auvid.hydro.identification.axes.record import AxisRecord
+from auvid.hydro.identification.axes.structure import Structure
+from auvid.hydro.identification.axes.windows import (
+    Window,
+    depth_measures,
+    measured_rate,
+    smooth_depth,
+    turn_of,
+)
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
+    Evaluation,
+    NormalEquations,
+    Optimum,
+    maximise,
+    solve_scaled,
+)
+
+LONGEST_STEP_S = 0.05
+"""Longest step of the simulation: RK4 is then within 1e-4 of the state for time constants
+from 0.2 s on."""
+MOST_STEPS, ROUNDS = 60, 3
+"""Steps of a search; rounds of sizes of errors."""
+LEAST_SIGMA = 1e-5
+QUANTILE, NORMAL_AT_QUANTILE = 0.9, 1.644854
+"""Share of |e| by which sigma is set, and its place in standard errors of a normal: by
+the median, quiet windows would make outliers of all that move."""
+LARGEST_COLOUR = 400.0
+Loss = Literal["soft_l1", "squares"]
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Arrays of one record for the loop: inputs, turn, velocities, channels (n, 2k)."""
+
+    step_s: float
+    nu: Array
+    turn: Array
+    channels: Array
+    start: Array
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Records, windows and structure of a fit, and what does not change with a step.
+
+    `free`: parameters of the drive that are fitted. `constant_sd` (k,): prior of the
+    constant of a window [m/s^2, rad/s^2], 0 for none.
+    """
+
+    structure: Structure
+    records: tuple[AxisRecord, ...]
+    prepared: tuple[Prepared, ...]
+    windows: tuple[Window, ...]
+    constant_sd: Array
+    drive: Drive
+    free: tuple[str, ...]
+    extra: tuple[Mapping[str, Array], ...]
+    loss: Loss
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of the common unknowns (g,)."""
+        return (*self.structure.names, *self.free)
+
+
+@dataclass(frozen=True)
+class PoolFit:
+    """Common unknowns (g,) with covariance (g, g), clustered by window.
+
+    `information` (g, g): covariance if errors were as the loss takes them, from data and
+    priors; `data_variances` (g,) without priors. `local` (w, 3k): x(0), s(0), constant.
+    `sigma`, `colour` (2k,) by channel. `at_bound` (g,): at a bound, or fixed there.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    information: Array
+    data_variances: Array
+    at_bound: Mask
+    local: Array
+    sigma: Array
+    colour: Array
+    objective: float
+    word: str
+    drive: Drive
+    windows: int
+
+
+def prepare(record: AxisRecord, structure: Structure) -> Prepared:
+    """Return the arrays of one record for the loop."""
+    places = structure.places
+    nu = np.column_stack([record.rate[item] for item in VELOCITIES])
+    k = len(places)
+    channels = np.full((len(record.t_s), 2 * k), np.nan)
+    start = np.zeros((len(record.t_s), 2 * k))
+    turn = np.ones((len(record.t_s), k))
+    for i, velocity in enumerate(structure.velocities):
+        rate = measured_rate(record, velocity)
+        start[:, i] = np.nan_to_num(rate)
+        if velocity == "w":
+            turn[:, i] = np.nan_to_num(turn_of(record), nan=1.0)
+        if velocity in "pq":
+            start[:, k + i] = record.attitude_rad[:, "pq".index(velocity)]
+        if depth_measures(record, velocity):
+            assert record.depth_m is not None
+            channels[:, k + i] = record.depth_m
+            start[:, k + i] = np.nan_to_num(smooth_depth(record))
+        else:
+            channels[:, i] = rate
+    return Prepared(
+        float(record.t_s[1] - record.t_s[0]),
+        np.ascontiguousarray(np.nan_to_num(nu)),
+        turn,
+        channels,
+        start,
+    )
+
+
+def make_pool(
+    structure: Structure,
+    records: Sequence[AxisRecord],
+    windows: Sequence[Window],
+    *,
+    constant_sd: Array,
+    drive: Drive,
+    free: Sequence[str] = (),
+    extra: Sequence[Mapping[str, Array]] = (),
+    loss: Loss = "soft_l1",
+) -> Pool:
+    """Return the pool of a fit. Raises `DataError` without a window."""
+    if not windows:
+        raise DataError("no window is left for the fit", remedy="See the stretches left out.")
+    return Pool(
+        structure,
+        tuple(records),
+        tuple(prepare(record, structure) for record in records),
+        tuple(windows),
+        constant_sd,
+        drive,
+        tuple(free),
+        tuple(extra) or tuple({} for _ in records),
+        loss,
+    )
+
+
+def motion(pool: Pool, rows: Array, theta: Array, window: Window, start: Array) -> Array:
+    """Return states and sensitivities (n, 2k, 1 + P) over a window.
+
+    rows: of `loop_rows` for its record; start (3k,): x(0), s(0), constants.
+    """
+    from auvid.hydro.identification.axes.compiled_motion import simulate_axes
+
+    step = pool.prepared[window.leg].step_s
+    parts = parts_of(step)
+    products, weights = pool.structure.coriolis()
+    out = np.empty(
+        (window.end - window.first, 2 * len(pool.structure.velocities),
+         1 + len(theta) + len(pool.free) + len(start))
+    )  # fmt: skip
+    simulate_axes(
+        step,
+        parts,
+        rows[2 * parts * window.first : 2 * parts * (window.end - 1) + 1],
+        pool.structure.places,
+        pool.structure.table(),
+        products,
+        weights,
+        theta,
+        start,
+        out,
+    )
+    return out
+
+
+def parts_of(step_s: float) -> int:
+    """Return how many steps of the simulation a step of the grid has."""
+    return max(1, int(np.ceil(step_s / LONGEST_STEP_S - 1e-9)))
+
+
+def loop_rows(pool: Pool, drive: Drive) -> list[Array]:
+    """Return what drives the loop at every half step, record by record.
+
+    Columns: measured velocities (6), turn (k), inputs (m), their derivatives by the
+    free parameters of the drive (m e).
+    """
+    names, out = pool.structure.inputs, []
+    for record, data, extra in zip(pool.records, pool.prepared, pool.extra, strict=True):
+        inputs = inputs_of(record, names, drive, extra=extra)
+        slopes = input_derivatives(record, names, drive, pool.free)
+        columns = np.hstack([data.nu, data.turn, inputs, slopes.reshape(len(inputs), -1)])
+        node = np.arange(len(columns))
+        fine = np.linspace(0.0, node[-1], 2 * parts_of(data.step_s) * int(node[-1]) + 1)
+        out.append(
+            np.ascontiguousarray(np.column_stack([np.interp(fine, node, c) for c in columns.T]))
+        )
+    return out
+
+
+def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
+    """Fit the common unknowns from coefficients `first` (t,)."""
+    count, k = len(pool.structure.terms), len(pool.structure.velocities)
+    lower = np.array([t.mean if t.sd == 0.0 else t.lower for t in pool.structure.terms])
+    upper = np.array([t.mean if t.sd == 0.0 else t.upper for t in pool.structure.terms])
+    lower = np.append(lower, [BOUNDS[name][0] for name in pool.free])
+    upper = np.append(upper, [BOUNDS[name][1] for name in pool.free])
+    begin = values_of(pool.drive)
+    common = np.clip(np.append(first, [begin[name] for name in pool.free]), lower, upper)
+    local = np.array(
+        [
+            np.append(pool.prepared[window.leg].start[window.first], np.zeros(k))
+            for window in pool.windows
+        ]
+    )
+    sigma, colour = _first_sizes(pool), np.ones(2 * k)
+    work = PoolWork(pool, count)
+    for _ in range(rounds):
+
+        def evaluate(
+            common: Array,
+            local: Array,
+            with_equations: bool,
+            sigma: Array = sigma,
+            colour: Array = colour,
+        ) -> Evaluation:
+            return work.evaluate(common, local, sigma, colour, with_equations)
+
+        best = maximise(evaluate, common, local, lower=lower, upper=upper, most_steps=MOST_STEPS)
+        common, local = best.common, best.local
+        used = sigma, colour
+        sigma, colour = work.sizes(common, local, sigma)
+    at_bound = (common <= lower) | (common >= upper)
+    covariance, information, data_variances = _covariances(work, best, *used, at_bound)
+    return PoolFit(
+        pool.names,
+        common,
+        covariance,
+        information,
+        data_variances,
+        at_bound,
+        local,
+        used[0],
+        used[1],
+        best.objectives[-1],
+        best.word,
+        changed(pool.drive, dict(zip(pool.free, common[count:].tolist(), strict=True))),
+        len(pool.windows),
+    )
+
+
+@dataclass
+class PoolWork:
+    """Evaluation of a pool; the rows of the last drive are kept."""
+
+    pool: Pool
+    count: int
+    at: bytes = b""
+    rows: tuple[Array, ...] = ()
+
+    def prior(self, common: Array) -> tuple[float, Array, Array]:
+        """Return cost, precision (g,) and pull (g,) of the priors."""
+        precision, mean = np.zeros(len(common)), np.zeros(len(common))
+        for i, term in enumerate(self.pool.structure.terms):
+            if 0.0 < term.sd < np.inf:
+                precision[i], mean[i] = term.sd**-2, term.mean
+        away = mean - common
+        return 0.5 * float(precision @ away**2), precision, precision * away
+
+    def run(self, common: Array, local: Array, number: int) -> Array:
+        """Return states and sensitivities of one window."""
+        drive_values = common[self.count :]
+        if not self.rows or drive_values.tobytes() != self.at:
+            pool = self.pool
+            drive = changed(pool.drive, dict(zip(pool.free, drive_values.tolist(), strict=True)))
+            self.rows = tuple(loop_rows(pool, drive))
+            self.at = drive_values.tobytes()
+        window = self.pool.windows[number]
+        return motion(self.pool, self.rows[window.leg], common[: self.count], window, local[number])
+
+    def errors(
+        self, common: Array, local: Array, number: int, sigma: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return errors (m,) in sigma, their Jacobian (m, P) and channels (m,)."""
+        window = self.pool.windows[number]
+        measured = self.pool.prepared[window.leg].channels[window.nodes]
+        states = self.run(common, local, number)
+        node, channel = np.nonzero(np.isfinite(measured))
+        scale = sigma[channel]
+        error = (states[node, channel, 0] - measured[node, channel]) / scale
+        return error, states[node, channel, 1:] / scale[:, None], channel
+
+    def evaluate(
+        self, common: Array, local: Array, sigma: Array, colour: Array, with_equations: bool
+    ) -> Evaluation:
+        """Return the objective at some unknowns, and its normal equations."""
+        g = len(common)
+        objective, precision, pull = self.prior(common)
+        matrix, vector = np.diag(precision), pull
+        blocks, couplings, rights = [], [], []
+        for number in range(len(self.pool.windows)):
+            cost, normal, right = self.window(common, local, number, sigma, colour)
+            objective += cost
+            matrix = matrix + normal[:g, :g]
+            vector = vector + right[:g]
+            blocks.append(normal[g:, g:])
+            couplings.append(normal[g:, :g])
+            rights.append(right[g:])
+        equations = NormalEquations(matrix, vector, tuple(blocks), tuple(couplings), tuple(rights))
+        return Evaluation(
+            objective if np.isfinite(objective) else np.inf, equations if with_equations else None
+        )
+
+    def window(
+        self, common: Array, local: Array, number: int, sigma: Array, colour: Array
+    ) -> tuple[float, Array, Array]:
+        """Return cost, normal matrix (P, P) and minus gradient (P,) of one window."""
+        pool, k = self.pool, len(self.pool.structure.velocities)
+        error, jacobian, channel = self.errors(common, local, number, sigma)
+        root = np.sqrt(1.0 + error**2)
+        if pool.loss == "soft_l1":
+            cost, weight = root - 1.0, 1.0 / root
+        else:
+            cost, weight = 0.5 * error**2, np.ones_like(error)
+        at = jacobian.shape[1] - k + np.arange(k)
+        jacobian[:, at[pool.constant_sd == 0.0]] = 0.0
+        weighted = jacobian * (weight / colour[channel])[:, None]
+        normal, right = weighted.T @ jacobian, -(weighted.T @ error)
+        constant = local[number, 2 * k :]
+        own = np.where(pool.constant_sd > 0.0, np.maximum(pool.constant_sd, 1e-9) ** -2.0, 0.0)
+        normal[at, at] += own
+        right[at] -= own * constant
+        return float(np.sum(cost / colour[channel]) + 0.5 * own @ constant**2), normal, right
+
+    def sizes(self, common: Array, local: Array, sigma: Array) -> tuple[Array, Array]:
+        """Return sigma and colour (2k,) of the errors that a fit leaves.
+
+        sigma: 90 % quantile of |e| over 1.64. colour: (1 + rho) / (1 - rho), rho the correlation of
+        neighbours, from errors clipped at 3 sigma.
+        """
+        parts: dict[int, list[Array]] = {}
+        for number in range(len(self.pool.windows)):
+            error, _, channel = self.errors(common, local, number, sigma)
+            for item in np.unique(channel):
+                parts.setdefault(int(item), []).append(error[channel == item] * sigma[item])
+        size, colour = sigma.copy(), np.ones(len(sigma))
+        for item, series in parts.items():
+            size[item] = max(
+                float(np.quantile(np.abs(np.concatenate(series)), QUANTILE)) / NORMAL_AT_QUANTILE,
+                1e-5,
+            )
+            cut = [np.clip(part, -3.0 * size[item], 3.0 * size[item]) for part in series]
+            power = sum(float(part @ part) for part in cut)
+            product = sum(float(part[1:] @ part[:-1]) for part in cut)
+            rho = min(max(product / power, 0.0), 1.0 - 2.0 / LARGEST_COLOUR)
+            colour[item] = (1.0 + rho) / (1.0 - rho)
+        return size, colour
+
+
+def _first_sizes(pool: Pool) -> Array:
+    values = np.concatenate(
+        [pool.prepared[w.leg].channels[w.nodes] - pool.prepared[w.leg].channels[w.first]
+         for w in pool.windows]
+    )  # fmt: skip
+    present = np.isfinite(values).any(axis=0)
+    size = np.ones(values.shape[1])
+    size[present] = 0.3 * np.nanstd(values[:, present], axis=0) + 1e-5
+    return size
+
+
+def _covariances(
+    work: PoolWork, best: Optimum, sigma: Array, colour: Array, at_bound: Mask
+) -> tuple[Array, Array, Array]:
+    """Return covariance by windows left out, by information, variances without priors.
+
+    CR3: (W - 1) / W sum over windows of d d', d = -(H - H_w)^-1 s_w: H, H_w information
+    of all and of one window, its own unknowns taken out, s_w its score.
+    """
+    g, count = len(best.common), len(work.pool.windows)
+    free = np.flatnonzero(~at_bound)
+    parts, scores = [], []
+    for number in range(count):
+        _, normal, right = work.window(best.common, best.local, number, sigma, colour)
+        solved = solve_scaled(normal[g:, g:], np.column_stack([normal[g:, :g], right[g:]]))
+        parts.append((normal[:g, :g] - normal[:g, g:] @ solved[:, :-1])[np.ix_(free, free)])
+        scores.append((right[:g] - normal[:g, g:] @ solved[:, -1])[free])
+    data = np.sum(parts, axis=0)
+    full = data + np.diag(work.prior(best.common)[1][free])
+    moves = np.array(
+        [solve_scaled(full - part, score) for part, score in zip(parts, scores, strict=True)]
+    )
+    out = np.zeros((3, g, g))
+    cell = np.ix_(free, free)
+    out[0][cell] = (count - 1) / count * moves.T @ moves
+    out[1][cell] = solve_scaled(full, np.eye(free.size))
+    out[2][cell] = solve_scaled(data, np.eye(free.size))
+    return out[0], out[1], np.diag(out[2])

@@ -1,0 +1,471 @@
+"""One axis of motion from the legs that measure it: inertia, damping, force, constant.
+
+    x' = a x + b x|x| + c F(lagged) + d + d_window,   a, b <= 0, c >= 0
+
+by output error over windows of all legs (`pooled_fit`); heave without a velocity log by
+z' = w cos theta cos phi against depth. 1 / c is the apparent inertia.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.identification.axes.drive import LAG, Drive
+from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, score
+from auvid.hydro.identification.axes.judgement import (
+    FLOORS,
+    AxisVerdict,
+    Heterogeneity,
+    coefficient_block,
+    heterogeneity,
+    rms_of,
+    verdicts_of,
+)
+from auvid.hydro.identification.axes.pooled_fit import (
+    Loss,
+    Pool,
+    PoolFit,
+    fit_pool,
+    make_pool,
+)
+from auvid.hydro.identification.axes.quantities import (
+    Quantity,
+    Scale,
+    normalised_quantities,
+    physical_quantities,
+    quantity,
+)
+from auvid.hydro.identification.axes.record import AxisRecord
+from auvid.hydro.identification.axes.starting_values import starting_values
+from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
+from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
+from auvid.hydro.identification.regression.verdicts import T_LIMIT
+
+CONSTANT_SD = {"u": 0.02, "v": 0.02, "w": 0.005, "p": 0.02, "q": 0.02, "r": 0.02}
+"""Deviation of the constant of a window from that of all [m/s^2, rad/s^2]."""
+SURGE = "surge"
+"""Input of heave: force ahead behind the lag of the surge speed."""
+SURGE_LAG_S, SURGE_SHARE = 2.0, 0.3
+"""Time constant of that speed; deviation of its term around 0, in parts of c."""
+ABSURD = 3.0
+"""An apparent inertia so many times more or less than expected is none."""
+DETERMINED_WITHIN = 0.5
+"""Relative standard error up to which a free inertia is determined."""
+FEWEST_WINDOWS = 4
+"""Least windows of a leg for a fit of its own; of the pool for drag ahead and back."""
+SIDES_DIFFER = 2.0
+"""Ratio of drag ahead and back from which on it is warned of: a tether."""
+DECAY_RATE, DECAY_FORCE, DECAY_S = 0.1, 0.02, 3.0
+"""A free decay: RMS rate [rad/s], share of the largest moment, and length [s]."""
+DAMPING_AND_FORCE = ("linear", "quadratic", FORCE, "constant")
+
+
+@dataclass(frozen=True)
+class InertiaPrior:
+    """Apparent inertia [kg, kg m^2] with a relative deviation; 0 holds it."""
+
+    value: float
+    relative_sd: float = 0.0
+
+
+@dataclass(frozen=True)
+class LagVerdict:
+    """Thrust lag [s] of a fit; `standard_error` nan and not `determined` where fixed."""
+
+    value_s: float
+    standard_error: float
+    determined: bool
+
+
+@dataclass(frozen=True)
+class InertiaVerdict:
+    """What a fit says of 1 / c: `given`, `from the prior`, `determined`, `not determined`.
+
+    `value` with its 95 % interval in kg or kg m^2; nan for commands.
+    """
+
+    word: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class SideDrag:
+    """Drag over inertia [1/s] at `speed`, ahead and back, and the ratio with interval."""
+
+    speed: float
+    ahead: float
+    back: float
+    ratio: float
+    low: float
+    high: float
+
+    @property
+    def differ(self) -> bool:
+        """Return whether they differ by more than `SIDES_DIFFER`, clearly from 1."""
+        clear = self.low > 1.0 or self.high < 1.0
+        return clear and max(self.ratio, 1.0 / self.ratio) > SIDES_DIFFER
+
+
+@dataclass(frozen=True)
+class SingleAxisFit:
+    """Fit of one axis with verdicts, held-out fits and what differs between legs.
+
+    `values` and `covariance` of a, b, c, d; more in `fit`. `speed`: RMS of x in the
+    windows. `width`: standard errors of half a 95 % interval.
+    """
+
+    axis: str
+    velocity: str
+    by_depth: bool
+    normalised: bool
+    values: Array
+    covariance: Array
+    pool: Pool
+    fit: PoolFit
+    verdicts: dict[str, AxisVerdict]
+    held_out: tuple[HeldOut, ...]
+    legs: tuple[Heterogeneity, ...]
+    sides: SideDrag | None
+    lag: LagVerdict
+    inertia: InertiaVerdict
+    speed: float
+    width: float
+    notes: tuple[str, ...]
+
+    def without_newtons(self) -> tuple[Quantity, ...]:
+        """Return time constants, steady speed and damping over inertia."""
+        return normalised_quantities(
+            self.axis, self.values, self.covariance, width=self.width, speed=self.speed
+        )
+
+    def physical(self, scale: Scale | None = None) -> tuple[Quantity, ...]:
+        """Return inertia, damping and constant in SI.
+
+        Raises `DataError` for commands without a bollard pull or a mass.
+        """
+        if self.normalised and scale is None:
+            raise DataError(
+                "commands have no newtons",
+                remedy="Give one bollard pull, or one known inertia.",
+            )
+        return physical_quantities(
+            self.axis, self.values, self.covariance, width=self.width, scale=scale
+        )
+
+
+def refusal(records: Sequence[AxisRecord], axis: str) -> str:
+    """Return why an axis cannot be fitted from these records, or an empty text."""
+    velocity = VELOCITIES[AXES.index(axis)]
+    measured = [
+        record
+        for record in records
+        if np.isfinite(record.rate[velocity]).any()
+        or (depth_measures(record, velocity) and np.isfinite(record.depth_m).any())  # type: ignore[arg-type]
+    ]
+    if not measured:
+        if velocity in "uv":
+            return "not observable: nothing measures this velocity (velocity log, pose, fixes)"
+        return (
+            "not observable: neither its velocity nor depth is measured"
+            if (velocity == "w")
+            else "not observable: no gyro or attitude measures it"
+        )
+    windows = windows_of(measured, (velocity,))
+    if not windows:
+        reasons = sorted(
+            {item.reason for r in measured for item in r.left_out if item.axis == axis}
+        )
+        return f"no usable stretch: {'; '.join(reasons)}" if reasons else "no usable stretch"
+    driven = np.concatenate([measured[w.leg].force[axis][w.nodes] for w in windows])
+    if velocity in "pq" and not any(free_decays(record, axis) for record in measured):
+        return "not excited: the autopilot holds it, and no free decay is in the log"
+    if velocity not in "pq" and float(np.ptp(driven)) == 0.0:
+        return "not excited: nothing drives it"
+    if velocity != "w":
+        moved = np.concatenate([measured[w.leg].rate[velocity][w.nodes] for w in windows])
+        if float(np.sqrt(np.mean(moved**2))) < FLOORS[velocity]:
+            return f"not excited: it moves less than {FLOORS[velocity]:g} (RMS)"
+    return ""
+
+
+def free_decays(record: AxisRecord, axis: str) -> tuple[tuple[int, int], ...]:
+    """Return stretches (first, end) in which an axis moves and nothing drives it."""
+    rate, force = record.rate[VELOCITIES[AXES.index(axis)]], record.force[axis]
+    finite = np.isfinite(rate)
+    largest = float(np.nanmax(np.abs(force))) if np.isfinite(force).any() else 0.0
+    step = float(record.t_s[1] - record.t_s[0])
+    return tuple(
+        (a, b)
+        for a, b in stretches(finite & (np.abs(force) <= DECAY_FORCE * largest))
+        if (b - a) * step >= DECAY_S and float(np.sqrt(np.mean(rate[a:b] ** 2))) >= DECAY_RATE
+    )
+
+
+def fit_axis(
+    records: Sequence[AxisRecord],
+    axis: str,
+    *,
+    inertia: InertiaPrior | None = None,
+    drive: Drive | None = None,
+    constant_sd: float | None = None,
+    surge: bool = False,
+    try_lag: bool = True,
+    loss: Loss = "soft_l1",
+    window_s: float = WINDOW_S,
+) -> SingleAxisFit:
+    """Fit one axis to the windows of all legs.
+
+    inertia: prior of 1 / c; None leaves it free, and commands have none. surge: a term of
+    the force ahead in heave, under a prior around 0. try_lag: whether the lag is fitted
+    where the data determine it. Raises `DataError` with the reason where an axis is
+    refused.
+    """
+    reason = refusal(records, axis)
+    if reason:
+        raise DataError(f"axis {axis}: {reason}", remedy="See the stretches that were left out.")
+    velocity = VELOCITIES[AXES.index(axis)]
+    fitted = _Setup(
+        tuple(records), axis, velocity, inertia, drive or Drive(),
+        CONSTANT_SD[velocity] if constant_sd is None else constant_sd,
+        surge and velocity == "w", loss, window_s,
+    )  # fmt: skip
+    pool = fitted.pool()
+    fit = fit_pool(pool, starting_values(pool))
+    blocks = held_out_blocks(pool, fit.values)
+    lag = LagVerdict(pool.drive.lag_s, float("nan"), False)
+    if try_lag:
+        pool, fit, blocks, lag = _with_lag(fitted, pool, fit, blocks)
+    names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
+    values, covariance = coefficient_block(fit, axis, names)
+    width = interval_width(fit.windows)
+    speed = rms_of(pool)[velocity]
+    verdict = _inertia_verdict(values, covariance, inertia, width, records[0].normalised)
+    legs = _by_leg(fitted, pool, fit, speed)
+    sides = _sides(fitted, pool, width)
+    left_out = _legs_left_out(pool, fit)
+    return SingleAxisFit(
+        axis, velocity, depth_measures(records[0], velocity), records[0].normalised,
+        values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
+        lag, verdict, speed, width, _notes(fit, legs, sides, verdict, lag),
+    )  # fmt: skip
+
+
+def interval_width(windows: int) -> float:
+    """Return half a 95 % interval in standard errors: Student's t, windows - 1 degrees."""
+    from scipy.stats import t
+
+    return float(t.ppf(0.975, max(windows - 1, 1)))
+
+
+@dataclass(frozen=True)
+class _Setup:
+    records: tuple[AxisRecord, ...]
+    axis: str
+    velocity: str
+    inertia: InertiaPrior | None
+    drive: Drive
+    constant_sd: float
+    surge: bool
+    loss: Loss
+    window_s: float
+
+    def pool(
+        self,
+        *,
+        legs: Sequence[int] | None = None,
+        sides: bool = False,
+        free: tuple[str, ...] = (),
+    ) -> Pool:
+        """Return the pool of some legs, with some parameters of the drive free."""
+        inverse, extra = None, {}
+        if self.inertia is not None and not self.records[0].normalised:
+            c = 1.0 / self.inertia.value
+            inverse = (c, c * self.inertia.relative_sd)
+        columns = tuple({} for _ in self.records)
+        inputs: tuple[str, ...] = (self.axis,)
+        if self.surge:
+            inputs, extra = (self.axis, SURGE), {SURGE: (0.0, self.surge_sd)}
+            columns = tuple({SURGE: surge_input(record)} for record in self.records)
+        terms = axis_terms(
+            self.axis, inputs=inputs, inverse=inverse, sides=sides,
+            restoring=self.velocity in "pq", extra=extra,
+        )  # fmt: skip
+        windows = windows_of(self.records, (self.velocity,), window_s=self.window_s)
+        if legs is not None:
+            windows = tuple(window for window in windows if window.leg in legs)
+        return make_pool(
+            Structure((self.velocity,), terms, inputs), self.records, windows,
+            constant_sd=np.array([self.constant_sd]), drive=self.drive, free=free,
+            extra=columns, loss=self.loss,
+        )  # fmt: skip
+
+    @property
+    def surge_sd(self) -> float:
+        """Return the deviation of the surge term around 0."""
+        c = 1.0 / self.inertia.value if self.inertia is not None else 0.05
+        return SURGE_SHARE * c
+
+
+def surge_input(record: AxisRecord) -> Array:
+    """Return the force ahead (n,) behind the lag of the surge speed that it makes."""
+    from auvid.hydro.identification.axes.drive import lagged_columns
+
+    step = float(record.t_s[1] - record.t_s[0])
+    return lagged_columns(step, record.force["X"][:, None], SURGE_LAG_S)[:, 0]
+
+
+def _with_lag(
+    setup: _Setup, pool: Pool, fit: PoolFit, blocks: tuple[HeldOut, ...]
+) -> tuple[Pool, PoolFit, tuple[HeldOut, ...], LagVerdict]:
+    """Return the fit with a free lag where it is clear and better on every window left out.
+
+    Otherwise the fit with the fixed one.
+    """
+    fixed = LagVerdict(pool.drive.lag_s, float("nan"), False)
+    late = setup.pool(free=(LAG,))
+    other = fit_pool(late, fit.values)
+    value, error = float(other.values[-1]), float(np.sqrt(other.covariance[-1, -1]))
+    if other.at_bound[-1] or not 0.0 < error * T_LIMIT < value:
+        return pool, fit, blocks, fixed
+    tried = held_out_blocks(late, fit.values)
+    better = all(
+        new.percent[setup.velocity] > old.percent[setup.velocity]
+        for new, old in zip(tried, blocks, strict=True)
+    )
+    if not (better and tried):
+        return pool, fit, blocks, fixed
+    return late, other, tried, LagVerdict(value, error, True)
+
+
+def _inertia_verdict(
+    values: Array, covariance: Array, inertia: InertiaPrior | None, width: float, commands: bool
+) -> InertiaVerdict:
+    nan = float("nan")
+    if commands:
+        return InertiaVerdict("not determined", nan, nan, nan)
+    if inertia is not None and inertia.relative_sd == 0.0:
+        return InertiaVerdict("given", inertia.value, inertia.value, inertia.value)
+    if values[2] <= 0.0:
+        return InertiaVerdict("not determined", nan, nan, nan)
+    item = quantity(
+        "M", "", lambda v: float(1.0 / v[2]), values, covariance, width=width, positive=True
+    )
+    relative = item.standard_error / item.value
+    absurd = (
+        inertia is not None and max(item.value / inertia.value, inertia.value / item.value) > ABSURD
+    )
+    word = "not determined" if absurd or not relative <= DETERMINED_WITHIN else "determined"
+    if word == "determined" and inertia is not None and relative > 0.7 * inertia.relative_sd:
+        word = "from the prior"
+    return InertiaVerdict(word, item.value, item.low, item.high)
+
+
+def drag_at(speed: float, values: Array, covariance: Array) -> tuple[float, float]:
+    """Return drag over inertia -(a + b speed) [1/s] and its standard error.
+
+    >>> drag_at(0.5, np.array([-1.0, -2.0, 1.0, 0.0]), np.zeros((4, 4)))[0]
+    2.0
+    """
+    by = np.array([-1.0, -speed, 0.0, 0.0])
+    return float(by @ values), float(np.sqrt(by @ covariance @ by))
+
+
+def _by_leg(setup: _Setup, pool: Pool, fit: PoolFit, speed: float) -> tuple[Heterogeneity, ...]:
+    """Return whether legs agree in drag over inertia and in c, each fitted by itself."""
+    count = np.bincount([window.leg for window in pool.windows], minlength=len(pool.records))
+    legs = [int(leg) for leg in np.flatnonzero(count >= FEWEST_WINDOWS)]
+    if len(legs) < 2:
+        return ()
+    names = (setup.velocity, f"{setup.velocity}|{setup.velocity}|", FORCE, "constant")
+    drag, gain = [], []
+    for leg in legs:
+        own = replace(
+            pool, windows=tuple(w for w in pool.windows if w.leg == leg), drive=fit.drive, free=()
+        )
+        values, covariance = coefficient_block(
+            fit_pool(own, fit.values[: len(pool.structure.terms)]), setup.axis, names
+        )
+        drag.append(drag_at(speed, values, covariance))
+        gain.append((float(values[2]), float(np.sqrt(covariance[2, 2]))))
+    out = []
+    for words, rows in ((f"drag over inertia at {speed:.2g}", drag), ("force over inertia", gain)):
+        if all(error > 0.0 for _, error in rows):
+            out.append(heterogeneity(words, *zip(*rows, strict=True), legs))
+    return tuple(out)
+
+
+def _legs_left_out(pool: Pool, fit: PoolFit) -> tuple[HeldOut, ...]:
+    """Return the fit on the windows of each leg by those of the others."""
+    legs = sorted({window.leg for window in pool.windows})
+    out = []
+    for leg in legs if len(legs) > 1 else []:
+        rest = tuple(w for w in pool.windows if w.leg != leg)
+        test = tuple(w for w in pool.windows if w.leg == leg)
+        other = fit_pool(replace(pool, windows=rest), fit.values[: len(pool.structure.terms)])
+        out.append(HeldOut(f"leg {leg}", score(pool, other, test), len(test)))
+    return tuple(out)
+
+
+def _sides(setup: _Setup, pool: Pool, width: float) -> SideDrag | None:
+    """Return drag ahead and back at the RMS speed; None where one side is not flown."""
+    if len(pool.windows) < FEWEST_WINDOWS:
+        return None
+    v = setup.velocity
+    x = np.concatenate([pool.prepared[w.leg].start[w.nodes, 0] for w in pool.windows])
+    ahead, back = x[x > 0.0], x[x < 0.0]
+    if min(len(ahead), len(back)) < 0.1 * len(x):
+        return None
+    speeds = [float(np.sqrt(np.mean(part**2))) for part in (ahead, back)]
+    speed = min(speeds)
+    if speed < FLOORS[v]:
+        return None
+    split = setup.pool(sides=True)
+    fit = fit_pool(split, starting_values(split))
+    drag = []
+    for side in ("ahead", "back"):
+        names = (f"{v} {side}", f"{v}|{v}| {side}", FORCE, "constant")
+        drag.append(drag_at(speed, *coefficient_block(fit, setup.axis, names)))
+    (one, one_error), (other, other_error) = drag
+    if one <= 0.0 or other <= 0.0:
+        return None
+    half = width * float(np.hypot(one_error / one, other_error / other))
+    ratio = one / other
+    return SideDrag(
+        speed, one, other, ratio, ratio * float(np.exp(-half)), ratio * float(np.exp(half))
+    )
+
+
+def _notes(
+    fit: PoolFit,
+    legs: Sequence[Heterogeneity],
+    sides: SideDrag | None,
+    inertia: InertiaVerdict,
+    lag: LagVerdict,
+) -> tuple[str, ...]:
+    """Return what a reader of the figures has to know, a sentence each."""
+    notes = []
+    if fit.word != "converged":
+        notes.append("the search did not settle")
+    for item in legs:
+        words = "differ" if item.differ else "agree"
+        notes.append(
+            f"{len(item.values)} legs {words} in {item.quantity}: Q {item.q:.3g}, probability "
+            f"{item.probability:.2g}, largest over smallest {item.ratio:.2g}"
+        )
+    if sides is not None and sides.differ:
+        notes.append(
+            f"drag ahead is {sides.ratio:.2g} times that back ({sides.low:.2g} to "
+            f"{sides.high:.2g}): a tether pulls on one side"
+        )
+    if inertia.word == "not determined" and np.isfinite(inertia.value):
+        notes.append(f"inertia not determined: {inertia.value:.3g} comes out; give it")
+    if not lag.determined:
+        notes.append(f"thrust lag not determined: {lag.value_s:g} s is assumed")
+    return tuple(notes)

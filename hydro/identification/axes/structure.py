@@ -1,0 +1,138 @@
+"""Which terms the motion of some axes has, as tables for the compiled loop.
+
+    x_i_dot = a_i x_i + b_i x_i|x_i| + c_i F_i(t) + d_i + couplings + Coriolis_i
+
+x: body velocities, each with its own integral s (heave: depth). 1 / c_i is the apparent
+inertia where F is in newtons. Coriolis force of a diagonal inertia m_1 .. m_6 (Kirchhoff;
+Fossen 2011, 6.3), over the inertia of the row:
+
+    X: m_2 v r - m_3 w q           K: (m_2 - m_3) v w + (m_5 - m_6) q r
+    Y: m_3 w p - m_1 u r           M: (m_3 - m_1) u w + (m_6 - m_4) r p
+    Z: m_1 u q - m_2 v p           N: (m_1 - m_2) u v + (m_4 - m_5) p q
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
+
+LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING = 0, 1, 2, 3, 4
+SIDES = {"ahead": (5, 7), "back": (6, 8)}
+"""Kinds of `compiled_motion`; on one side of 0: linear, quadratic."""
+FORCE = "force"
+"""Name of the term c F of an axis."""
+SYMMETRIC = {
+    "X": "q", "Y": "pr", "Z": "q", "K": "vr", "M": "uw", "N": "vp",
+}  # fmt: skip
+"""Linear couplings that symmetry of port and starboard allows, beside the diagonal."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One term of an axis: its name (`r`, `r|r|`, `force`, `constant`) and its tables.
+
+    `lower`, `upper`: bounds of the coefficient. `mean`, `sd`: prior; sd inf for none,
+    0 for a value that is fixed.
+    """
+
+    axis: str
+    name: str
+    kind: int
+    of: int
+    lower: float = -np.inf
+    upper: float = np.inf
+    mean: float = 0.0
+    sd: float = np.inf
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Terms of the motion of `velocities` (k,), with inputs by name.
+
+    `inertia` (6,): only its ratios matter, for Coriolis; None leaves it out.
+    """
+
+    velocities: tuple[str, ...]
+    terms: tuple[Term, ...]
+    inputs: tuple[str, ...]
+    inertia: Array | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return `axis term` of every coefficient."""
+        return tuple(f"{term.axis} {term.name}" for term in self.terms)
+
+    @property
+    def places(self) -> Ints:
+        """Return where the velocities stand among u v w p q r (k,)."""
+        return np.array([VELOCITIES.index(item) for item in self.velocities], dtype=np.int64)
+
+    def table(self) -> Ints:
+        """Return row, kind and operand of every term (t, 3)."""
+        row = {AXES[place]: i for i, place in enumerate(self.places)}
+        return np.array([(row[t.axis], t.kind, t.of) for t in self.terms], dtype=np.int64)
+
+    def coriolis(self) -> tuple[Ints, Array]:
+        """Return row and factors of every product (p, 3), and their weights (p,)."""
+        products, weights = [], []
+        if self.inertia is not None:
+            m = self.inertia
+            for i, place in enumerate(self.places):
+                for a, b, weight in _coriolis(m, int(place)):
+                    if weight != 0.0:
+                        products.append((i, a, b))
+                        weights.append(weight / m[place])
+        return np.array(products, dtype=np.int64).reshape(-1, 3), np.array(weights)
+
+
+def _coriolis(m: Array, place: int) -> Sequence[tuple[int, int, float]]:
+    u, v, w, p, q, r = range(6)
+    return (
+        ((v, r, m[1]), (w, q, -m[2])),
+        ((w, p, m[2]), (u, r, -m[0])),
+        ((u, q, m[0]), (v, p, -m[1])),
+        ((v, w, m[1] - m[2]), (q, r, m[4] - m[5])),
+        ((u, w, m[2] - m[0]), (r, p, m[5] - m[3])),
+        ((u, v, m[0] - m[1]), (p, q, m[3] - m[4])),
+    )[place]
+
+
+def axis_terms(
+    axis: str,
+    *,
+    inputs: Sequence[str],
+    inverse: tuple[float, float] | None = None,
+    constant: bool = True,
+    sides: bool = False,
+    restoring: bool = False,
+    couplings: str = "",
+    extra: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Term, ...]:
+    """Return the terms of one axis: damping not above 0, force, constant, couplings.
+
+    inverse: prior of c, mean and sd (0 fixes it). sides: damping ahead and back by
+    coefficients of their own. couplings: velocities with linear terms. extra: input ->
+    prior of its coefficient.
+    """
+    at = AXES.index(axis)
+    x = VELOCITIES[at]
+    mean, sd = inverse or (0.0, np.inf)
+    out = []
+    for side, kinds in SIDES.items() if sides else {"": (LINEAR, QUADRATIC)}.items():
+        words = (f"{x} {side}".strip(), f"{x}|{x}| {side}".strip())
+        out += [
+            Term(axis, name, kind, at, upper=0.0) for name, kind in zip(words, kinds, strict=True)
+        ]
+    out.append(Term(axis, FORCE, INPUT, list(inputs).index(axis), lower=0.0, mean=mean, sd=sd))
+    if constant:
+        out.append(Term(axis, "constant", CONSTANT, 0))
+    if restoring:
+        out.append(Term(axis, "restoring", RESTORING, 0, upper=0.0))
+    out += [Term(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]
+    for name, (middle, width) in (extra or {}).items():
+        out.append(Term(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))
+    return tuple(out)
