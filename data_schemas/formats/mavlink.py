@@ -72,28 +72,10 @@ def _byte_table() -> Checksums:
     return state
 
 
-def _word_table(table: Checksums) -> Checksums:
-    state = np.arange(65536, dtype=np.uint16)
-    for _ in range(2):
-        state = table[state & 0xFF] ^ (state >> 8)
-    return state
-
-
 _BYTE_TABLE = _byte_table()
 _BYTES: list[int] = _BYTE_TABLE.tolist()
-_WORD_TABLE = _word_table(_BYTE_TABLE)
-_BATCH = 1 << 16
-"""Frames that advance together; each batch takes as many steps as its longest frame."""
-_BLOCK_BYTES = 32
-_BLOCK_WORDS = _BLOCK_BYTES // 2
-_LEFT_IN_BLOCK = np.where(
-    np.arange(_BLOCK_BYTES) >= np.arange(_BLOCK_BYTES)[:, None], 0xFF, 0
-).astype(np.uint8)
-_PART_MASKS = np.ascontiguousarray(
-    _LEFT_IN_BLOCK.view(np.uint64).T
-)  # of each eight bytes of a block, by the number of bytes to clear
-_FEW = 40  # frames that one look-up per byte has done before the blocks are set up
-_LONGEST_CHECKED = 9 + LARGEST_PAYLOAD
+_FEW = 40
+"""Frames for which the compiled loop is not worth loading."""
 
 
 def checksum(data: bytes, crc_extra: int) -> int:
@@ -108,14 +90,12 @@ def _state(data: bytes) -> int:
     return state
 
 
-def _start_by_length() -> Checksums:
-    state = np.full(_LONGEST_CHECKED + 1, CHECKSUM_START, dtype=np.uint16)
-    for length in range(1, state.size):
-        state[length] = _BYTE_TABLE[state[length - 1] & 0xFF] ^ (state[length - 1] >> 8)
-    return state
-
-
-_START_BY_LENGTH = _start_by_length()
+def _four_bytes() -> Checksums:
+    """Return the states (4, 256) that one byte leaves k zero bytes later."""
+    rows = [_BYTE_TABLE]
+    for _ in range(3):
+        rows.append(_step(rows[-1], np.zeros(256, dtype=np.uint8)))
+    return np.stack(rows)
 
 
 def checksums(buffer: Bytes, start: Integers, stop: Integers, crc_extra: Bytes) -> Checksums:
@@ -142,74 +122,16 @@ def implied_crc_extras(
 
 
 def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
-    """Checksum states after bytes start:stop.
-
-    All frames advance together, two bytes per table look-up, in blocks that end where
-    the frame ends. The checksum is linear over bits: zeros before the first byte change
-    nothing when the state starts at zero, and the true start is added by length at the
-    end.
-    """
+    """Return the checksum states (n,) after bytes start:stop."""
     out = np.empty(start.size, dtype=np.uint16)
-    early = (
-        stop - start
-    ) % -_BLOCK_BYTES + start < 0  # their first block would begin before the file
     if start.size < _FEW:
-        early[:] = True
-    if early.any():
-        for row in np.flatnonzero(early).tolist():
+        for row in range(start.size):
             out[row] = _state(buffer[start[row] : stop[row]].tobytes())
-        if not early.all():
-            out[~early] = _states(buffer, start[~early], stop[~early])
         return out
-    blocks = np.ndarray(
-        (max(buffer.size - _BLOCK_BYTES + 1, 0),),
-        np.dtype(f"V{_BLOCK_BYTES}"),
-        buffer=buffer,
-        strides=(1,),
-    )
-    for first in range(0, start.size, _BATCH):
-        part = slice(first, first + _BATCH)
-        out[part] = _checksum_batch(blocks, start[part], stop[part])
-    out ^= _START_BY_LENGTH[stop - start]
+    from auvid.data_schemas.formats.compiled_mavlink import checksum_states
+
+    checksum_states(buffer, start, stop, _four_bytes(), CHECKSUM_START, out)
     return out
-
-
-def _checksum_batch(blocks: npt.NDArray[np.void], start: Integers, stop: Integers) -> Checksums:
-    """Return checksum states from a zero start, without crc_extra.
-
-    Longer frames come first, so that those still waiting stand at the end.
-    """
-    size = (stop - start).astype(np.uint16)
-    words = ((size + np.uint16(1)) >> np.uint16(1)).astype(np.uint8)
-    order = np.argsort(words, kind="stable")[::-1]
-    words = words[order]
-    in_blocks = np.int64(_BLOCK_BYTES) * (
-        (words + np.uint8(_BLOCK_WORDS - 1)) // np.uint8(_BLOCK_WORDS)
-    )
-    missing = in_blocks - size[order]
-    at = stop[order] - in_blocks
-    state, mixed = np.zeros((2, order.size), dtype=np.uint16)
-    reached = [
-        *np.cumsum(np.bincount(words, minlength=1)[::-1])[::-1].tolist(),
-        *[0] * _BLOCK_WORDS,
-    ]  # frames with so many words or more
-    running, most = 0, int(in_blocks[0]) // 2 if words.size else 0
-    for left in range(most, 0, -_BLOCK_WORDS):
-        active = reached[left - _BLOCK_WORDS + 1]
-        content = blocks[at[:active]].view(np.uint64).reshape(active, _BLOCK_BYTES // 8)
-        for number, masks in enumerate(_PART_MASKS):
-            begun = reached[left - 4 * number - 3]
-            part = content[:begun, number]
-            part[running:] &= masks.take(missing[running:begun])
-            for word, column in enumerate(part[:, None].view("<u2").T):
-                count = reached[left - 4 * number - word]
-                np.bitwise_xor(state[:count], column[:count], out=mixed[:count])
-                _WORD_TABLE.take(mixed[:count], out=state[:count], mode="clip")
-        at[:active] += _BLOCK_BYTES
-        running = active
-    result = np.empty_like(state)
-    result[order] = state
-    return result
 
 
 def _step(state: Checksums, byte: Bytes) -> Checksums:
