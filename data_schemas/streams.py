@@ -26,6 +26,7 @@ STREAMS = (
     "mode",
     "events",
     "water_velocity",
+    "glider",
 )
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
@@ -39,9 +40,10 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "mode": ("mode",),
     "events": ("text",),
     "water_velocity": ("u_m_s", "v_m_s", "w_m_s"),
+    "glider": (),
 }
-"""Fields without which a row of the stream is no sample; of `actuators` any one field
-will do.
+"""Fields without which a row of the stream is no sample; of `actuators` and `glider` any
+one field will do.
 """
 CONDITIONS: Mapping[str, str] = {
     "aided": "only if the navigation filter had a velocity or position sensor",

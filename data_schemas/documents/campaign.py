@@ -117,7 +117,7 @@ class PriorEntry(Model):
 class CampaignDocument(Model):
     """The manifest of a campaign."""
 
-    kind: Literal["identification", "twin", "bench", "bench_twin", "control"]
+    kind: Literal["identification", "twin", "bench", "bench_twin", "glide", "glide_twin", "control"]
     """Selects the graph of stages."""
     title: str | None = None
     """One line for the report."""

@@ -481,6 +481,39 @@ class BuoyancyEngineEntry(Model):
         return self
 
 
+class GliderEntry(Model):
+    """What a glide is fitted with: areas, lift and hull of a glider.
+
+    Lift and induced drag are those of the record where speed through the water tells
+    them; else they hold as they stand here, with their spread.
+    """
+
+    reference_area: PositiveSquareMetres
+    """Area S that drag and lift are referred to, mostly that of the wings."""
+    lift_slope: Annotated[Quantity, Unit("1/rad", positive=True)]
+    """Slope of the lift of hull and wings together, referred to S."""
+    lift_slope_sd: Annotated[Quantity, Unit("1/rad", positive=True)] | None = None
+    """Its standard deviation; default a tenth."""
+    induced_drag: Annotated[Quantity, Unit("1/rad^2", positive=True)]
+    """C_D1 in C_D = C_D0 + C_D1 alpha^2, referred to S."""
+    induced_drag_sd: Annotated[Quantity, Unit("1/rad^2", positive=True)] | None = None
+    """Its standard deviation; default three tenths."""
+    zero_lift_sd: Annotated[Quantity, Unit("rad", positive=True)] | None = None
+    """Standard deviation of the angle without lift, pitch sensor included; default 2
+    degrees.
+    """
+    trim_sd: Annotated[Quantity, Unit("m^3", positive=True)] | None = None
+    """Standard deviation of the ballasting; default a tenth of the drive's stroke."""
+    compressibility: Annotated[Quantity, Unit("1/Pa")] | None = None
+    """Share of its volume that the hull loses per pressure; default 0."""
+    thermal_expansion: Annotated[Quantity, Unit("1/K")] | None = None
+    """Share of its volume that the hull gains per temperature; default 0."""
+    temperature: Annotated[Quantity, Unit("K")] | None = None
+    """Temperature at which it was ballasted; default 283.15 K."""
+    drive_stops: Annotated[Quantity, Unit("m^3", (2,))] | None = None
+    """Lowest and highest reading of the drive: at a stop the reading tells no volume."""
+
+
 class PropulsionEntry(Model):
     """What a propeller known by its thrust alone does besides."""
 
@@ -548,6 +581,8 @@ class VehicleDocument(Model):
     """
     buoyancy_engine: BuoyancyEngineEntry | None = None
     """Takes water in and out, and moves the centre of gravity along x."""
+    glider: GliderEntry | None = None
+    """What a glide is fitted with: reference area, lift and hull of a glider."""
     propulsion: PropulsionEntry | None = None
     """What a propeller known by its thrust alone does besides."""
     spreads: SpreadsEntry = SpreadsEntry()

@@ -91,6 +91,7 @@ class Outputs:
     mode: pa.Table | None = port("mode", optional=True)
     events: pa.Table | None = port("events", optional=True)
     water_velocity: pa.Table | None = port("water_velocity", optional=True)
+    glider: pa.Table | None = port("glider", optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -123,7 +124,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     dropped = dropped_table(files, rejected)
     others = other_sources(files, forced, set_us=set_us)
     health = check_health(tables, info, dropped, vehicle=inputs.vehicle, others=others)
-    blocks = health_blocks(health, force_model=not _is_bench(inputs.campaign))
+    blocks = health_blocks(health, force_model=not _is_without_forces(inputs.campaign))
     return Outputs(
         dropped=dropped,
         log_info=info,
@@ -134,8 +135,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _is_bench(campaign: Document | None) -> bool:
-    return str((campaign or {}).get("kind", "")).startswith("bench")
+def _is_without_forces(campaign: Document | None) -> bool:
+    return str((campaign or {}).get("kind", "")).startswith(("bench", "glide"))
 
 
 def _columns(stream: Stream) -> Columns:

@@ -42,6 +42,14 @@ CAVEATS = {
     "velocity_disagrees": "two velocities contradict each other",
     "constant_signal": "a sensor is dead",
 }
+GLIDE = "glide"
+GLIDER_FIELDS = {
+    "pressure_pa": "pressure",
+    "pitch_rad": "pitch",
+    "buoyancy_drive_m3": "buoyancy drive",
+    "density_kg_m3": "density",
+}
+"""What stage glide needs of a log, with its words."""
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 
 
@@ -130,7 +138,20 @@ def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> l
             motion = "hardly any motion"
         reason = "" if item["rms"] is None else f"RMS {significant(item['rms'])} {item['unit']}"
         rows.append((f"synthesise {name}", (residual and NO_FORCE) or motion, reason))
+    if log.has("glider"):
+        rows.append((GLIDE, glider_lacks(log), "drag, lift and trim from settled glides"))
     return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
+
+
+def glider_lacks(log: CheckedLog) -> str | None:
+    """Return what a log lacks for stage glide, None for nothing."""
+    has = [name for name in GLIDER_FIELDS if name in log.tables["glider"].column_names]
+    lacking = [
+        words
+        for name, words in GLIDER_FIELDS.items()
+        if name not in has and not (name == "pitch_rad" and log.has("attitude"))
+    ]
+    return f"no {listed(lacking)}" if lacking else None
 
 
 def driven_s(log: CheckedLog) -> float:
@@ -159,6 +180,8 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
             "A force model can be fitted in"
             f" {listed(axes)}{', but ' if caveats else ''}{'; '.join(caveats)}."
         )
+    if possible.get(GLIDE):
+        return "Drag, lift and trim can be fitted to settled glides (kind: glide)."
     if not possible["residual"]:
         blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
         why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))

@@ -44,7 +44,9 @@ MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitc
 
 
 def missing_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield streams that the chain needs and the log lacks."""
+    """Yield streams that the chain needs and the log lacks; a glider has its own."""
+    if log.has("glider"):
+        return
     for stream in NEEDED:
         if not log.has(stream):
             others = [item for item in log.others if item.stream == stream and item.refused]

@@ -1,0 +1,1 @@
+"""Gliders in the vertical plane: the steady balance of a glide, and the motion."""

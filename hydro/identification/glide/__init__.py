@@ -1,0 +1,1 @@
+"""Drag, lift and trim of a glider from settled glides."""

@@ -1,0 +1,344 @@
+"""Drag, lift, zero-lift angle and trim of a glider from settled glides.
+
+Gauss-Newton on depth rate and, where measured, speed through the water. What the record
+knows worse than the vehicle file is fixed there, and its spread goes into the intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.stats import t as student
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.dynamics.gliding.steady_glide import (
+    GliderBody,
+    Polar,
+    SteadyGlide,
+    angle_of_attack,
+    slow_change,
+    steady_glide,
+)
+from auvid.hydro.identification.glide.bins import GlideRows
+from auvid.hydro.identification.regression.verdicts import T_LIMIT
+
+UNKNOWNS = ("C_D0", "C_D1", "C_L_alpha", "alpha_0", "trim", "mass")
+"""Drag without lift, induced drag [1/rad^2], slope of the lift [1/rad], angle without
+lift [rad], trim: hull volume beyond that of the neutral glider [m^3], mass [kg] (never
+fitted: with the trim free it scales what layers of water do, no more).
+"""
+GlideVerdict = Literal["identified", "weak", "inseparable", "from the prior"]
+STEPS = 60
+REWEIGHTINGS = 3
+LOWERINGS = 20
+LEAST_GLIDES = 4
+LEAST_SPEEDS = 10
+"""So many rows with a speed, in two glides or more, free the lift."""
+FREED = 0.7
+"""The record frees an unknown that it alone knows better than this share of the prior."""
+LEAST_ERROR = {"alpha_0": float(np.radians(0.5))}
+"""An unknown that may be zero: a standard error below this identifies it too."""
+
+
+@dataclass(frozen=True)
+class FileFigure:
+    """Mean and standard deviation of an unknown in the vehicle file."""
+
+    mean: float
+    sd: float
+
+
+@dataclass(frozen=True)
+class GlideEstimate:
+    """Values and covariance (6, 6) of UNKNOWNS, with verdicts.
+
+    `free`: the unknowns that the record determines; the others are those of the vehicle
+    file. `noise_covariance`: without the spread of the fixed ones. `residual_m_s`: RMS of
+    depth rate and of speed (nan without). `degrees`: degrees of freedom of intervals.
+    """
+
+    values: Array
+    covariance: Array
+    noise_covariance: Array
+    free: tuple[str, ...]
+    residual_m_s: tuple[float, float]
+    degrees: int
+    glides: int
+    rows: int
+    verdicts: Mapping[str, GlideVerdict]
+    body: GliderBody
+
+    @property
+    def polar(self) -> Polar:
+        """Return drag and lift of the estimate."""
+        return polar_of(self.values)
+
+    @property
+    def half_95(self) -> float:
+        """Return the standard errors from the middle of a 95 % interval to its ends."""
+        return float(student.ppf(0.975, self.degrees))
+
+    def value(self, name: str) -> float:
+        """Return the value of an unknown in SI."""
+        return float(self.values[UNKNOWNS.index(name)])
+
+    def standard_error(self, name: str) -> float:
+        """Return the standard error of an unknown, spread of fixed ones included."""
+        index = UNKNOWNS.index(name)
+        return float(np.sqrt(self.covariance[index, index]))
+
+    def predict(self, rows: GlideRows) -> SteadyGlide:
+        """Return the steady glides of the estimate at rows."""
+        return _glide(self.values, rows, self.body)
+
+    def at_pitch(self, pitch_rad: float) -> dict[str, tuple[float, float]]:
+        """Return angle of attack [rad], C_D, C_L of a glide, each with standard error.
+
+        The error follows from the covariance to first order.
+        """
+        values = _glide_figures(self.values, pitch_rad)
+        slope = _slopes(lambda p: _glide_figures(p, pitch_rad), self.values)
+        errors = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.covariance, slope))
+        names = ("alpha", "C_D", "C_L")
+        return {n: (float(v), float(e)) for n, v, e in zip(names, values, errors, strict=True)}
+
+
+def polar_of(values: Array) -> Polar:
+    """Return drag and lift of the values of UNKNOWNS."""
+    return Polar(*(float(value) for value in values[:4]))
+
+
+def fit_glides(
+    rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFigure]
+) -> GlideEstimate:
+    """Return the estimate of rows of settled glides.
+
+    minimise sum (w - w_hat)^2 / s_w^2 + sum (U - U_hat)^2 / s_U^2 over the free unknowns,
+    depth rate w and speed U of `steady_glide`, s_w and s_U from the residuals. With J_f
+    and J_h the slopes by free and fixed unknowns, H = J_f' J_f, S = -H^-1 J_f' J_h and the
+    spread P of the fixed ones: covariance H^-1 (sum_g s_g s_g') H^-1 + S P S', where
+    s_g = J_g' (I - J_g H^-1 J_g')^-1 r_g of glide g (as if it had been left out:
+    MacKinnon and White 1985, HC3, by clusters). Free are drag and, with dives and climbs,
+    trim; lift where speed was measured; induced drag and zero-lift angle where the
+    record alone knows them better than FREED of the prior. Raises `DataError` for too few
+    glides and for a record that no balance fits.
+    """
+    count = np.unique(rows.glide).size
+    if count < LEAST_GLIDES:
+        raise DataError(
+            "too few settled glides", value=int(count), allowed=f"at least {LEAST_GLIDES}"
+        )
+    measured = np.isfinite(rows.speed_m_s)
+    up = rows.state.pitch_rad > 0.0
+    free = ["C_D0"]
+    if up.any() and not up.all():
+        free.append("trim")
+    if measured.sum() >= LEAST_SPEEDS and np.unique(rows.glide[measured]).size > 1:
+        free.append("C_L_alpha")
+    values = np.array([prior[name].mean for name in UNKNOWNS])
+    problem = _Problem(rows, body, measured, np.array([0.01, 0.01]))
+    values = _start(problem, values)
+    values = problem.solve(values, free)
+    if "trim" in free:
+        for name in ("alpha_0", "C_D1"):
+            trial = problem.standard_errors(values, [*free, name])
+            if trial[-1] < FREED * prior[name].sd:
+                free.append(name)
+                values = problem.solve(values, free)
+    return _estimate(problem, values, free, prior)
+
+
+def drag_asked(rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFigure]) -> float:
+    """Return the drag that the median depth rate asks for."""
+    return _first_drag(np.array([prior[name].mean for name in UNKNOWNS]), rows, body)
+
+
+@dataclass
+class _Problem:
+    """Rows of glides with their noise; `solve` sets the noise by the residuals."""
+
+    rows: GlideRows
+    body: GliderBody
+    measured: Mask
+    noise: Array
+
+    @property
+    def glide(self) -> Index:
+        """Return the glide of every residual."""
+        return np.concatenate([self.rows.glide, self.rows.glide[self.measured]])
+
+    def residuals(self, values: Array) -> Array:
+        """Return the residuals of depth rate and measured speed over their noise."""
+        glide = _glide(values, self.rows, self.body)
+        depth_rate = self.rows.depth_rate_m_s - glide.depth_rate_m_s
+        speed = (self.rows.speed_m_s - glide.speed_m_s)[self.measured]
+        both = np.concatenate([depth_rate / self.noise[0], speed / self.noise[1]])
+        return np.asarray(np.nan_to_num(both, nan=np.inf))
+
+    def slopes(self, values: Array) -> Array:
+        """Return the slopes of the residuals by UNKNOWNS."""
+        return _slopes(self.residuals, values)
+
+    def solve(self, values: Array, free: list[str]) -> Array:
+        """Return the values of least cost; the noise follows from their residuals."""
+        for _ in range(REWEIGHTINGS):
+            values = self._gauss_newton(values, [UNKNOWNS.index(name) for name in free])
+            residual, split = self.residuals(values), self.rows.t_s.size
+            self.noise = self.noise * [_rms(residual[:split]), _rms(residual[split:])]
+        return values
+
+    def _gauss_newton(self, values: Array, free: list[int]) -> Array:
+        """Return the values of least cost; steps that raise it are halved."""
+        residual = self.residuals(values)
+        best = float(residual @ residual)
+        for _ in range(STEPS):
+            jacobian = self.slopes(values)[:, free]
+            scale = np.linalg.norm(jacobian, axis=0)
+            step = np.zeros(values.size)
+            step[free] = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale
+            share, cost = 1.0, np.inf
+            while share > 1e-6:
+                trial = values + share * step
+                if trial[0] > 0.0 and trial[2] > 0.0:
+                    left = self.residuals(trial)
+                    cost = float(left @ left)
+                    if cost <= best:
+                        break
+                share /= 2.0
+            else:
+                return values
+            done = best - cost < 1e-10 * max(best, 1.0)
+            values, best, residual = trial, cost, left
+            if done:
+                break
+        return values
+
+    def standard_errors(self, values: Array, free: list[str]) -> Array:
+        """Return the standard errors of free unknowns by the record."""
+        jacobian = self.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
+        return np.sqrt(np.diag(_clustered(jacobian, self.residuals(values), self.glide)))
+
+
+def _rms(values: Array) -> float:
+    return max(float(np.sqrt(np.mean(values**2))), 1e-6) if values.size else 1.0
+
+
+def _glide(values: Array, rows: GlideRows, body: GliderBody) -> SteadyGlide:
+    """Return the motion at rows: steady, with the lag of slow changes in each glide."""
+    body, trim = replace(body, mass_kg=float(values[5])), float(values[4])
+    steady = steady_glide(rows.state, body=body, polar=polar_of(values), trim_m3=trim)
+    return slow_change(steady, rows.state, body=body, trim_m3=trim, t_s=rows.t_s, part=rows.glide)
+
+
+def _start(problem: _Problem, values: Array) -> Array:
+    """Return starting values with which every row has a glide.
+
+    The drag is that of the median depth rate. With more induced drag than the flattest glide allows there would be none: it is
+    lowered. Raises `DataError` where that does not help.
+    """
+    for _ in range(LOWERINGS):
+        values[0] = _first_drag(values, problem.rows, problem.body)
+        if np.isfinite(problem.residuals(values)).all():
+            return values
+        values[1] *= 0.8
+    raise DataError(
+        "no drag makes a glide of these rows: net buoyancy and depth rate go against each other"
+    )
+
+
+def _first_drag(values: Array, rows: GlideRows, body: GliderBody) -> float:
+    """Return the drag that the median depth rate asks for, other unknowns as fixed."""
+    low, high = 1e-4, 1e3
+    typical = float(np.median(np.abs(rows.depth_rate_m_s)))
+    for _ in range(60):
+        values[0] = np.sqrt(low * high)
+        rate = np.abs(_glide(values, rows, body).depth_rate_m_s)
+        slow = not np.isfinite(rate).any() or np.nanmedian(rate) < typical
+        low, high = (low, values[0]) if slow else (values[0], high)
+    return float(np.sqrt(low * high))
+
+
+def _slopes(function: Callable[[Array], Array], values: Array) -> Array:
+    """Return the derivatives (n, 6) by UNKNOWNS, by central differences."""
+    columns = []
+    for index, value in enumerate(values):
+        step = np.zeros(values.size)
+        step[index] = 1e-6 * max(abs(value), 1e-3)
+        columns.append((function(values + step) - function(values - step)) / (2.0 * step[index]))
+    return np.stack(columns, axis=-1)
+
+
+def _glide_figures(values: Array, pitch_rad: float) -> Array:
+    """Return angle of attack, C_D and C_L (3,) of values of UNKNOWNS at a pitch."""
+    polar = polar_of(values)
+    alpha = angle_of_attack(pitch_rad, polar)
+    lift = polar.lift_slope * (alpha - polar.zero_lift_rad)
+    return np.array([float(alpha), float(polar.drag_coefficient(alpha)), float(lift)])
+
+
+def _clustered(jacobian: Array, residual: Array, glide: Index) -> Array:
+    """Return H^-1 (sum_g s_g s_g') H^-1 (k, k), H = J' J, s_g as in `fit_glides`."""
+    scale = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / scale
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14)
+    meat = np.zeros_like(inverse)
+    for number in np.unique(glide):
+        part, left = scaled[glide == number], residual[glide == number]
+        score = part.T @ np.linalg.solve(np.eye(left.size) - part @ inverse @ part.T, left)
+        meat += np.outer(score, score)
+    return np.asarray(inverse @ meat @ inverse / np.outer(scale, scale))
+
+
+def _estimate(
+    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+) -> GlideEstimate:
+    residual, jacobian = problem.residuals(values), problem.slopes(values)
+    inside = [UNKNOWNS.index(name) for name in free]
+    fixed = [index for index in range(values.size) if index not in inside]
+    spread = np.array([prior[UNKNOWNS[index]].sd for index in fixed])
+    noise = np.zeros((values.size, values.size))
+    noise[np.ix_(inside, inside)] = _clustered(jacobian[:, inside], residual, problem.glide)
+    # The fixed unknowns move the free ones by S, and themselves by their spread.
+    moves = np.zeros((values.size, len(fixed)))
+    moves[fixed, range(len(fixed))] = spread
+    scale = np.linalg.norm(jacobian[:, inside], axis=0)
+    answer = np.linalg.lstsq(jacobian[:, inside] / scale, jacobian[:, fixed] * spread, rcond=None)
+    moves[inside] = -answer[0] / scale[:, None]
+    covariance = noise + moves @ moves.T
+    split = problem.rows.t_s.size
+    parts = [_rms(residual[:split]) * problem.noise[0], _rms(residual[split:]) * problem.noise[1]]
+    count = int(np.unique(problem.glide).size)
+    return GlideEstimate(
+        values,
+        covariance,
+        noise,
+        tuple(free),
+        (float(parts[0]), float(parts[1]) if problem.measured.any() else float("nan")),
+        count - 1,
+        count,
+        split,
+        _verdicts(values, covariance, free),
+        problem.body,
+    )
+
+
+def _verdicts(values: Array, covariance: Array, free: list[str]) -> dict[str, GlideVerdict]:
+    """Return the verdict on every unknown.
+
+    Held ones rest on the prior; without dives and climbs drag and trim are one figure.
+    """
+    verdicts: dict[str, GlideVerdict] = {}
+    for index, name in enumerate(UNKNOWNS):
+        error = float(np.sqrt(covariance[index, index]))
+        limit = max(abs(values[index]) / T_LIMIT, LEAST_ERROR.get(name, 0.0))
+        if name not in free:
+            verdicts[name] = "from the prior"
+        else:
+            verdicts[name] = "identified" if error <= limit else "weak"
+    if "trim" not in free:
+        verdicts["C_D0"] = verdicts["trim"] = "inseparable"
+    return verdicts

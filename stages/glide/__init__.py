@@ -1,0 +1,161 @@
+"""Drag, lift and trim of a glider from its settled glides: Merckelbach et al. 2010."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.gliding.steady_glide import net_buoyancy
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.glide.comparison import GlideComparison, compare
+from auvid.hydro.identification.glide.settled import SettlingRules
+from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.glide.figures import glide_results
+from auvid.stages.glide.glider import Glider, glider_of
+from auvid.stages.glide.legs import GlideLegs, legs_of
+from auvid.stages.glide.presentation import glide_section, glide_views
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The legs, the vehicle with its part `glider`, and the streams of all logs."""
+
+    campaign: Document = port("campaign")
+    vehicle: Vehicle = port("vehicle")
+    log_info: Collection[LogInfo] = port("log_info", many=True)
+    glider: Collection[pa.Table] | None = port("glider", many=True, optional=True)
+    attitude: Collection[pa.Table] | None = port("attitude", many=True, optional=True)
+
+
+@dataclass(frozen=True)
+class Params:
+    """When a glide is settled, and the stretches that are fitted."""
+
+    surface_m: float = param(
+        "m", 10.0, meaning="depth below which a glide is clear of the surface", low=0.0
+    )
+    settling_s: float = param(
+        "s", 60.0, meaning="time to wait after drive, pitch or direction changed", low=0.0
+    )
+    shortest_s: float = param("s", 60.0, meaning="shortest settled glide", low=10.0)
+    stretch_s: float = param("s", 20.0, meaning="length of the means that are fitted", low=5.0)
+    least_pitch_deg: float = param(
+        "deg", 8.0, meaning="flatter glides are left out", low=1.0, high=60.0
+    )
+    drive_rate_1_s: float = param(
+        "1/s", 1e-3, meaning="share of its stroke that the drive may move in a second", low=1e-6
+    )
+    pitch_rate_deg_s: float = param(
+        "deg/s", 0.3, meaning="change of pitch that still counts as settled", low=1e-3
+    )
+    max_gap_s: float = param("s", 5.0, meaning="a longer pause of the log is not bridged", low=0.01)
+    constant_density: bool = param(
+        "1",
+        False,
+        meaning="without logged density take that of the vehicle file at every depth",
+    )
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Figures, the glides with fit, and what is said of them."""
+
+    results: dict[str, Any] = port("results")
+    glides: pa.Table = port("glides")
+    section: dict[str, Any] = port("section")
+    views: dict[str, Any] = port("views")
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """Return drag, lift and trim of all legs together.
+
+    Raises `CampaignError` for a vehicle without part `glider`, `DataError` for logs
+    without the streams of a glider, without settled glides, or with units that no
+    glider has.
+    """
+    if inputs.glider is None:
+        raise DataError(
+            "no log has the stream 'glider'",
+            remedy=(
+                "Map the columns of pressure, pitch, buoyancy drive and density to the stream"
+                " glider (docs/glide.md); a force model of a vehicle with thrusters is kind"
+                " identification."
+            ),
+        )
+    glider = glider_of(inputs.vehicle)
+    legs = [LegEntry.model_validate(leg) for leg in inputs.campaign["legs"]]
+    if not legs:
+        raise CampaignError("a campaign of kind glide needs a leg", field="legs")
+    glides = legs_of(
+        legs,
+        inputs.log_info,
+        inputs.glider,
+        inputs.attitude,
+        glider=glider,
+        rules=_rules(params, glider),
+        stretch_s=params.stretch_s,
+        constant_density=params.constant_density,
+    )
+    comparison = compare(glides.rows, body=glider.body, prior=glider.prior(glides.stroke_m3))
+    results = glide_results(comparison, glides, glider)
+    return Outputs(
+        results,
+        _table(comparison, glides),
+        glide_section(comparison, glides, glider, results),
+        glide_views(glides),
+    )
+
+
+def _rules(params: Params, glider: Glider) -> SettlingRules:
+    return SettlingRules(
+        surface_m=params.surface_m,
+        drive_rate_1_s=params.drive_rate_1_s,
+        pitch_rate_rad_s=float(np.radians(params.pitch_rate_deg_s)),
+        least_pitch_rad=float(np.radians(params.least_pitch_deg)),
+        settling_s=params.settling_s,
+        shortest_s=params.shortest_s,
+        max_gap_s=params.max_gap_s,
+        stops_m3=glider.stops_m3,
+    )
+
+
+def _table(comparison: GlideComparison, glides: GlideLegs) -> pa.Table:
+    """Return stretches of settled glides with the fit beside the measurement."""
+    estimate, rows = comparison.estimate, glides.rows
+    fitted = estimate.predict(rows)
+    force = net_buoyancy(rows.state, estimate.body, estimate.value("trim"))
+    columns = {
+        "recording": [glides.leg_of_glide[number] for number in rows.glide],
+        "t_s": rows.t_s,
+        "glide": rows.glide,
+        "pitch_rad": rows.state.pitch_rad,
+        "buoyancy_drive_m3": rows.state.drive_m3,
+        "density_kg_m3": rows.state.density_kg_m3,
+        "pressure_pa": rows.state.pressure_pa,
+        "net_buoyancy_N": force,
+        "depth_rate_measured_m_s": rows.depth_rate_m_s,
+        "depth_rate_fitted_m_s": fitted.depth_rate_m_s,
+        "depth_rate_held_out_m_s": comparison.held_out_rate_m_s,
+        "speed_measured_m_s": rows.speed_m_s,
+        "speed_fitted_m_s": fitted.speed_m_s,
+        "alpha_rad": fitted.alpha_rad,
+    }
+    return make_table("glides", columns)
+
+
+STAGE = Stage(
+    "glide",
+    "Drag, lift, incidence and trim of a glider from settled glides",
+    "campaign",
+    Inputs,
+    Params,
+    Outputs,
+    run,
+)
