@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.identification.fleet.pooling import Interval
 from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives, typical_error
 
@@ -29,8 +29,8 @@ FEWEST_BEFORE = 3
 SIZE = 1.0
 """r: the size of a change that is looked for, in scatters of one dive."""
 FALSE_ALARMS = 0.05
-"""Probability of an alarm in a fleet of ten dives without a change, all figures together."""
-LIMITS = {0.1: 1.57, 0.05: 1.91, 0.02: 2.30, 0.01: 2.55, 0.005: 2.83, 0.002: 3.12, 0.001: 3.31}
+"""Probability of an alarm in ten dives without a change, all figures together."""
+LIMITS = {0.1: 1.59, 0.05: 1.93, 0.02: 2.39, 0.01: 2.62, 0.005: 2.91, 0.002: 3.28, 0.001: 3.49}
 """False alarms in ten dives of one figure -> limit of the logarithm of the odds.
 
 Quantiles over 12 000 fleets without a change, the largest over scatters of 0, .5, .8, .95
@@ -126,7 +126,7 @@ def _contrast(scatter: BetweenDives, y: Array, s: Array) -> tuple[Array, Array]:
 
 
 def _alarm(
-    name: str, y: Array, s: Array, level: Array, first: int, odds: float, limit: float
+    name: str, y: Array, s: Array, level: Ints, first: int, odds: float, limit: float
 ) -> ChangeAlarm:
     """Return the alarm of a change at place `first` of the dives `level`."""
     values, errors = y[level], s[level]

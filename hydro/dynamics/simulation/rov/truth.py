@@ -53,7 +53,8 @@ class RovTruth:
 
     `hull`: drag of the frame, or a viscous model. `net_buoyancy_N` lifts;
     `centre_of_buoyancy_m` and `added_mass` (6, 6) replace those of the file.
-    `current_m_s`: of the water, NED.
+    `current_m_s`: of the water, NED. `strength` (n,): share of its thrust that each
+    thruster gives, a worn or dead one below 1; its current and jet stay.
     """
 
     vehicle: Vehicle
@@ -65,6 +66,7 @@ class RovTruth:
     battery: Battery = field(default_factory=Battery)
     tether: Tether | None = None
     current_m_s: Array = field(default_factory=lambda: np.zeros(3))
+    strength: Array = field(default_factory=lambda: np.ones(1))
 
     @property
     def thrusters(self) -> Thrusters:
@@ -115,7 +117,7 @@ class RovTruth:
             loss=self.loss.row(density),
             lag_s=float(self.loss.lag_s),
             position=_positions(allocation),
-            allocation=np.array(allocation, order="C"),
+            allocation=np.array(allocation * self.strength, order="C"),
             mixing=frame_factors(thrusters),
             direction=np.array(thrusters.direction, dtype=np.float64),
             thrust=thrust_from_pwm(

@@ -1,0 +1,173 @@
+"""How strong each thruster of a vehicle is on one dive, against those like it.
+
+With thrusters that give shares g_i of what their pulses say, the force that the motion
+needs, tau_bar + B f, is
+
+    tau_bar + B f = Phi theta + sum_i g_i B_i f_i + noise,
+
+Phi the damping terms of a hull that is alike on port and starboard, with a constant, f_i
+the thrust after a common lag, B_i column i of the allocation. Each axis is freed of its
+own terms and weighed by the scatter of its residual; g follows from one regression over
+six axes. In steady motion drag and thrust are one figure, so the common part of g is
+partly taken by the drag: only the ratio to thrusters of the same direction is a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
+
+LAGS_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
+"""Thrust lags that are tried; the one with the least residuals is taken."""
+BLOCK_S = 5.0
+"""Pieces of a dive that count as independent for standard errors."""
+PASSES = 3
+"""Regressions, each weighed by the residuals of the one before."""
+WEAK, SURELY_BELOW = 0.75, 0.9
+"""A thruster is weak below so much of the others, and two standard errors below the
+second: healthy thrusters of twins reach .86.
+"""
+DEAD = 0.2
+"""A thruster is dead where two standard errors above its share are below this."""
+MOST_ERROR = 0.12
+"""Largest standard error at which half the strength is told from all of it: a quarter of
+the difference.
+"""
+RIDGE = 1e-9
+"""Added to the scaled normal equations, so that inseparable thrusters have huge errors."""
+
+StrengthVerdict = Literal["as the others", "weak", "dead", "reversed", "not separable"]
+
+
+@dataclass(frozen=True)
+class ThrusterLeg:
+    """One leg of a dive on a uniform clock.
+
+    t_s (n,); nu (n, 6) [m/s, rad/s]; tau_bar (n, 6) [N, N m] of thrusters at full
+    strength; thrust_N (n, m): force of each thruster by its pulses, filtered as nu.
+    """
+
+    t_s: Array
+    nu: Array
+    tau_bar: Array
+    thrust_N: Array
+
+
+@dataclass(frozen=True)
+class ThrusterStrength:
+    """Strength of one thruster, counted from 1, over that of the others like it.
+
+    `strength` and `standard_error` are nan where the dive does not separate it; `others`
+    are the thrusters that it is compared with.
+    """
+
+    thruster: int
+    strength: float
+    standard_error: float
+    verdict: StrengthVerdict
+    others: tuple[int, ...]
+
+
+def thruster_strengths(
+    legs: Sequence[ThrusterLeg], allocation: Array
+) -> tuple[ThrusterStrength, ...]:
+    """Return the strength of each thruster of `allocation` (6, m) on the legs of a dive.
+
+    Thrusters are alike where their forces point along the same body axes. Raises
+    `DataError` for no leg or one shorter than four blocks of `BLOCK_S`.
+    """
+    if not legs:
+        raise DataError("no leg to compare thrusters on", value=0, allowed="1 or more")
+    length = sum(float(leg.t_s[-1] - leg.t_s[0]) for leg in legs)
+    if length < 4.0 * BLOCK_S:
+        raise DataError(
+            "too short to compare thrusters", value=length, allowed=f"{4.0 * BLOCK_S:g} s or more"
+        )
+    count = allocation.shape[1]
+    thrust = np.concatenate([leg.thrust_N for leg in legs])
+    runs = np.flatnonzero(np.any(thrust != 0.0, axis=0))
+    gain, covariance = np.full(count, np.nan), np.full((count, count), np.nan)
+    fits = [_fit(legs, allocation[:, runs], runs, lag_s) for lag_s in LAGS_S]
+    _, gain[runs], covariance[np.ix_(runs, runs)] = min(fits, key=lambda fit: fit[0])
+    sure = np.flatnonzero(np.diag(covariance) < MOST_ERROR**2)
+    return tuple(_strength(i, gain, covariance, _alike(allocation, i, sure)) for i in range(count))
+
+
+def _fit(
+    legs: Sequence[ThrusterLeg], allocation: Array, runs: Ints, lag_s: float
+) -> tuple[float, Array, Array]:
+    """Return the log of all residuals, gains (m,) and their covariance (m, m)."""
+    thrust, force, blocks, start = [], [], [], 0
+    nu = np.concatenate([leg.nu for leg in legs])
+    for leg in legs:
+        step = float(leg.t_s[1] - leg.t_s[0])
+        thrust.append(first_order_lag(leg.thrust_N[:, runs], lag_s=lag_s, step_s=step))
+        force.append(leg.tau_bar + leg.thrust_N[:, runs] @ allocation.T)
+        blocks.append(start + ((leg.t_s - leg.t_s[0]) / BLOCK_S).astype(np.int64))
+        start = int(blocks[-1][-1]) + 1
+    late, needed, block = np.concatenate(thrust), np.concatenate(force), np.concatenate(blocks)
+    # Columns (6, n, m) and targets (6, n), free of each axis's own terms.
+    columns, targets = np.empty((6, *late.shape)), np.empty((6, len(late)))
+    for axis, name in enumerate(AXES):
+        speeds = [x for x in VELOCITIES if allows(name, x, (PORT_STARBOARD,))]
+        terms = [*speeds, *(f"{x}*|{x}|" for x in speeds)]
+        rows = np.vstack([np.ones(len(nu)), basis_rows(nu.T, terms=terms)])
+        own, _ = np.linalg.qr((rows / np.linalg.norm(rows, axis=1, keepdims=True)).T)
+        columns[axis] = late * allocation[axis]
+        columns[axis] -= own @ (own.T @ columns[axis])
+        targets[axis] = needed[:, axis] - own @ (own.T @ needed[:, axis])
+    deviation = np.sqrt(np.mean(targets**2, axis=1))
+    for _ in range(PASSES):
+        weight = deviation**-2
+        gram = np.einsum("a,ani,anj->ij", weight, columns, columns, optimize=True)
+        gram += RIDGE * np.diag(np.diag(gram))
+        inverse = np.linalg.inv(gram)
+        gain = inverse @ np.einsum("a,ani,an->i", weight, columns, targets, optimize=True)
+        residual = targets - columns @ gain
+        deviation = np.sqrt(np.mean(residual**2, axis=1))
+    # Sandwich of blocks; white residuals where that is more, as for an unused thruster.
+    scores = np.zeros((start, len(gain)))
+    np.add.at(scores, block, np.einsum("a,ani,an->ni", weight, columns, residual, optimize=True))
+    covariance = inverse @ (scores.T @ scores) @ inverse
+    least = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    return float(np.log(deviation).sum()), gain, covariance * np.outer(least, least)
+
+
+def _alike(allocation: Array, thruster: int, sure: Ints) -> Ints:
+    """Return the separable thrusters whose force has the same body components."""
+    direction = np.abs(allocation[:3]) > 0.1 * np.linalg.norm(allocation[:3], axis=0)
+    same = np.all(direction == direction[:, [thruster]], axis=0)
+    return np.array([i for i in sure if same[i] and i != thruster], dtype=np.int64)
+
+
+def _strength(thruster: int, gain: Array, covariance: Array, others: Ints) -> ThrusterStrength:
+    """Return the gain of one thruster over the median of those like it, with a verdict."""
+    names = tuple(int(i) + 1 for i in others)
+    middle = float(np.median(gain[others])) if len(others) else np.nan
+    if not (np.isfinite(gain[thruster]) and middle > 0.0):
+        return ThrusterStrength(thruster + 1, np.nan, np.nan, "not separable", names)
+    share = float(gain[thruster]) / middle
+    slope = np.zeros(len(gain))
+    slope[thruster], slope[others] = 1.0 / middle, -share / middle / len(others)
+    part = np.flatnonzero(slope)
+    variance = slope[part] @ covariance[np.ix_(part, part)] @ slope[part]
+    error = float(np.sqrt(variance))
+    if error > MOST_ERROR:
+        return ThrusterStrength(thruster + 1, np.nan, np.nan, "not separable", names)
+    verdict: StrengthVerdict = "as the others"
+    if share + 2.0 * error < -DEAD:
+        verdict = "reversed"
+    elif abs(share) + 2.0 * error < DEAD:
+        verdict = "dead"
+    elif share < WEAK and share + 2.0 * error < SURELY_BELOW:
+        verdict = "weak"
+    return ThrusterStrength(thruster + 1, share, error, verdict, names)

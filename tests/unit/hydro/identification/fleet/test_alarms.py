@@ -1,0 +1,103 @@
+"""Change alarms: a change is dated and sized, fleets without one stay quiet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.integrate import quad
+from scipy.linalg import null_space
+from scipy.stats import multivariate_normal
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.alarms import alarm_limit, change_alarms, change_odds
+from auvid.hydro.identification.fleet.scatter import typical_error
+
+VALUES = np.array([10.0, 10.3, 9.8, 10.1, 9.9, 12.1, 12.0, 12.3])
+ERRORS = np.array([0.1, 0.2, 0.1, 0.1, 0.15, 0.1, 0.2, 0.1])
+
+
+def likelihood(values: Array, errors: Array, tau: float, size: float, first: int) -> float:
+    """Density of the contrasts with a change of a normal size from dive `first` on."""
+    k = len(values)
+    contrasts = null_space(np.ones((1, k))).T
+    step = (np.arange(k) >= first).astype(float)
+    covariance = np.diag(errors**2 + tau**2)
+    wide = size**2 * (tau**2 + typical_error(errors) ** 2)
+    covariance = contrasts @ (covariance + wide * np.outer(step, step)) @ contrasts.T
+    return float(multivariate_normal.pdf(contrasts @ values, cov=covariance))
+
+
+def test_odds_are_the_ratio_of_two_integrals() -> None:
+    y, s = VALUES[:6], ERRORS[:6]
+
+    def integral(size: float, first: int) -> float:
+        def density(x: float) -> float:
+            tau = float(np.exp(x))
+            share = tau / (tau + float(typical_error(s)))
+            return likelihood(y, s, tau, size, first) * share
+
+        return float(quad(density, np.log(1e-4), np.log(1e3), limit=200)[0])
+
+    expected = [np.log(integral(1.0, first) / integral(0.0, first)) for first in (3, 4, 5)]
+    # .003: the sum over the grid in place of the integral.
+    assert_allclose(change_odds(y, s), expected, atol=3e-3)
+
+
+def test_a_change_is_dated_and_sized() -> None:
+    figures = {"drag X": (VALUES, ERRORS), "drag Y": (VALUES[::-1] * 0 + 5.0, ERRORS)}
+    (alarm,) = change_alarms(figures)
+    assert (alarm.figure, alarm.first_dive) == ("drag X", 5)
+    assert alarm.dive <= 7
+    low, high = alarm.change_interval
+    assert low < 2.1 < high
+    assert 0.19 < alarm.share < 0.23
+    assert alarm.log_odds > alarm.limit
+
+
+def test_dives_without_a_number_do_not_count() -> None:
+    values = np.insert(VALUES, 2, np.nan)
+    (alarm,) = change_alarms({"drag X": (values, np.insert(ERRORS, 2, 0.1))})
+    (before,) = change_alarms({"drag X": (VALUES, ERRORS)})
+    assert (alarm.dive, alarm.first_dive) == (before.dive + 1, before.first_dive + 1)
+    assert alarm.change == before.change
+
+
+def test_a_second_change_is_counted_from_the_first() -> None:
+    values = np.concatenate([VALUES, [12.2, 12.1, 9.9, 10.0, 10.2, 10.1]])
+    errors = np.concatenate([ERRORS, np.full(6, 0.1)])
+    up, down = change_alarms({"drag X": (values, errors)})
+    assert (up.first_dive, down.first_dive) == (5, 10)
+    assert up.change > 0.0 > down.change
+
+
+def test_few_dives_have_no_alarm() -> None:
+    assert change_alarms({"a": ([1.0, 9.0, 1.0], [0.1] * 3)}) == ()
+    assert change_alarms({}) == ()
+
+
+def test_limits_grow_with_the_number_of_figures() -> None:
+    limits = [alarm_limit(0.05 / count) for count in (1, 2, 5, 50, 500)]
+    assert np.all(np.diff(limits) > 0.0)
+    assert limits[0] == 1.93
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.5, 0.9])
+def test_false_alarms_are_as_rare_as_stated(scatter: float) -> None:
+    random = np.random.default_rng(8)
+    errors = np.exp(0.4 * random.standard_normal((1500, 10))) * np.sqrt(1.0 - scatter)
+    noise = random.standard_normal((2, 1500, 10))
+    values = np.sqrt(scatter) * noise[0] + errors * noise[1]
+    odds = [change_odds(values[:, :k], errors[:, :k]).max(axis=-1) for k in range(4, 11)]
+    # .05, and three standard errors of 1500 fleets.
+    assert np.mean(np.max(odds, axis=0) > alarm_limit(0.05)) < 0.067
+
+
+def test_a_fifth_more_is_found_within_five_dives() -> None:
+    random = np.random.default_rng(9)
+    errors = 0.035 * np.exp(0.4 * random.standard_normal((500, 10)))
+    noise = random.standard_normal((2, 500, 10))
+    values = 1.0 + 0.035 * noise[0] + errors * noise[1]
+    values[:, 5:] *= 1.2
+    odds = [change_odds(values[:, :k], errors[:, :k]).max(axis=-1) for k in range(4, 11)]
+    assert np.mean(np.max(odds, axis=0) > alarm_limit(0.05)) > 0.9
