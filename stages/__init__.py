@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from auvid.stages import (
+    axis_record,
     check_installation,
     check_published,
     check_truth,
@@ -45,6 +46,7 @@ STAGES: tuple[Stage[Any, Any, Any], ...] = (
     pipendulum.STAGE,
     rlse.STAGE,
     glide.STAGE,
+    axis_record.STAGE,
     control.STAGE,
     check_published.STAGE,
     report.STAGE,
@@ -84,6 +86,7 @@ KINDS: dict[str, tuple[str, ...]] = {
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
     "glide": ("ingest", "glide", "check_published", "report"),
     "glide_twin": ("simulate", "ingest", "glide", "check_published", "report"),
+    "axes": ("ingest", "axis_record"),
     "control": ("control", "check_published", "report"),
     "variant": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate"),
     "variant_with_true_states": (

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
 MODELS = {
     "apparatus": "documents.apparatus.ApparatusDocument",
+    "axis_windows": "records.axes.AxisWindowsRecord",
     "campaign": "documents.campaign.CampaignDocument",
     "column_map": "documents.column_map.ColumnMapDocument",
     "control_cases": "documents.control_cases.ControlCasesDocument",
@@ -55,6 +56,7 @@ def model_of(name: str) -> type[Model]:
 DELIVERED = frozenset(
     {
         "apparatus",
+        "axis_windows",
         "control_cases",
         "fusion",
         "leg",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns
-from auvid.hydro.arrays import Array, cross
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -20,7 +18,8 @@ from auvid.hydro.identification.bench.single_channel import CHANNELS, ChannelRun
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.splines import smoothing_spline
-from auvid.stages.columns import ATTITUDE, GYRO, VELOCITY, Samples, samples_within, span_text
+from auvid.stages.columns import ATTITUDE, VELOCITY, Samples, span_text
+from auvid.stages.leg_streams import Streams
 
 MIN_SAMPLES = 20
 SAME_TIME_S = 1e-9
@@ -42,23 +41,6 @@ class LegRun:
     signal: Array
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Streams:
-    """Raw streams of a log by name, None where absent; times in s from its start."""
-
-    tables: Mapping[str, pa.Table | None]
-    start_us: int
-    window: tuple[float, float]
-    vehicle: Vehicle
-
-    def samples(self, stream: str, names: tuple[str, ...], lag_s: float = 0.0) -> Samples | None:
-        """Return samples of a stream in the leg, None without all of these columns."""
-        table = self.tables.get(stream)
-        if table is None or not has_columns(table, names):
-            return None
-        return samples_within(table, names, start_us=self.start_us, lag_s=lag_s, window=self.window)
 
 
 def run_of_leg(
@@ -178,23 +160,12 @@ def _measured(
 ) -> tuple[Samples | None, Samples | None, str]:
     """Return rate and position samples of a channel, and the name of the signal."""
     index, vehicle = CHANNELS.index(channel), streams.vehicle
-    gyro = streams.samples("imu", GYRO)
-    if gyro is not None:
-        gyro = Samples(gyro.t_s - vehicle.imu.lag_s, gyro.values @ vehicle.imu.rotation.T)
+    gyro = streams.gyro()
     if index < 3:
-        samples = streams.samples("velocity", VELOCITY[:3], vehicle.dvl.lag_s)
-        if samples is not None and samples.t_s.size:
-            body = samples.values @ vehicle.dvl.rotation.T
-            if np.any(vehicle.dvl.arm_m != 0.0) and gyro is not None and gyro.t_s.size:
-                omega = np.column_stack(
-                    [np.interp(samples.t_s, gyro.t_s, gyro.values[:, axis]) for axis in range(3)]
-                )
-                body = body - cross(omega, vehicle.dvl.arm_m)
-            return (
-                Samples(samples.t_s, body[:, index : index + 1]),
-                None,
-                f"velocity {VELOCITY[index][0]}",
-            )
+        velocity = streams.velocity()
+        if velocity is not None:
+            body = velocity.values[:, index : index + 1]
+            return Samples(velocity.t_s, body), None, f"velocity {VELOCITY[index][0]}"
         depth = (
             streams.samples("depth", ("depth_m",), vehicle.depth_sensor.lag_s)
             if channel == "heave"
@@ -302,7 +273,7 @@ def _drive(
     if has_pulses:
         assert vehicle.thrusters is not None
         width = np.column_stack([column(table, name)[rows] for name in pulses])
-        each = thruster_forces(vehicle.thrusters, width, _voltage(streams, t[rows]))
+        each = thruster_forces(vehicle.thrusters, width, streams.voltage(t[rows]))
         force = thruster_force(vehicle.thrusters, each)[:, index]
         force[np.abs(force) < NO_FORCE * np.abs(each).max(axis=1)] = 0.0
     turns = column(table, "propeller_rev_s")[rows] if has_propeller and index == 0 else None
@@ -324,15 +295,6 @@ def _drive_of(t: Array, values: Array, turns: Array | None, *, normalised: bool,
         True, (np.diff(values) != 0.0) | (np.diff(turns) != 0.0 if turns is not None else False)
     )
     return Drive(t[new], values[new], end, normalised, None if turns is None else turns[new])
-
-
-def _voltage(streams: Streams, t_s: Array) -> Array | None:
-    table = streams.tables.get("battery")
-    if table is None:
-        return None
-    voltage, t = column(table, "voltage_v"), (column(table, "time_us") - streams.start_us) / 1e6
-    finite = np.isfinite(voltage)
-    return np.interp(t_s, t[finite], voltage[finite]) if finite.any() else None
 
 
 def _velocity(signal: Samples, grid: Array, is_rate: bool) -> Array:

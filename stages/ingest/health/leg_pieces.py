@@ -14,6 +14,7 @@ from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.unusable_spans import unusable_spans
 from auvid.stages.ingest.health.usability import COVERING
 from auvid.stages.ingest.health.vehicle import activity, motions
+from auvid.stages.leg_streams import disarmed_between
 
 SUBMERGED_M, DIVED_M = 0.2, 1.0
 """At less depth a vehicle of a log that dives deeper than DIVED_M is at the surface."""
@@ -74,21 +75,8 @@ def excluded_spans(log: CheckedLog) -> Iterator[tuple[str, tuple[float, float]]]
 
 def disarmed_spans(log: CheckedLog) -> list[tuple[float, float]]:
     """Return the spans [s] in which the log says that the vehicle is disarmed."""
-    if not log.has("mode") or "armed" not in log.tables["mode"].column_names:
-        return []
-    states = log.tables["mode"]["armed"].to_pylist()
-    rows = [
-        (at, state) for at, state in zip(log.t_s("mode"), states, strict=True) if state is not None
-    ]
-    if not any(state for _, state in rows):
-        return []
-    end = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
-    times = [0.0 if index == 0 else float(at) for index, (at, _) in enumerate(rows)]
-    return [
-        (begin, stop)
-        for begin, stop, (_, state) in zip(times, [*times[1:], end], rows, strict=True)
-        if not state and stop > begin
-    ]
+    end_s = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
+    return disarmed_between(log.tables.get("mode"), int(log.info.start_us), end_s)
 
 
 def _spans(t_s: Array, mask: Mask) -> list[tuple[float, float]]:

@@ -1,0 +1,287 @@
+"""What drives a leg on a uniform clock: newtons by the vehicle file, or full commands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.streams import supply_text
+from auvid.data_schemas.tables import has_columns, matrix
+from auvid.hydro.arrays import AXES, Array, Mask
+from auvid.hydro.dynamics.actuators.commands import (
+    ARDUSUB_FRAMES,
+    COMMANDS,
+    axis_of,
+    commanded_force,
+    frame_name,
+    frame_thrusters,
+    full_commands,
+    px4_thrusters,
+)
+from auvid.hydro.dynamics.actuators.propeller import propeller_force
+from auvid.hydro.dynamics.actuators.thrusters import (
+    NEUTRAL_US,
+    NO_PULSE_US,
+    Thrusters,
+    thruster_force,
+    thruster_forces,
+)
+from auvid.hydro.dynamics.vehicle.logged_directions import turned_as_logged
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.columns import Samples
+from auvid.stages.leg_record.motion import enough, on_clock
+from auvid.stages.leg_streams import Streams
+
+DEAD_BAND_US, DEAD_COMMAND = 28.0, 0.02
+"""Within so much of neutral an output, or a command, does not act."""
+FRAME_REMEDY = (
+    "Name the frame of the autopilot in the vehicle file (actuators.commands.frame), or give"
+    " actuators.thrusters with position and axis, or effect."
+)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Force of a leg on its clock: `values` (n, 6), nan where outputs are not logged.
+
+    `acting` (n,): some output or command left its dead band. `full` (6,): what the
+    actuators can give in each axis, in the unit of the values; nan where not known.
+    `axes`: letters that are driven at all. `full_thrust`: see `AxisWindowsRecord`.
+    """
+
+    values: Array
+    normalised: bool
+    acting: Mask
+    full: Array
+    words: str
+    axes: tuple[str, ...]
+    full_thrust: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def actuator_table(streams: Streams) -> pa.Table:
+    """Return the table of the actuators; raise `DataError` without one."""
+    table = streams.tables.get("actuators")
+    if table is None:
+        raise DataError(
+            "no actuators are logged", remedy=f"They can come from: {supply_text('actuators')}."
+        )
+    return table
+
+
+def output_columns(thrusters: Thrusters) -> tuple[str, ...]:
+    """Return the columns of the outputs that thrusters listen to."""
+    return tuple(f"pwm_{number}_us" for number in thrusters.outputs)
+
+
+def drive_of(
+    streams: Streams,
+    info: LogInfo,
+    t_s: Array,
+    *,
+    surge: Array,
+    max_gap_s: float,
+    commands: bool = False,
+) -> Drive:
+    """Return what drives a leg on a uniform clock (n,) [s].
+
+    surge (n,): u [m/s], which the thrust of a propeller depends on. commands: take
+    normalised commands even where pulses are logged. Raises `DataError` where nothing
+    drives the vehicle that is logged, or nothing says how its outputs mix.
+    """
+    table, vehicle = actuator_table(streams), streams.vehicle
+    logged = [name for name in COMMANDS if f"command_{name}" in table.column_names]
+    pulses = any(name.startswith("pwm_") for name in table.column_names)
+    if not (commands and logged):
+        if vehicle.thrusters is not None and has_columns(table, output_columns(vehicle.thrusters)):
+            return _newtons(streams, vehicle.thrusters, info, t_s, max_gap_s)
+        if vehicle.propeller is not None and has_columns(table, ("propeller_rev_s",)):
+            return _propeller(streams, vehicle, t_s, surge, max_gap_s)
+        if pulses and not logged:
+            thrusters, source = _layout(vehicle, info, table)
+            return _full_commands(streams, thrusters, source, info, t_s, max_gap_s)
+    if logged:
+        return _commands(streams, logged, t_s, max_gap_s)
+    raise DataError(
+        "nothing that drives the vehicle is logged",
+        field="actuators",
+        value=", ".join(name for name in table.column_names if name != "time_us") or "no columns",
+        allowed="pulses of the thrusters, propeller_rev_s, or command_surge to command_yaw",
+    )
+
+
+def pulses_of(streams: Streams, thrusters: Thrusters, t_s: Array, max_gap_s: float) -> Array:
+    """Return the pulses (n, k) of thrusters on a clock; no pulse counts as neutral.
+
+    Between samples they are linear: held outputs of a slow log would lag by half a step.
+    """
+    samples = _samples(streams, output_columns(thrusters))
+    # Between no pulse (0) and a neutral one there is no pulse of full reverse.
+    width = np.where(samples.values < NO_PULSE_US, NEUTRAL_US, samples.values)
+    return on_clock(Samples(samples.t_s, width), t_s, max_gap_s)
+
+
+def _samples(streams: Streams, names: tuple[str, ...]) -> Samples:
+    samples = enough(streams.samples("actuators", names))
+    if samples is None:
+        raise DataError(
+            "the actuators are empty",
+            field="actuators",
+            value=", ".join(names),
+            remedy="Choose a leg in which commands are logged.",
+        )
+    return samples
+
+
+def _turned(thrusters: Thrusters, info: LogInfo) -> tuple[Thrusters, str]:
+    turned = turned_as_logged(thrusters, info.parameters)
+    if turned is None:
+        return thrusters, "Motor directions are not in the log: those of the vehicle file hold."
+    return turned, ""
+
+
+def _newtons(
+    streams: Streams, thrusters: Thrusters, info: LogInfo, t_s: Array, max_gap_s: float
+) -> Drive:
+    """Return the force by thrust curve, layout and voltage, in N and N m."""
+    thrusters, note = _turned(thrusters, info)
+    width = pulses_of(streams, thrusters, t_s, max_gap_s)
+    voltage = streams.voltage(t_s)
+    values = thruster_force(thrusters, thruster_forces(thrusters, width, voltage))
+    notes = [note] if note else []
+    if voltage is None and thrusters.curve.voltage_exponent != 0.0:
+        notes.append(
+            f"No battery voltage is logged: thrust is taken at {thrusters.curve.voltage_v:g} V."
+        )
+    full = full_commands(thrusters)
+    return Drive(
+        values,
+        False,
+        _acting(width),
+        full * float(np.abs(thrusters.curve.force_N).max()),
+        "pulses of the thrusters by thrust curve and layout of the vehicle file",
+        tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0),
+        notes=tuple(notes),
+    )
+
+
+def _full_commands(
+    streams: Streams,
+    thrusters: Thrusters,
+    source: str,
+    info: LogInfo,
+    t_s: Array,
+    max_gap_s: float,
+) -> Drive:
+    """Return the force of thrusters without a curve, in full commands."""
+    thrusters, note = _turned(thrusters, info)
+    width = pulses_of(streams, thrusters, t_s, max_gap_s)
+    full = full_commands(thrusters)
+    axes = tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0)
+    return Drive(
+        commanded_force(thrusters, width),
+        True,
+        _acting(width),
+        np.where(full > 0.0, 1.0, np.nan),
+        f"pulses of the thrusters in full commands, mixed by {source}",
+        axes,
+        {axis: float(full[AXES.index(axis)]) for axis in axes},
+        (note,) if note else (),
+    )
+
+
+def _acting(width: Array) -> Mask:
+    return np.asarray((np.abs(width - NEUTRAL_US) > DEAD_BAND_US).any(axis=1))
+
+
+def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters, str]:
+    """Return how outputs become forces, and who says so.
+
+    The vehicle file's thrusters, its frame, FRAME_CONFIG of the log, or PX4's geometry.
+    """
+    config = info.parameters.get("FRAME_CONFIG")
+    frame = vehicle.commands.frame or frame_name(info.parameters)
+    if vehicle.commands.thrusters is not None:
+        choice, source = vehicle.commands.thrusters, "the layout of the vehicle file"
+    elif frame is not None:
+        where = "the vehicle file" if vehicle.commands.frame else "FRAME_CONFIG of the log"
+        choice, source = frame_thrusters(frame), f"frame {frame} of {where}"
+    else:
+        of_px4 = px4_thrusters(info.parameters)
+        if of_px4 is None:
+            raise DataError(
+                "frame unknown: nothing says how outputs become forces",
+                field="FRAME_CONFIG",
+                value="not logged" if config is None else f"{config:g}",
+                allowed=", ".join(ARDUSUB_FRAMES),
+                remedy=FRAME_REMEDY,
+            )
+        choice, source = of_px4, "CA_ROTOR of the log"
+    lacking = [name for name in output_columns(choice) if name not in table.column_names]
+    if lacking:
+        raise DataError(
+            f"outputs are missing that {source} has",
+            field="actuators",
+            value=", ".join(lacking),
+            allowed=", ".join(output_columns(choice)),
+            remedy=FRAME_REMEDY,
+        )
+    return choice, source
+
+
+def _propeller(
+    streams: Streams, vehicle: Vehicle, t_s: Array, surge: Array, max_gap_s: float
+) -> Drive:
+    """Return the thrust of a propeller at the measured surge; at rest where it is not."""
+    assert vehicle.propeller is not None
+    turns = on_clock(_samples(streams, ("propeller_rev_s",)), t_s, max_gap_s)[:, 0]
+    nu = np.zeros((t_s.size, 6))
+    nu[:, 0] = np.nan_to_num(surge)
+    still = not np.isfinite(surge).any()
+    return Drive(
+        propeller_force(vehicle.propeller, nu, turns, water_density=vehicle.water_density),
+        False,
+        np.abs(np.nan_to_num(turns)) > 0.0,
+        np.full(6, np.nan),
+        "propeller speed by the propeller of the vehicle file",
+        ("X",),
+        notes=("No velocity is logged: the propeller's thrust is that at rest.",) if still else (),
+    )
+
+
+def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float) -> Drive:
+    """Return normalised commands as they are, in the axes that the vehicle has."""
+    allowed = streams.vehicle.commands.axes
+    names = [name for name in logged if not allowed or axis_of(name) in allowed]
+    if not names:
+        raise DataError(
+            "no logged command acts",
+            field="actuators.commands.axes",
+            value=", ".join(allowed),
+            allowed=", ".join(logged),
+            remedy="Name the commands of the log in actuators.commands.axes.",
+        )
+    table = actuator_table(streams)
+    columns = {name: matrix(table, (f"command_{name}",)) for name in names}
+    times = streams.times("actuators")
+    inside = (times >= streams.window[0]) & (times <= streams.window[1])
+    values = np.zeros((t_s.size, 6))
+    for name, cells in columns.items():
+        rows = inside & np.isfinite(cells[:, 0])
+        samples = enough(Samples(times[rows], cells[rows]))
+        at = AXES.index(axis_of(name))
+        values[:, at] = np.nan if samples is None else on_clock(samples, t_s, max_gap_s)[:, 0]
+    axes = tuple(axis for axis in AXES if axis in map(axis_of, names))
+    return Drive(
+        values,
+        True,
+        np.asarray((np.abs(np.nan_to_num(values)) > DEAD_COMMAND).any(axis=1)),
+        np.ones(6),
+        "normalised commands of the log, without a unit of force",
+        axes,
+    )

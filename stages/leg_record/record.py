@@ -1,0 +1,290 @@
+"""The record of one leg: grid, motion, force, windows, and what a user should know."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
+from auvid.hydro.identification.axes.choice import (
+    WINDOW_S,
+    driven,
+    force_without_motion,
+    runs,
+    windows_of_axis,
+)
+from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.signals.resampling import uniform_clock
+from auvid.hydro.identification.signals.signal_checks import response_lag
+from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, VELOCITY
+from auvid.stages.leg_record.force import Drive, actuator_table, drive_of
+from auvid.stages.leg_record.motion import Motion, enough, motion_of, step_s
+from auvid.stages.leg_streams import Streams, disarmed_between
+
+SURFACE_M = {axis: 0.4 if axis == "Z" else 0.25 for axis in AXES}
+"""At less depth waves and air at the thrusters move an axis too."""
+IDLE_SHARE, IDLE_COMMAND = 0.005, 0.02
+"""A force within this part of what the actuators can give does not act; with a thrust
+curve its dead band is taken off already.
+"""
+FREE_AXES = "XYZN"
+"""Axes without a restoring moment, in which a steady force must move the body."""
+DEPTH_RATE_S = 1.0
+ONE_WAY_SHARE = 0.05
+"""Less than this part of the moving time against the other way is one way."""
+OFFSETS_S = (-3.0, 3.0)
+LEAST_EXPLAINED = 0.5
+EARLY_S, LATE_S = 0.1, 1.2
+"""Motion that comes so much before, or after, its force is that of another clock."""
+SLOWEST_HZ = 0.5
+WORDS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+NOT_MEASURED, NOT_COMMANDED = "nothing measures it", "not commanded"
+STUCK = "force without motion"
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """How a record is made: see the parameters of stage axis_record."""
+
+    rate_hz: float = 20.0
+    max_gap_s: float = 1.0
+    window_s: float = WINDOW_S
+    commands: bool = False
+    rebuild: bool = True
+
+
+@dataclass(frozen=True)
+class LegRecord:
+    """The record of a leg, what drives it, the rate of its clock, and sentences."""
+
+    record: AxisRecord
+    drive: Drive
+    rate_hz: float
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def length_s(self, axis: str) -> float:
+        """Return the length of all windows of an axis [s]."""
+        windows = self.record.windows.get(axis, ())
+        return sum(last - first for first, last in windows) / self.rate_hz
+
+
+def leg_record(
+    streams: Streams, info: LogInfo, leg: str, options: RecordOptions | None = None
+) -> LegRecord:
+    """Return the record of a leg.
+
+    Raises `DataError` where nothing is logged that moves or drives the vehicle.
+    """
+    options = options or RecordOptions()
+    t_s, rate_hz = _clock(streams, leg, options.rate_hz)
+    motion = motion_of(streams, t_s, options.max_gap_s)
+    drive = drive_of(
+        streams,
+        info,
+        t_s,
+        surge=motion.rate["u"],
+        max_gap_s=options.max_gap_s,
+        commands=options.commands,
+    )
+    shared = [
+        ("gap of the outputs", ~np.isfinite(drive.values).all(axis=1)),
+        ("gap of the attitude", ~np.isfinite(motion.attitude_rad).all(axis=1)),
+        ("disarmed", _disarmed(streams, info, t_s)),
+    ]
+    windows: dict[str, tuple[tuple[int, int], ...]] = {}
+    left_out: list[LeftOut] = []
+    warnings: list[str] = []
+    speeds = {axis: _speed(motion, axis, rate_hz) for axis in AXES}
+    from_surface = _depth_of_surface(streams, info)
+    for at, axis in enumerate(AXES):
+        force, speed = drive.values[:, at], speeds[axis]
+        reasons = _reasons(axis, motion, drive, rate_hz, [*shared], from_surface)
+        usable = ~np.any([mask for _, mask in reasons], axis=0)
+        stuck = np.zeros(t_s.size, dtype=bool)
+        if axis in FREE_AXES:
+            stuck = usable & force_without_motion(t_s, force, speed, usable)
+        warnings += _stuck_words(axis, t_s, force, stuck, _unit(axis, drive.normalised))
+        reasons.append((STUCK, stuck))
+        windows[axis], own = windows_of_axis(axis, t_s, reasons, window_s=options.window_s)
+        left_out += own
+    record = AxisRecord(
+        t_s,
+        motion.rate,
+        motion.depth_m,
+        motion.attitude_rad,
+        {axis: drive.values[:, at] for at, axis in enumerate(AXES)},
+        drive.normalised,
+        {axis: own for axis, own in windows.items() if own},
+        tuple(left_out),
+        motion.by,
+    )
+    warnings += _clock_words(record, speeds, rate_hz)
+    warnings += _one_way_words(record, speeds)
+    return LegRecord(record, drive, rate_hz, (*motion.notes, *drive.notes), tuple(warnings))
+
+
+def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:
+    """Return the uniform clock (n,) [s], where outputs and motion are, and its rate."""
+    actuator_table(streams)
+    times = streams.times("actuators")
+    times = times[(times >= streams.window[0]) & (times <= streams.window[1])]
+    columns = {"imu": GYRO, "attitude": ATTITUDE, "depth": ("depth_m",), "velocity": VELOCITY[:3]}
+    measured = [
+        samples
+        for name, names in columns.items()
+        if (samples := enough(streams.samples(name, names))) is not None
+    ]
+    if not measured:
+        raise DataError(
+            f"nothing measures how the vehicle moves in leg '{leg}'",
+            allowed="a gyro, an attitude, a depth or a velocity",
+        )
+    fastest = max(1.0 / step_s(samples) for samples in measured)
+    rate_hz = max(SLOWEST_HZ, min(rate_hz, fastest))
+    first = min(samples.t_s[0] for samples in measured)
+    last = max(samples.t_s[-1] for samples in measured)
+    span = (max(first, times[0]), min(last, times[-1])) if times.size else (0.0, 0.0)
+    if span[1] - span[0] < 2.0 / rate_hz:
+        raise DataError(
+            f"outputs and motion of leg '{leg}' do not overlap in time",
+            field="actuators",
+            value="no sample" if not times.size else f"{times[0]:.1f} to {times[-1]:.1f} s",
+            allowed=f"{first:.1f} to {last:.1f} s, where motion is measured",
+        )
+    return uniform_clock(*span, rate_hz), rate_hz
+
+
+def _disarmed(streams: Streams, info: LogInfo, t_s: Array) -> Mask:
+    mask = np.zeros(t_s.size, dtype=bool)
+    end_s = (int(info.end_us) - int(info.start_us)) / 1e6
+    for begin, end in disarmed_between(streams.tables.get("mode"), streams.start_us, end_s):
+        mask |= (t_s >= begin) & (t_s <= end)
+    return mask
+
+
+def _depth_of_surface(streams: Streams, info: LogInfo) -> bool:
+    """Return whether depth counts from the surface: that of a pose does not."""
+    position = info.streams.get("position")
+    depth = info.streams.get("depth")
+    return depth is not None and (position is None or position.source != depth.source)
+
+
+def _speed(motion: Motion, axis: str, rate_hz: float) -> Array:
+    """Return the measured velocity of an axis (n,); the rate of depth for heave."""
+    own = motion.rate[VELOCITIES[AXES.index(axis)]]
+    if axis != "Z" or motion.depth_m is None or np.isfinite(own).any():
+        return own
+    half = max(1, round(DEPTH_RATE_S * rate_hz / 2.0))
+    speed = np.full(own.size, np.nan)
+    depth = motion.depth_m
+    speed[half:-half] = (depth[2 * half :] - depth[: -2 * half]) * rate_hz / (2.0 * half)
+    return speed
+
+
+def _peak(values: Array) -> float:
+    """Return the 99th percentile of the size of values (n,); 0 without any."""
+    finite = np.abs(values[np.isfinite(values)])
+    return float(np.percentile(finite, 99.0)) if finite.size else 0.0
+
+
+def _reasons(
+    axis: str,
+    motion: Motion,
+    drive: Drive,
+    rate_hz: float,
+    shared: list[tuple[str, Mask]],
+    from_surface: bool,
+) -> list[tuple[str, Mask]]:
+    """Return why samples are left out of an axis; the first that applies counts."""
+    at = AXES.index(axis)
+    force = drive.values[:, at]
+    everywhere = np.ones(force.size, dtype=bool)
+    if axis not in motion.by:
+        return [(NOT_MEASURED, everywhere)]
+    full = float(drive.full[at]) if np.isfinite(drive.full[at]) else _peak(force)
+    idle = (IDLE_COMMAND if drive.normalised else IDLE_SHARE) * full
+    if axis not in drive.axes or _peak(force - np.nanmedian(force)) <= idle:
+        return [(NOT_COMMANDED, everywhere)]
+    reasons = [(f"gap of the {motion.by[axis]}", _gaps(motion, axis)), *shared]
+    if motion.depth_m is not None and from_surface:
+        shallow = np.nan_to_num(motion.depth_m, nan=np.inf) < SURFACE_M[axis]
+        reasons.append(("at the surface", shallow))
+    step = 1.0 / rate_hz
+    reasons.append(("the attitude jumps", motion.jumps))
+    reasons.append(("no actuator acts", ~driven(drive.acting.astype(float), step, 0.5)))
+    reasons.append(("not driven", ~driven(force, step, idle)))
+    return reasons
+
+
+def _unit(axis: str, normalised: bool) -> str:
+    return "full commands" if normalised else AXIS_UNITS[axis]
+
+
+def _gaps(motion: Motion, axis: str) -> Mask:
+    own = motion.rate[VELOCITIES[AXES.index(axis)]]
+    if axis == "Z" and motion.depth_m is not None and not np.isfinite(own).any():
+        own = motion.depth_m
+    return ~np.isfinite(own)
+
+
+def _stuck_words(axis: str, t_s: Array, force: Array, stuck: Mask, unit: str) -> Iterator[str]:
+    """Yield a sentence for each stretch in which a force moves nothing."""
+    for first, last in runs(stuck):
+        low, high = np.sort(np.percentile(force[first:last], (10.0, 90.0)))
+        yield (
+            f"Force without motion in {WORDS[axis]}, {t_s[first]:.0f} to {t_s[last - 1]:.0f} s:"
+            f" {low:.2g} to {high:.2g} {unit} and hardly a move. Something holds the vehicle"
+            " (tether, sea floor, a hand); the stretch is left out."
+        )
+
+
+def _clock_words(record: AxisRecord, speeds: Mapping[str, Array], rate_hz: float) -> Iterator[str]:
+    """Yield a sentence where motion and force stand on clocks that differ.
+
+    Judged in the axis that answers its force best.
+    """
+    answers = {}
+    for axis in record.windows:
+        speed, force = speeds[axis], record.force[axis]
+        good = np.isfinite(speed) & np.isfinite(force)
+        answer = response_lag(
+            record.t_s,
+            np.interp(record.t_s, record.t_s[good], force[good])[:, None],
+            record.t_s[good],
+            speed[good],
+            lags_s=OFFSETS_S,
+            rate_hz=rate_hz,
+        )
+        if answer is not None:
+            answers[axis] = answer
+    if not answers:
+        return
+    axis = max(answers, key=lambda name: answers[name].explained)
+    best = answers[axis]
+    if best.explained < LEAST_EXPLAINED or -EARLY_S <= best.lag_s <= LATE_S:
+        return
+    where = f"{-best.lag_s:.2f} s before" if best.lag_s < 0.0 else f"{best.lag_s:.2f} s after"
+    yield (
+        f"{WORDS[axis].capitalize()} moves {where} the commands that drive it"
+        f" ({100.0 * best.explained:.0f} % explained): commands and motion seem to stand on clocks"
+        " of two computers. Set stages.axis_record.lag_s (actuators: how late their stamps are)."
+    )
+
+
+def _one_way_words(record: AxisRecord, speeds: Mapping[str, Array]) -> Iterator[str]:
+    """Yield a sentence for each axis that moves one way only."""
+    for axis, windows in record.windows.items():
+        speed = np.concatenate([speeds[axis][first:last] for first, last in windows])
+        limit = THRESHOLDS[VELOCITIES[AXES.index(axis)]]
+        ways = np.count_nonzero(speed > limit), np.count_nonzero(speed < -limit)
+        if sum(ways) and min(ways) < ONE_WAY_SHARE * sum(ways):
+            yield (
+                f"{WORDS[axis].capitalize()} moves one way only: its constant force and its drag"
+                " are hardly told apart, and the drag of the other way is not known."
+            )

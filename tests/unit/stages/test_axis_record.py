@@ -1,0 +1,182 @@
+"""Stage axis_record: motion and force on one clock, windows, and what is left out."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages import axis_record
+from auvid.stages.axis_tables import axis_record_of
+from tests.support.axis_dive import (
+    FIRST_US,
+    THRUSTERS,
+    VEHICLE,
+    Dive,
+    vehicle_document,
+)
+
+STREAMS = ("imu", "attitude", "depth", "velocity", "actuators", "battery", "mode")
+
+
+@pytest.fixture(scope="module")
+def dive() -> Dive:
+    return Dive()
+
+
+def outputs(dive: Dive, vehicle=VEHICLE, **params):
+    leg = LegEntry.model_validate({"id": "dive", "log": "dive"})
+    tables = dive.tables()
+    inputs = axis_record.Inputs(
+        leg, dive.info(), vehicle, **{name: tables.get(name) for name in STREAMS}
+    )
+    return axis_record.run(inputs, axis_record.Params(**params))
+
+
+def without_curve(**commands):
+    document = copy.deepcopy(vehicle_document())
+    del document["actuators"]["thrusters"]
+    document["actuators"]["commands"] = commands
+    return vehicle_from_document(document)
+
+
+def test_yaw_and_heave_are_measured_in_newtons(dive):
+    result = outputs(dive)
+    record = axis_record_of(result.axis_record, result.axis_windows)
+    assert record.measured_by == {"K": "gyro", "M": "gyro", "N": "gyro", "Z": "depth"}
+    assert set(record.windows) == {"Z", "N"}
+    assert not record.normalised
+    assert np.isnan(record.rate["w"]).all()
+    true = np.interp(record.t_s, dive.t, dive.r)
+    # a gyro at 25 Hz with 0.002 rad/s of noise, its bias of 0.02 taken off
+    assert np.nanmean(record.rate["r"] - true) == pytest.approx(0.0, abs=1e-3)
+    assert np.nanstd(record.rate["r"] - true) < 0.02
+    full = np.abs(record.force["Z"]).max()
+    curve = THRUSTERS.curve
+    assert full == pytest.approx(2.0 * np.interp(1610.0, curve.pwm_us, curve.force_N), rel=0.02)
+
+
+def test_the_record_survives_its_table(dive):
+    result = outputs(dive)
+    record = axis_record_of(result.axis_record, result.axis_windows)
+    stamps = result.axis_record["t_us"].to_numpy()
+    assert np.abs(record.t_s - (stamps - FIRST_US) / 1e6).max() < 1e-6
+    for axis, length in result.axis_windows.windows_s.items():
+        total = sum(last - first for first, last in record.windows[axis])
+        assert total / result.axis_windows.rate_hz == pytest.approx(length)
+    reasons = {item.axis: item.reason for item in record.left_out if item.axis in "XYKM"}
+    assert reasons == {
+        "X": "nothing measures it",
+        "Y": "nothing measures it",
+        "K": "not commanded",
+        "M": "not commanded",
+    }
+
+
+def test_a_snag_is_named_and_in_no_window():
+    result = outputs(Dive(hold=(60.0, 75.0)))
+    words = [item for item in result.axis_windows.warnings if "Force without" in item]
+    assert words
+    assert all("heave" in item for item in words)
+    spans = [item for item in result.axis_windows.left_out if item.reason == "force without motion"]
+    assert min(item.start_s for item in spans) == pytest.approx(61.0, abs=2.0)
+    assert max(item.end_s for item in spans) == pytest.approx(75.0, abs=2.0)
+    assert not [w for w in outputs(Dive()).axis_windows.warnings if "Force without" in w]
+
+
+def test_the_surface_is_left_out_further_down_in_heave():
+    result = outputs(Dive(start_m=0.05))
+    ends = {
+        item.axis: item.end_s
+        for item in result.axis_windows.left_out
+        if item.reason == "at the surface" and item.start_s < 1.0
+    }
+    assert 0.5 < ends["N"] < ends["Z"] < 10.0
+
+
+@pytest.mark.parametrize("source", ["log", "vehicle"])
+def test_pulses_become_full_commands_by_a_frame(dive, source):
+    logged = copy.copy(dive)
+    logged.parameters = {f"MOT_{n}_DIRECTION": THRUSTERS.direction[n - 1] for n in range(1, 7)}
+    if source == "log":
+        logged.parameters["FRAME_CONFIG"] = 1.0
+    vehicle = without_curve(**({} if source == "log" else {"frame": "vectored"}))
+    result = outputs(logged, vehicle)
+    record = axis_record_of(result.axis_record, result.axis_windows)
+    assert record.normalised
+    assert np.abs(record.force["N"]).max() == pytest.approx(70.0 / 400.0, rel=0.01)
+    assert np.abs(record.force["Z"]).max() == pytest.approx(110.0 / 400.0, rel=0.01)
+    assert result.axis_windows.full_thrust["N"] == 4.0
+    assert set(record.windows) == {"Z", "N"}
+
+
+def test_an_unknown_frame_is_refused_with_those_there_are(dive):
+    logged = copy.copy(dive)
+    logged.parameters = {"FRAME_CONFIG": 7.0}
+    with pytest.raises(DataError, match=r"frame unknown.*7.*vectored_6dof_90deg") as refusal:
+        outputs(logged, without_curve())
+    assert "actuators.commands.frame" in str(refusal.value)
+
+
+def test_slow_outputs_are_interpolated_not_held(dive):
+    slow = copy.copy(dive)
+    slow.streams = dict(dive.streams)
+    slow.log("actuators", 2.0, {f"pwm_{n + 1}_us": dive.pulses[:, n] for n in range(6)})
+    fast, slowly = (
+        axis_record_of(item.axis_record, item.axis_windows)
+        for item in (outputs(dive), outputs(slow))
+    )
+    late = np.interp(slowly.t_s, fast.t_s, fast.force["N"])
+    good = np.isfinite(slowly.force["N"])
+    lag = (
+        np.argmax(
+            [
+                np.dot(late[good][20:-20], np.roll(slowly.force["N"][good], k)[20:-20])
+                for k in range(-8, 9)
+            ]
+        )
+        - 8
+    )
+    assert abs(lag) <= 1  # 50 ms; held outputs come 250 ms late
+
+
+def test_two_clocks_are_found(dive):
+    shifted = copy.copy(dive)
+    shifted.streams = dict(dive.streams)
+    commands = dict(dive.streams["actuators"])
+    commands["time_us"] = commands["time_us"] + 900_000
+    shifted.streams["actuators"] = commands
+    (words,) = [w for w in outputs(shifted).axis_windows.warnings if "clocks" in w]
+    assert "before the commands" in words
+    mended = outputs(shifted, lag_s={"actuators": 0.9}).axis_windows.warnings
+    assert not [w for w in mended if "clocks" in w]
+    assert not [w for w in outputs(dive).axis_windows.warnings if "clocks" in w]
+
+
+def test_motion_one_way_is_named(dive):
+    one_way = copy.copy(dive)
+    one_way.pulses = np.where(
+        np.arange(6) < 4,
+        1500.0
+        + np.abs(dive.pulses - 1500.0) * np.sign(THRUSTERS.direction * THRUSTERS.allocation[5]),
+        dive.pulses,
+    )
+    one_way.streams = {}
+    one_way.fly()
+    assert any(w.startswith("Yaw moves one way") for w in outputs(one_way).axis_windows.warnings)
+
+
+def test_commands_alone_are_taken_in_the_axes_of_the_vehicle(dive):
+    told = copy.copy(dive)
+    told.streams = dict(dive.streams)
+    yaw = (dive.pulses[:, 0] - 1500.0) * THRUSTERS.direction[0] / 400.0
+    told.log("actuators", 10.0, {"command_yaw": yaw, "command_heave": np.zeros(yaw.size)})
+    record = outputs(told, without_curve(axes=["yaw"])).axis_windows
+    assert record.normalised
+    assert set(record.windows_s) == {"N"}
+    with pytest.raises(DataError, match="no logged command acts"):
+        outputs(told, without_curve(axes=["surge"]))
