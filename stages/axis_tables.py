@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.records.axes import AxisWindowsRecord
@@ -24,7 +25,7 @@ def axis_record_table(record: AxisRecord, start_us: int) -> pa.Table:
     for axis, windows in record.windows.items():
         for number, (first, last) in enumerate(windows):
             numbers[first:last, AXES.index(axis)] = number
-    columns: dict[str, Array | np.ndarray[tuple[int, ...], np.dtype[np.int16]]] = {
+    columns: dict[str, Array | npt.NDArray[np.integer]] = {
         "t_us": start_us + np.rint(record.t_s * 1e6).astype(np.int64)
     }
     columns |= {name: record.rate[axis] for name, axis in zip(VELOCITY, VELOCITIES, strict=True)}
@@ -54,7 +55,7 @@ def axis_record_of(table: pa.Table, windows: AxisWindowsRecord) -> AxisRecord:
         left_out=tuple(
             LeftOut(item.axis, item.start_s, item.end_s, item.reason) for item in windows.left_out
         ),
-        measured_by=dict(windows.measured_by),
+        measured_by={str(axis): words for axis, words in windows.measured_by.items()},
     )
 
 

@@ -62,7 +62,7 @@ class Streams:
         return Samples(samples.t_s, body)
 
     def voltage(self, t_s: Array) -> Array | None:
-        """Return the battery's voltage (n,) at times (n,) [s], None without a battery."""
+        """Return the voltage (n,) at times (n,) [s], None without a battery."""
         table = self.tables.get("battery")
         if table is None:
             return None

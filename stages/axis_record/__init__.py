@@ -21,7 +21,7 @@ from auvid.stages.axis_record.presentation import record_section, record_views
 from auvid.stages.axis_tables import axis_record_table
 from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import leg_window
-from auvid.stages.leg_record.record import LegRecord, RecordOptions, leg_record
+from auvid.stages.leg_record.record import RecordedLeg, RecordOptions, leg_record
 from auvid.stages.leg_streams import Streams
 
 STREAMS = ("imu", "attitude", "depth", "velocity", "actuators", "battery", "mode", "sticks")
@@ -107,7 +107,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _document(inputs: Inputs, result: LegRecord) -> AxisWindowsRecord:
+def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
     record, drive = result.record, result.drive
     return AxisWindowsRecord.model_validate(
         {

@@ -10,14 +10,14 @@ from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.stages.axis_tables import FORCES
 from auvid.stages.columns import VELOCITY
-from auvid.stages.leg_record.record import NOT_COMMANDED, NOT_MEASURED, WORDS, LegRecord
+from auvid.stages.leg_record.record import NOT_COMMANDED, NOT_MEASURED, WORDS, RecordedLeg
 from auvid.stages.presentation import Block, fold, panel, plot, remark, section, series, table, view
 
 SHOWN_STRETCHES = 3
 UNITS = {axis: "m/s" if axis in "uvw" else "rad/s" for axis in VELOCITIES}
 
 
-def record_section(windows: AxisWindowsRecord, result: LegRecord) -> dict[str, Any]:
+def record_section(windows: AxisWindowsRecord, result: RecordedLeg) -> dict[str, Any]:
     """Return the section of a leg: findings, a row for each axis, all stretches."""
     rows = [_row(axis, windows, result) for axis in AXES]
     blocks: list[Block] = [remark(words, "warning") for words in windows.warnings]
@@ -37,7 +37,7 @@ def record_section(windows: AxisWindowsRecord, result: LegRecord) -> dict[str, A
     return section(f"Record of leg {windows.leg}", blocks, order=30)
 
 
-def _row(axis: str, windows: AxisWindowsRecord, result: LegRecord) -> list[Any]:
+def _row(axis: str, windows: AxisWindowsRecord, result: RecordedLeg) -> list[Any]:
     spans: dict[str, list[str]] = defaultdict(list)
     for item in windows.left_out:
         if item.axis == axis:
@@ -51,14 +51,14 @@ def _row(axis: str, windows: AxisWindowsRecord, result: LegRecord) -> list[Any]:
     ]
     return [
         WORDS[axis],
-        windows.measured_by.get(axis, "nothing"),
+        result.record.measured_by.get(axis, "nothing"),
         len(result.record.windows.get(axis, ())),
         result.length_s(axis),
         "; ".join(words),
     ]
 
 
-def _plot(axis: str, result: LegRecord) -> Block:
+def _plot(axis: str, result: RecordedLeg) -> Block:
     record, letter = result.record, VELOCITIES[AXES.index(axis)]
     depth = axis == "Z" and record.measured_by[axis] == "depth"
     measured = record.depth_m if depth else record.rate[letter]

@@ -1,4 +1,4 @@
-"""What drives a leg on a uniform clock: newtons by the vehicle file, or full commands."""
+"""What drives a leg on a uniform clock: newtons, or full commands."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ FRAME_REMEDY = (
 
 
 @dataclass(frozen=True)
-class Drive:
+class LegDrive:
     """Force of a leg on its clock: `values` (n, 6), nan where outputs are not logged.
 
     `acting` (n,): some output or command left its dead band. `full` (6,): what the
@@ -87,7 +87,7 @@ def drive_of(
     surge: Array,
     max_gap_s: float,
     commands: bool = False,
-) -> Drive:
+) -> LegDrive:
     """Return what drives a leg on a uniform clock (n,) [s].
 
     surge (n,): u [m/s], which the thrust of a propeller depends on. commands: take
@@ -147,7 +147,7 @@ def _turned(thrusters: Thrusters, info: LogInfo) -> tuple[Thrusters, str]:
 
 def _newtons(
     streams: Streams, thrusters: Thrusters, info: LogInfo, t_s: Array, max_gap_s: float
-) -> Drive:
+) -> LegDrive:
     """Return the force by thrust curve, layout and voltage, in N and N m."""
     thrusters, note = _turned(thrusters, info)
     width = pulses_of(streams, thrusters, t_s, max_gap_s)
@@ -159,7 +159,7 @@ def _newtons(
             f"No battery voltage is logged: thrust is taken at {thrusters.curve.voltage_v:g} V."
         )
     full = full_commands(thrusters)
-    return Drive(
+    return LegDrive(
         values,
         False,
         _acting(width),
@@ -177,13 +177,13 @@ def _full_commands(
     info: LogInfo,
     t_s: Array,
     max_gap_s: float,
-) -> Drive:
+) -> LegDrive:
     """Return the force of thrusters without a curve, in full commands."""
     thrusters, note = _turned(thrusters, info)
     width = pulses_of(streams, thrusters, t_s, max_gap_s)
     full = full_commands(thrusters)
     axes = tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0)
-    return Drive(
+    return LegDrive(
         commanded_force(thrusters, width),
         True,
         _acting(width),
@@ -236,14 +236,14 @@ def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters
 
 def _propeller(
     streams: Streams, vehicle: Vehicle, t_s: Array, surge: Array, max_gap_s: float
-) -> Drive:
-    """Return the thrust of a propeller at the measured surge; at rest where it is not."""
+) -> LegDrive:
+    """Return the thrust of a propeller at the measured surge, else at rest."""
     assert vehicle.propeller is not None
     turns = on_clock(_samples(streams, ("propeller_rev_s",)), t_s, max_gap_s)[:, 0]
     nu = np.zeros((t_s.size, 6))
     nu[:, 0] = np.nan_to_num(surge)
     still = not np.isfinite(surge).any()
-    return Drive(
+    return LegDrive(
         propeller_force(vehicle.propeller, nu, turns, water_density=vehicle.water_density),
         False,
         np.abs(np.nan_to_num(turns)) > 0.0,
@@ -254,7 +254,7 @@ def _propeller(
     )
 
 
-def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float) -> Drive:
+def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float) -> LegDrive:
     """Return normalised commands as they are, in the axes that the vehicle has."""
     allowed = streams.vehicle.commands.axes
     names = [name for name in logged if not allowed or axis_of(name) in allowed]
@@ -277,7 +277,7 @@ def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float)
         at = AXES.index(axis_of(name))
         values[:, at] = np.nan if samples is None else on_clock(samples, t_s, max_gap_s)[:, 0]
     axes = tuple(axis for axis in AXES if axis in map(axis_of, names))
-    return Drive(
+    return LegDrive(
         values,
         True,
         np.asarray((np.abs(np.nan_to_num(values)) > DEAD_COMMAND).any(axis=1)),

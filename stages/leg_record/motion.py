@@ -27,8 +27,8 @@ LETTER = dict(zip(VELOCITIES, "XYZKMN", strict=True))
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Motion of a leg on a clock (n,): as in `AxisRecord`, and where the attitude jumps.
+class LegMotion:
+    """Motion of a leg on a clock (n,), as in `AxisRecord`, and where attitude jumps.
 
     `by`: axis letter -> what measures it. `depth_m` None without a depth.
     """
@@ -81,7 +81,7 @@ def enough(samples: Samples | None) -> Samples | None:
     return Samples(samples.t_s[new], samples.values[new])
 
 
-def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> Motion:
+def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> LegMotion:
     """Return the motion of a leg on a uniform clock (n,) [s]."""
     vehicle, notes = streams.vehicle, list[str]()
     nothing = np.full(t_s.size, np.nan)
@@ -131,11 +131,11 @@ def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> Motion:
         down = rotation_body_to_ned(np.nan_to_num(attitude))[:, 2, :]
         depth_m = on_clock(depth, t_s, max_gap_s)[:, 0] - down @ vehicle.depth_sensor.arm_m
         by.setdefault("Z", "depth")
-    return Motion(rate, depth_m, attitude, by, jumps, tuple(notes))
+    return LegMotion(rate, depth_m, attitude, by, jumps, tuple(notes))
 
 
 def _turn(euler: Samples, t_s: Array, max_gap_s: float) -> Array:
-    """Return body rates (n, 3) from the slopes of Euler angles: omega = P^-1 theta_dot."""
+    """Return body rates (n, 3) from slopes of Euler angles: P_omega^-1 theta_dot."""
     angles = np.unwrap(euler.values, axis=0)
     slope = np.gradient(angles, euler.t_s, axis=0)
     rates = np.einsum("nij,nj->ni", euler_rate_matrix_inverse(angles), slope)

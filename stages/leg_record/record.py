@@ -22,8 +22,8 @@ from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.hydro.identification.signals.signal_checks import response_lag
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, VELOCITY
-from auvid.stages.leg_record.force import Drive, actuator_table, drive_of
-from auvid.stages.leg_record.motion import Motion, enough, motion_of, step_s
+from auvid.stages.leg_record.force import LegDrive, actuator_table, drive_of
+from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, step_s
 from auvid.stages.leg_streams import Streams, disarmed_between
 
 SURFACE_M = {axis: 0.4 if axis == "Z" else 0.25 for axis in AXES}
@@ -59,11 +59,11 @@ class RecordOptions:
 
 
 @dataclass(frozen=True)
-class LegRecord:
+class RecordedLeg:
     """The record of a leg, what drives it, the rate of its clock, and sentences."""
 
     record: AxisRecord
-    drive: Drive
+    drive: LegDrive
     rate_hz: float
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -76,7 +76,7 @@ class LegRecord:
 
 def leg_record(
     streams: Streams, info: LogInfo, leg: str, options: RecordOptions | None = None
-) -> LegRecord:
+) -> RecordedLeg:
     """Return the record of a leg.
 
     Raises `DataError` where nothing is logged that moves or drives the vehicle.
@@ -92,9 +92,9 @@ def leg_record(
         max_gap_s=options.max_gap_s,
         commands=options.commands,
     )
-    shared = [
-        ("gap of the outputs", ~np.isfinite(drive.values).all(axis=1)),
-        ("gap of the attitude", ~np.isfinite(motion.attitude_rad).all(axis=1)),
+    shared: list[tuple[str, Mask]] = [
+        ("gap of the outputs", _not_finite(drive.values)),
+        ("gap of the attitude", _not_finite(motion.attitude_rad)),
         ("disarmed", _disarmed(streams, info, t_s)),
     ]
     windows: dict[str, tuple[tuple[int, int], ...]] = {}
@@ -126,7 +126,7 @@ def leg_record(
     )
     warnings += _clock_words(record, speeds, rate_hz)
     warnings += _one_way_words(record, speeds)
-    return LegRecord(record, drive, rate_hz, (*motion.notes, *drive.notes), tuple(warnings))
+    return RecordedLeg(record, drive, rate_hz, (*motion.notes, *drive.notes), tuple(warnings))
 
 
 def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:
@@ -157,7 +157,11 @@ def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:
             value="no sample" if not times.size else f"{times[0]:.1f} to {times[-1]:.1f} s",
             allowed=f"{first:.1f} to {last:.1f} s, where motion is measured",
         )
-    return uniform_clock(*span, rate_hz), rate_hz
+    return uniform_clock(span[0], span[1], rate_hz), rate_hz
+
+
+def _not_finite(values: Array) -> Mask:
+    return np.asarray(~np.isfinite(values).all(axis=1))
 
 
 def _disarmed(streams: Streams, info: LogInfo, t_s: Array) -> Mask:
@@ -175,7 +179,7 @@ def _depth_of_surface(streams: Streams, info: LogInfo) -> bool:
     return depth is not None and (position is None or position.source != depth.source)
 
 
-def _speed(motion: Motion, axis: str, rate_hz: float) -> Array:
+def _speed(motion: LegMotion, axis: str, rate_hz: float) -> Array:
     """Return the measured velocity of an axis (n,); the rate of depth for heave."""
     own = motion.rate[VELOCITIES[AXES.index(axis)]]
     if axis != "Z" or motion.depth_m is None or np.isfinite(own).any():
@@ -195,8 +199,8 @@ def _peak(values: Array) -> float:
 
 def _reasons(
     axis: str,
-    motion: Motion,
-    drive: Drive,
+    motion: LegMotion,
+    drive: LegDrive,
     rate_hz: float,
     shared: list[tuple[str, Mask]],
     from_surface: bool,
@@ -226,7 +230,7 @@ def _unit(axis: str, normalised: bool) -> str:
     return "full commands" if normalised else AXIS_UNITS[axis]
 
 
-def _gaps(motion: Motion, axis: str) -> Mask:
+def _gaps(motion: LegMotion, axis: str) -> Mask:
     own = motion.rate[VELOCITIES[AXES.index(axis)]]
     if axis == "Z" and motion.depth_m is not None and not np.isfinite(own).any():
         own = motion.depth_m

@@ -26,9 +26,10 @@ from auvid.hydro.identification.bench.single_channel import (
 )
 from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import leg_window, stacked
+from auvid.stages.leg_streams import Streams
 from auvid.stages.rlse.figures import channel_results, dry_mass, no_results, second_results
 from auvid.stages.rlse.presentation import channel_section, channel_views, unexcited_section
-from auvid.stages.rlse.run_of_leg import LegRun, Streams, run_of_leg
+from auvid.stages.rlse.run_of_leg import LegRun, run_of_leg
 
 
 @dataclass(frozen=True)

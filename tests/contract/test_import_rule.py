@@ -26,6 +26,9 @@ SHARED_IN_STAGES = {
     "truth_lookup",
     "reference_check",
     "number_format",
+    "axis_tables",
+    "leg_record",
+    "leg_streams",
     "page",
 }
 """Modules of stages/ that are no stage: the interface, and what stages share."""

@@ -1,4 +1,4 @@
-"""Which stretches of a leg an axis is fitted on, and force that does not move the body."""
+"""Which stretches of a leg an axis is fitted on; force that does not move the body."""
 
 from __future__ import annotations
 
@@ -94,20 +94,20 @@ def force_without_motion(t_s: Array, force: Array, rate: Array, usable: Mask) ->
     step = float(t_s[1] - t_s[0])
     width = max(1, round(STUCK_S / step))
     level, speed = _mean(force, width), _mean(rate, width)
-    known = usable & np.isfinite(level) & np.isfinite(speed)
-    if np.count_nonzero(known) < 10 * width:
+    valid = usable & np.isfinite(level) & np.isfinite(speed)
+    if np.count_nonzero(valid) < 10 * width:
         return np.zeros(t_s.size, dtype=bool)
     # Zero force is no push, whatever the constant.
-    push = np.minimum(np.abs(level - np.median(level[known])), np.abs(level))
-    large = float(np.percentile(push[known], LARGE_PERCENT))
-    usual = float(np.percentile(np.abs(speed[known]), LARGE_PERCENT))
+    push = np.minimum(np.abs(level - np.median(level[valid])), np.abs(level))
+    large = float(np.percentile(push[valid], LARGE_PERCENT))
+    usual = float(np.percentile(np.abs(speed[valid]), LARGE_PERCENT))
     if large <= 0.0 or usual <= 0.0:
         return np.zeros(t_s.size, dtype=bool)
     expected = usual * np.sqrt(push / large)
-    held = known & (push > STRONG_SHARE * large) & (np.abs(speed) < STUCK_SHARE * expected)
-    slow = known & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
+    resting = valid & (push > STRONG_SHARE * large) & (np.abs(speed) < STUCK_SHARE * expected)
+    slow = valid & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
     stuck = np.zeros(t_s.size, dtype=bool)
-    for first, last in runs(held):
+    for first, last in runs(resting):
         stuck[first:last] = (last - first) * step >= HELD_S
     # What comes before and after, while it is slow for its force, belongs to it.
     for first, last in runs(slow | stuck):
