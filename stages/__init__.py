@@ -86,7 +86,6 @@ KINDS: dict[str, tuple[str, ...]] = {
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
     "glide": ("ingest", "glide", "check_published", "report"),
     "glide_twin": ("simulate", "ingest", "glide", "check_published", "report"),
-    "axes": ("ingest", "axis_record"),
     "control": ("control", "check_published", "report"),
     "variant": ("simulate", "ingest", "resample", "fuse", "residual", "synthesise", "validate"),
     "variant_with_true_states": (
