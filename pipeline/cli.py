@@ -863,6 +863,65 @@ def campaign(
     raise typer.Exit(print_new_campaign(name, logs, vehicle=vehicle, link=link, commands=commands))
 
 
+fleet = typer.Typer(cls=Commands, no_args_is_help=True)
+app.add_typer(
+    fleet,
+    name="fleet",
+    rich_help_panel=RUNNING,
+    help="Run a disk of dives, and say what they agree on.",
+    epilog="Example: auvid fleet run /media/dives --out fleet",
+)
+FleetName = Annotated[
+    Path, typer.Argument(metavar="FLEETDIR", help="Folder that auvid fleet run has written.")
+]
+
+
+@fleet.command(
+    "run",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog="Example: auvid fleet run /media/dives --out fleet --jobs 2",
+)
+@answering
+def fleet_run(
+    disk: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR|LIST", help="Folder with logs in it and below, or a text file of paths."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FLEETDIR", help="Folder for all that is made.")
+    ] = Path("fleet"),
+    vehicle: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[PATTERN=]NAME",
+            help=(
+                "Vehicle, by name or file, of all logs or of those whose path matches; may be"
+                " repeated. (default: the one that each log names)"
+            ),
+        ),
+    ] = None,
+    engine: EngineName = None,
+    jobs: JobCount = None,
+    force: Force = False,
+) -> None:
+    """Run every log of a disk as far as it goes; only new and changed ones run again.
+
+    Each log ends as done, partly or refused, with the reason. Nothing is written beside
+    the logs.
+
+    Exit codes: 0 all done; 1 none is done, or the call cannot be followed; 2 wrong use;
+    3 some logs are not done; 130 interrupted, what was finished is kept.
+    """
+    from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
+
+    raise typer.Exit(
+        print_fleet_run(disk, out, vehicles=vehicle or (), engine=engine, jobs=jobs, force=force)
+    )
+
+
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
     """Write the hash of each stage's code, on which DVC depends, to runs/.code."""

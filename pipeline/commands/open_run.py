@@ -10,7 +10,7 @@ from pathlib import Path
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
-from auvid.pipeline.campaigns.workspace import find_workspace, workspace_of
+from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
@@ -18,12 +18,13 @@ from auvid.pipeline.output import OUTPUT
 from auvid.stages import KINDS, STAGES
 
 
-def open_run(name: str) -> Run:
+def open_run(name: str, workspace: Workspace | None = None) -> Run:
     """Return the run of a campaign given by name or path.
 
-    Raises `PipelineError` for anything wrong with workspace, manifest or parameters.
+    `workspace`: where it stands; without one that around the current folder, or around
+    the path. Raises `PipelineError` for anything wrong with workspace, manifest or parameters.
     """
-    workspace = workspace_of(name)
+    workspace = workspace or workspace_of(name)
     folder = workspace.campaign_folder(name)
     campaign = load_campaign(folder, kinds=KINDS, vehicles=workspace.vehicle_files())
     graph = Graph(stages_of_kind(STAGES, KINDS, campaign.document["kind"]))

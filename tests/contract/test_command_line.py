@@ -179,6 +179,8 @@ def test_json_is_one_document_in_one_form(
 def test_every_command_with_an_answer_takes_the_options_of_the_output() -> None:
     commands = cli_commands()
     commands |= commands.pop("new").commands
+    fleet = commands.pop("fleet").commands
+    commands |= {f"fleet {name}": command for name, command in fleet.items()}
     without = {
         name
         for name, command in commands.items()

@@ -8,14 +8,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Container, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError, PipelineError, UsageError
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.workspace import find_workspace
-from auvid.pipeline.commands.check.log_page import campaign_refusal, log_pages
+from auvid.pipeline.commands.check.log_page import LogPage, campaign_refusal, log_pages
 from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
     WrittenFile,
@@ -54,10 +54,17 @@ MOST_DROPPED = 0.5
 
 @dataclass(frozen=True)
 class WrittenCampaign:
-    """A written campaign: folder, what it is in lines, and why a run would stop."""
+    """A written campaign: folder, what it is in lines, and why a run would stop.
+
+    `page`: the health of its first log; `legs`: how many, and their length [s].
+    """
 
     folder: Path
     lines: tuple[str, ...]
+    kind: str
+    vehicle: VehicleChoice
+    page: LogPage
+    legs: tuple[int, float]
     stop: str = ""
 
 
@@ -79,6 +86,23 @@ def new_campaign(
     """
     folder = _place(name)
     surveyed = survey(logs, _commands(commands))
+    campaign = write_campaign(folder, surveyed, vehicle=vehicle, link=link, ask=ask)
+    return replace(campaign, stop=_stop(folder, campaign.vehicle))
+
+
+def write_campaign(
+    folder: Path,
+    surveyed: Sequence[SurveyedLog],
+    *,
+    vehicle: str | None = None,
+    link: bool = False,
+    ask: Callable[[VehicleChoice], str] | None = None,
+) -> WrittenCampaign:
+    """Write a campaign from decoded logs into a folder.
+
+    Whether it would run is not tried. Raises `PipelineError`, with nothing written, for
+    logs that feed no campaign.
+    """
     feed, kept, left_out = _sort(surveyed)
     ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
     by_id = dict(zip(ids, kept, strict=True))
@@ -130,7 +154,11 @@ def new_campaign(
         *([f"in no leg: {dropped_words(legs)}"] if legs.dropped_s else []),
         *(f"left out: {item}" for item in left_out),
     ]
-    return WrittenCampaign(folder, tuple(lines), _stop(folder, choice))
+    length_s = sum(leg.end_s - leg.start_s for leg in legs.legs)
+    page = next(iter(by_id.values())).page
+    return WrittenCampaign(
+        folder, tuple(lines), feed.kind, choice, page, (len(legs.legs), length_s)
+    )
 
 
 def _commands(text: str) -> dict[str, str]:

@@ -59,6 +59,19 @@ def survey(paths: Sequence[Path], commands: Mapping[str, str] | None = None) -> 
         if path.resolve() in named:
             raise PipelineError("the log is named twice", file=path)
         named.add(path.resolve())
+    logs, refused = _dives(paths, commands or {})
+    return corrected_logs([_surveyed(files, refused) for files in logs])
+
+
+def files_of_dives(paths: Sequence[Path]) -> list[list[Path]]:
+    """Return the files of each dive, in order: CSV files of one dive are together."""
+    return [[file.path for file in files] for files in _dives(paths, {})[0]]
+
+
+def _dives(
+    paths: Sequence[Path], commands: Mapping[str, str]
+) -> tuple[list[list[SurveyedFile]], dict[Path, str]]:
+    """Return the files of each dive, and why files cannot be read."""
     refused: dict[Path, str] = {}
     columns: dict[Path, tuple[str, ...]] = {}
     drafts: dict[Path, ColumnDraft] = {}
@@ -69,7 +82,6 @@ def survey(paths: Sequence[Path], commands: Mapping[str, str] | None = None) -> 
                 drafts[path] = draft_columns(_raw(path))
         except PipelineError as fault:
             refused[path] = str(fault)
-    commands = commands or {}
     _check_commands(commands, columns.values())
     alike: dict[object, list[Path]] = {}
     for path, draft in drafts.items():
@@ -84,7 +96,7 @@ def survey(paths: Sequence[Path], commands: Mapping[str, str] | None = None) -> 
     logs: list[list[SurveyedFile]] = []
     for path in paths:
         _join(logs, SurveyedFile(path, drafts.get(path), columns.get(path, ())))
-    return corrected_logs([_surveyed(files, refused) for files in logs])
+    return logs, refused
 
 
 def _raw(path: Path) -> RawFile:

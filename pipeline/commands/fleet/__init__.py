@@ -1,0 +1,1 @@
+"""`auvid fleet` and `auvid catalog`: a disk of dives, what they agree on, and where."""

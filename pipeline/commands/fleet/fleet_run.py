@@ -1,0 +1,284 @@
+"""`auvid fleet run`: every log of a disk, from its bytes to a model."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TypeVar
+
+from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
+from auvid.pipeline.commands.fleet.discovery import Discovery, FleetLog, discover
+from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
+from auvid.pipeline.commands.fleet.fleet_tables import FleetRow, write_tables
+from auvid.pipeline.commands.fleet.log_work import (
+    MARK,
+    document_path,
+    failed,
+    one_line,
+    run_task,
+    survey_task,
+    unfinished,
+)
+from auvid.pipeline.commands.fleet.same_dives import refusals, same_dives
+from auvid.pipeline.commands.open_run import show_progress
+from auvid.pipeline.execution.engines import make_engine
+from auvid.pipeline.execution.lock import locked
+from auvid.pipeline.execution.progress import Progress
+from auvid.pipeline.execution.task import Outcome, Task, execute
+from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
+from auvid.pipeline.store.artefacts import encode
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.file_hashes import HASHES, FileHashes
+from auvid.pipeline.terminal import path_from_here, plain, table
+
+STATES = ("done", "partly", "refused")
+DIED = (
+    "the process that worked on it died twice, the second time with no other log beside it,"
+    " perhaps for lack of memory"
+)
+LISTED = 20
+D = TypeVar("D", LogSurvey, FleetRun)
+
+
+@dataclass(frozen=True)
+class FleetOutcome:
+    """What a call of `auvid fleet run` did, and the state of each log."""
+
+    rows: tuple[FleetRow, ...]
+    surveyed: int
+    ran: int
+    others: Mapping[str, int]
+
+
+def run_fleet(
+    target: Path,
+    out: Path,
+    *,
+    vehicles: Sequence[str] = (),
+    engine: str | None = None,
+    jobs: int | None = None,
+    force: bool = False,
+) -> FleetOutcome:
+    """Bring the fleet in folder `out` up to date with the logs of a disk.
+
+    Raises `PipelineError` for what concerns the call itself; whatever a log does ends
+    as the state of that log.
+    """
+    make_engine(engine, jobs).close()  # wrong words end the call before anything is read
+    fleet = FleetFolder(out.expanduser().resolve())
+    hashes = FileHashes(fleet.root / HASHES)
+    disk = discover(target, fleet, vehicles, hashes)
+    with locked(fleet.root):
+        fleet.prepare()
+        hashes.save()
+        logs = {log.id: log for log in disk.logs}
+        unique = [log for log in disk.logs if not log.copy_of]
+        tasks = {log.id: survey_task(log, fleet) for log in unique}
+        surveys, surveyed = _bring(LogSurvey, "survey", tasks, logs, engine, jobs, force=force)
+        names = {log.id: log.files[0].name for log in disk.logs}
+        reasons = {item.id: item.reason for item in surveys.values() if item.reason}
+        same = same_dives(list(surveys.values()))
+        reasons |= refusals(same, names)
+        tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
+        results, ran = _bring(FleetRun, "run", tasks, logs, engine, jobs, force=force)
+        better = {pair.other: pair.better for pair in same}
+        rows = []
+        for log in disk.logs:
+            survey = surveys[log.copy_of or log.id]
+            reason = reasons.get(log.id, "")
+            if log.copy_of:
+                reason = f"the same content as {logs[log.copy_of].files[0]}"
+            result = results.get(log.id) or unfinished(log.id, "", one_line(reason))
+            used = log.copy_of or better.get(log.id, "")
+            files = tuple(str(path.absolute()) for path in log.files)
+            rows.append(FleetRow(log.id, files, used, survey, result))
+        _write_index(fleet, target, disk, rows)
+        write_tables(fleet, rows)
+    return FleetOutcome(tuple(rows), surveyed, ran, disk.others)
+
+
+def _bring(
+    kind: type[D],
+    name: str,
+    tasks: Mapping[str, Task],
+    logs: Mapping[str, FleetLog],
+    engine: str | None,
+    jobs: int | None,
+    *,
+    force: bool,
+) -> tuple[dict[str, D], int]:
+    """Return the documents of all tasks by log, and how many had to be made.
+
+    A document is fresh that bears the key of its task. It is written by the process
+    that made it, so that nothing of it is lost with this one.
+    """
+    documents: dict[str, D] = {}
+    stale = []
+    for log, task in tasks.items():
+        fresh = None if force else _fresh(kind, task)
+        if fresh is None:
+            stale.append(task)
+        else:
+            documents[log] = fresh
+    with show_progress() as progress:
+        progress.stage(name, todo=len(stale), total=len(tasks), level="log")
+        for task in _finished(stale, engine, jobs, logs, progress):
+            documents[task.item] = kind.model_validate_json(document_path(task).read_bytes())
+        progress.finish(failed=0)
+    return {log: documents[log] for log in tasks}, len(stale)
+
+
+def _fresh(kind: type[D], task: Task) -> D | None:
+    """Return the document of a task if it is fresh."""
+    path = document_path(task)
+    if not path.is_file():
+        return None
+    try:
+        document = kind.model_validate_json(path.read_bytes())
+    except ValueError:
+        return None
+    return document if document.key == task.key else None
+
+
+def _finished(
+    tasks: Sequence[Task],
+    engine: str | None,
+    jobs: int | None,
+    logs: Mapping[str, FleetLog],
+    progress: Progress,
+):  # type: ignore[no-untyped-def]
+    """Run tasks and yield each that has its document.
+
+    Where a process dies, the logs that it held run alone, the others go on.
+    """
+    by_item = {task.item: task for task in tasks}
+    suspects = [task for task in tasks if _mark(task).exists()]  # an earlier call died on them
+    waiting = [task for task in tasks if task not in suspects]
+    while waiting:
+        running, lost = make_engine(engine, jobs), []
+        try:
+            for outcome in running.map(waiting):
+                task = by_item[outcome.item]
+                if outcome.crash is not None and not outcome.trace:
+                    lost.append(task)
+                    continue
+                _settle(task, outcome, logs[task.item])
+                progress.item(task.item)
+                yield task
+        finally:
+            running.close()
+        suspects += [task for task in lost if _mark(task).exists()]
+        again = [task for task in lost if not _mark(task).exists()]
+        if len(again) == len(waiting):  # no process stays alive, not even one without a log
+            suspects, again = [*suspects, *again], []
+        waiting = again
+    for task in suspects:
+        _mark(task).unlink(missing_ok=True)
+        _settle(task, _run_alone(task), logs[task.item])
+        progress.item(task.item)
+        yield task
+
+
+def _mark(task: Task) -> Path:
+    return task.folder / task.item / MARK
+
+
+def _run_alone(task: Task) -> Outcome:
+    """Run a task in a process of its own, which may die."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        try:
+            return pool.submit(execute, task).result()
+        except BrokenProcessPool:
+            _mark(task).unlink(missing_ok=True)
+            return Outcome(task.item, crash=DIED)
+
+
+def _settle(task: Task, outcome: Outcome, log: FleetLog) -> None:
+    """Write the document of a task that failed in the place of its own.
+
+    That of a fault of auvid has no key: it is tried again by the next call.
+    """
+    if outcome.record is not None:
+        return
+    reason = str(outcome.fault) if outcome.crash is None else outcome.crash
+    if outcome.trace:
+        reason = f"a fault of auvid: {outcome.crash}"
+    (port,) = task.outputs
+    document = failed(task, log, reason)
+    if outcome.trace:
+        document = document.model_copy(update={"key": ""})
+    write_atomically(document_path(task), encode(document, port.schema, file=log.id))
+
+
+def _write_index(
+    fleet: FleetFolder, target: Path, disk: Discovery, rows: Sequence[FleetRow]
+) -> None:
+    document = {
+        "disk": str(target.expanduser().absolute()),
+        "others": dict(disk.others),
+        "logs": [
+            {"log": row.log, "files": list(row.files), "same_as": row.same_as} for row in rows
+        ],
+    }
+    write_atomically(fleet.index, json.dumps(document, indent=1).encode())
+
+
+def print_fleet_run(
+    target: Path,
+    out: Path,
+    *,
+    vehicles: Sequence[str] = (),
+    engine: str | None = None,
+    jobs: int | None = None,
+    force: bool = False,
+) -> int:
+    """Bring a fleet up to date, print the states, and return the exit code.
+
+    The code is 0 where every log is done, 3 where some are not, 1 where none is.
+    """
+    outcome = run_fleet(target, out, vehicles=vehicles, engine=engine, jobs=jobs, force=force)
+    counts = Counter(row.state for row in outcome.rows)
+    answer(
+        {
+            "folder": out,
+            "states": {state: counts[state] for state in STATES},
+            "surveyed": outcome.surveyed,
+            "ran": outcome.ran,
+            "other_files": dict(outcome.others),
+            "logs": [
+                {
+                    "log": row.log,
+                    "files": list(row.files),
+                    "state": row.state,
+                    "reason": row.result.reason,
+                    "vehicle": row.survey.vehicle,
+                    "kind": row.survey.kind,
+                    "model": row.result.model,
+                }
+                for row in outcome.rows
+            ],
+        }
+    )
+    words = ", ".join(f"{counts[state]} {state}" for state in STATES)
+    print(f"{len(outcome.rows)} logs: {words} ({outcome.surveyed} read, {outcome.ran} run now)")
+    rest = [row for row in outcome.rows if row.state != "done"]
+    printed = rest if OUTPUT.verbose else rest[:LISTED]
+    rows = [(row.state, Path(row.files[0]).name, plain(row.result.reason)) for row in printed]
+    if rows:
+        print()
+    table(("state", "log", "why"), rows)
+    if len(rest) > len(printed):
+        print(f"... and {len(rest) - len(printed)} more: --verbose")
+    if outcome.others:
+        others = ", ".join(f"{count} {suffix}" for suffix, count in sorted(outcome.others.items()))
+        print(f"\nno logs: {others}")
+    print(f"\n    auvid fleet report {path_from_here(out.expanduser().resolve())} --open\n")
+    if not counts["done"]:
+        return FAILED
+    return FINE if counts["done"] == len(outcome.rows) else LOSSES

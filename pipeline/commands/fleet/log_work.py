@@ -1,0 +1,313 @@
+"""The two work items of each log: its survey, and the run of its campaign.
+
+They are tasks as those of stages, so that every engine takes them; other than stages
+they write a campaign and its results, all under the folder of the fleet.
+"""
+
+from __future__ import annotations
+
+import datetime
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import auvid
+from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.fleet import FleetRun, LogSurvey, MotionTrace
+from auvid.data_schemas.records.logs import FindingRecord
+from auvid.data_schemas.tables import column
+from auvid.hydro.arrays import Array
+from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.pipeline.commands.fleet.discovery import FleetLog, hash_of_file
+from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
+from auvid.pipeline.commands.fleet.run_results import results_of
+from auvid.pipeline.commands.new.campaign_command import WrittenCampaign, write_campaign
+from auvid.pipeline.commands.new.log_survey import survey
+from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.run.run_command import execute
+from auvid.pipeline.execution.task import Task
+from auvid.pipeline.execution.task_inputs import Value
+from auvid.pipeline.graph import Port
+from auvid.pipeline.store.file_hashes import hash_file, hash_value
+from auvid.stages.base import Stage
+
+FORMAT = 1
+"""It goes up when documents of an earlier auvid must be made again."""
+GROWING = "still growing: it changed while it was read; the next auvid fleet run takes it"
+MARK = "at_work"
+"""File that stands in the folder of a log while a process works on it."""
+TRACE_STEP_S, MOST_STEPS = 0.5, 2000
+FIRST_YEAR = 2000
+"""A clock before this was never set."""
+MOST_LETTERS = 400
+UNNAMED = "not named"
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """One log on the disk, and the folder of its fleet."""
+
+    log: FleetLog
+    fleet: FleetFolder
+    key: str
+
+
+@dataclass(frozen=True)
+class Params:
+    """Nothing: what can be set stands in the campaigns."""
+
+
+@dataclass(frozen=True)
+class SurveyOutputs:
+    survey: LogSurvey
+
+
+@dataclass(frozen=True)
+class RunOutputs:
+    result: FleetRun
+
+
+def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
+    """Return the task that decodes a log, checks it and writes its campaign."""
+    key = hash_value(
+        {
+            "hash": log.hash,
+            "files": [str(path) for path in log.files],
+            "vehicle": hash_of_file(log.vehicle),
+            "auvid": (auvid.__version__, FORMAT),
+        }
+    )
+    return _task(SURVEY, "survey", "log_survey", log, fleet, key)
+
+
+def run_task(log: FleetLog, fleet: FleetFolder) -> Task:
+    """Return the task that runs the campaign of a log; edits of its files count."""
+    folder = fleet.campaign(log.id)
+    texts = {
+        str(path.relative_to(folder)): hash_file(path) for path in sorted(folder.rglob("*.yaml"))
+    }
+    defaults = hash_file(fleet.root / "params.yaml")
+    document = {"texts": texts, "defaults": defaults, "hash": log.hash}
+    key = hash_value({**document, "auvid": (auvid.__version__, FORMAT)})
+    return _task(RUN, "result", "fleet_run", log, fleet, key)
+
+
+def _task(
+    stage: Stage[Inputs, Params, SurveyOutputs] | Stage[Inputs, Params, RunOutputs],
+    name: str,
+    schema: str,
+    log: FleetLog,
+    fleet: FleetFolder,
+    key: str,
+) -> Task:
+    sources = {
+        "log": Value(log, str(log)),
+        "fleet": Value(fleet, str(fleet)),
+        "key": Value(key),
+    }
+    outputs = (Port(stage, name, schema, many=False),)
+    return Task(stage, log.id, Params(), sources, outputs, fleet.logs, key, "")
+
+
+@contextmanager
+def _holding(inputs: Inputs) -> Iterator[None]:
+    """Leave a mark while a process works on a log: it stays where that process dies."""
+    mark = inputs.fleet.logs / inputs.log.id / MARK
+    mark.parent.mkdir(parents=True, exist_ok=True)
+    mark.touch()
+    try:
+        yield
+    finally:
+        mark.unlink(missing_ok=True)
+
+
+def one_line(words: object) -> str:
+    """Return a text on one line that is not too long for a table."""
+    line = " ".join(str(words).split())
+    return line if len(line) <= MOST_LETTERS else f"{line[: MOST_LETTERS - 4]} ..."
+
+
+def refused_survey(log: FleetLog, key: str, reason: str) -> LogSurvey:
+    """Return the survey of a log of which nothing can be told but why."""
+    return LogSurvey(
+        key=key,
+        id=log.id,
+        files=[str(path) for path in log.files],
+        hash=log.hash,
+        reason=one_line(reason),
+    )
+
+
+def _survey(inputs: Inputs, _: Params) -> SurveyOutputs:
+    log = inputs.log
+    with _holding(inputs):
+        if log.fault or not log.unchanged:
+            return SurveyOutputs(refused_survey(log, inputs.key, log.fault or GROWING))
+        document = _surveyed(inputs)
+        if not log.unchanged:
+            return SurveyOutputs(refused_survey(log, inputs.key, GROWING))
+        return SurveyOutputs(document)
+
+
+def _surveyed(inputs: Inputs) -> LogSurvey:
+    log, folder = inputs.log, inputs.fleet.campaign(inputs.log.id)
+    shutil.rmtree(folder, ignore_errors=True)
+    surveyed = survey(log.files)
+    page = surveyed[0].page
+    if page.health is None:
+        return refused_survey(log, inputs.key, str(page.refused))
+    try:
+        campaign = write_campaign(folder, surveyed, vehicle=log.vehicle, link=True)
+    except PipelineError as fault:
+        reason = str(fault).partition("\n")[2].partition(": auvid check")[0] or str(fault)
+        return _described(inputs, page, one_line(reason.replace(f"{surveyed[0].name}:", "")))
+    return _described(inputs, campaign.page, "", campaign)
+
+
+def _described(
+    inputs: Inputs, page: LogPage, reason: str, campaign: WrittenCampaign | None = None
+) -> LogSurvey:
+    """Return what a decoded log is."""
+    health, outputs = page.health, page.outputs
+    assert health is not None
+    assert outputs is not None
+    info = outputs.log_info
+    named = "" if campaign is None else campaign.vehicle.name
+    return LogSurvey(
+        key=inputs.key,
+        id=inputs.log.id,
+        files=[str(path) for path in inputs.log.files],
+        hash=inputs.log.hash,
+        reason=reason,
+        kind="" if campaign is None else campaign.kind,
+        vehicle=named if named not in ("", "vehicle") else str(health["vehicle"] or UNNAMED),
+        vehicle_why="" if campaign is None else campaign.vehicle.why,
+        lacking="" if campaign is None else campaign.vehicle.lacking,
+        formats=sorted(set(health["formats"])),
+        bytes=health["bytes"],
+        status=health["status"],
+        duration_s=float(health["duration_s"]),
+        start_utc=_utc(info.start_us, info.utc_offset_us),
+        rows=sum(stream.rows for stream in info.streams.values()),
+        streams=sorted(health["streams"]),
+        legs=0 if campaign is None else campaign.legs[0],
+        legs_s=0.0 if campaign is None else float(campaign.legs[1]),
+        excited=[axis for axis, item in health["excitation"].items() if item["excited"]],
+        findings=[FindingRecord.model_validate(item) for item in health["findings"]],
+        motion=_motion(page),
+    )
+
+
+def _utc(start_us: int, offset_us: int | None) -> str | None:
+    """Return a start in UTC; None for a clock that is none, or was never set."""
+    if offset_us is None:
+        return None
+    try:
+        start = datetime.datetime.fromtimestamp((start_us + offset_us) // 1_000_000, datetime.UTC)
+    except (OverflowError, ValueError, OSError):
+        return None
+    return start.strftime("%Y-%m-%dT%H:%M:%SZ") if start.year >= FIRST_YEAR else None
+
+
+def _motion(page: LogPage) -> MotionTrace | None:
+    """Return depth and yaw rate of a log, each as means over the steps of one clock."""
+    streams = page.streams
+    series: dict[str, tuple[Array, Array]] = {}
+    if "depth" in streams:
+        series["depth"] = _clock_s(streams["depth"]), column(streams["depth"], "depth_m")
+    if "attitude" in streams:
+        angle = column(streams["attitude"], "psi_rad")
+        at_s, finite = _clock_s(streams["attitude"]), np.isfinite(angle)
+        series["yaw"] = at_s[finite], np.unwrap(angle[finite])
+    series = {name: pair for name, pair in series.items() if pair[0].size > 1}
+    if not series:
+        return None
+    first = min(float(times[0]) for times, _ in series.values())
+    last = max(float(times[-1]) for times, _ in series.values())
+    step_s = max(TRACE_STEP_S, (last - first) / MOST_STEPS)
+    edges = np.arange(first, last + step_s, step_s)
+    depth = _means(*series["depth"], edges) if "depth" in series else np.empty(0)
+    yaw = _means(*series["yaw"], edges) if "yaw" in series else np.empty(0)
+    return MotionTrace(
+        step_s=step_s,
+        start_s=first,
+        depth_m=_rounded(depth),
+        yaw_rate_rad_s=_rounded(np.diff(yaw) / step_s),
+    )
+
+
+def _clock_s(table: object) -> Array:
+    times: Array = column(table, "time_us") / 1e6  # type: ignore[arg-type]
+    return times
+
+
+def _means(at_s: Array, values: Array, edges: Array) -> Array:
+    """Return the mean of the values between edges (n,), shape (n-1,); nan for none."""
+    index = np.digitize(at_s, edges) - 1
+    inside = (index >= 0) & (index < edges.size - 1) & np.isfinite(values)
+    counts = np.bincount(index[inside], minlength=edges.size - 1)
+    sums = np.bincount(index[inside], values[inside], minlength=edges.size - 1)
+    means: Array = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+    return means
+
+
+def _rounded(values: npt.NDArray[np.float64]) -> list[float | None]:
+    return [round(item, 4) if np.isfinite(item) else None for item in values.tolist()]
+
+
+def _run(inputs: Inputs, _: Params) -> RunOutputs:
+    with _holding(inputs):
+        folder = inputs.fleet.campaign(inputs.log.id)
+        opened = open_run(str(folder), inputs.fleet.workspace)
+        reason = ""
+        try:
+            execute(opened, opened.graph.stages, engine="serial", quiet=True)
+        except PipelineError as fault:
+            reason = one_line(str(fault).partition("\nauvid check")[0])
+        if not inputs.log.unchanged:
+            return RunOutputs(unfinished(inputs.log.id, inputs.key, GROWING))
+        return RunOutputs(results_of(opened, inputs.fleet.root, inputs.key, reason))
+
+
+def unfinished(log: str, key: str, reason: str) -> FleetRun:
+    """Return the result of a log that nothing was run on."""
+    return FleetRun(
+        key=key,
+        id=log,
+        state="refused",
+        reason=one_line(reason),
+        reached="",
+        headline="",
+        model="",
+        verdicts=[],
+        coefficients=[],
+        speeds={},
+        report="",
+        recording="",
+    )
+
+
+def _item(name: str, summary: str, outputs: type, run: Callable[[Inputs, Params], object]) -> Stage:
+    return Stage(name, summary, "log", Inputs, Params, outputs, run)
+
+
+SURVEY = _item("survey", "decode a log, check it, write its campaign", SurveyOutputs, _survey)
+RUN = _item("run", "run the campaign of a log", RunOutputs, _run)
+
+
+def failed(task: Task, log: FleetLog, reason: str) -> LogSurvey | FleetRun:
+    """Return the document of a task that could not give its own."""
+    if task.stage.name == SURVEY.name:
+        return refused_survey(log, task.key, reason)
+    return unfinished(log.id, task.key, reason)
+
+
+def document_path(task: Task) -> Path:
+    """Return where the document of a task stands."""
+    (port,) = task.outputs
+    return task.folder / port.path(task.item)

@@ -1,0 +1,148 @@
+"""What the run of one campaign of a fleet came to: state, verdicts, coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from auvid.data_schemas.records.fleet import FleetCoefficient, FleetRun, FleetVerdict
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
+from auvid.hydro.arrays import AXES
+from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.graph import ONCE
+from auvid.stages.model_use import OWN_VELOCITY
+from auvid.stages.page.first_screen import ALL
+
+ORDER = (
+    "identified",
+    "weak",
+    "inseparable",
+    "not excited",
+    "at its bound",
+    "from the prior",
+    "not applicable",
+)
+"""Verdicts, that which says most first."""
+DETERMINED = ("identified", "weak", "persistently exciting")
+USES = ("control", "simulation", "forces")
+
+
+def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
+    """Return what a campaign of the fleet in folder `root` gave, as far as it ran.
+
+    `reason`: why it ended before its last stage; empty where it did not.
+    """
+    cards = list(_artefacts(run, "model_card"))
+    ranking: RankingRecord | None = next(_artefacts(run, "ranking"), None)
+    figures = [
+        (str(document["title"]), row)
+        for document in _artefacts(run, "results")
+        for row in document["rows"]
+    ]
+    choice = "" if ranking is None else ranking.choice or ""
+    reached = [stage.name for stage in run.graph.stages if run.manifests[stage.name].records]
+    answer = next((text.decode("utf-8") for text in _artefacts(run, "answer")), "")
+    usable = bool(choice) or any(row.get("verdict") in DETERMINED for _, row in figures)
+    headline = answer.partition("\n")[0]
+    if not reason and not usable:
+        reason = headline or "nothing that it fits is determined"
+    speeds = next((card.conditions for card in cards if card.name == choice), {})
+    return FleetRun(
+        key=key,
+        id=run.campaign.name,
+        state="partly" if reason else "done",
+        reason=reason,
+        reached=reached[-1] if reached else "",
+        headline=headline,
+        model=choice,
+        verdicts=[] if ranking is None else list(_verdicts(ranking, cards)),
+        coefficients=[
+            *(item for card in cards for item in _terms(card, recommended=card.name == choice)),
+            *(_figure(title, row) for title, row in figures),
+        ],
+        speeds={name: item.rms for name, item in speeds.items()},
+        report=_path(run, "report_html", root),
+        recording=_path(run, "recording", root),
+    )
+
+
+def _artefacts(run: Run, schema: str) -> Iterator[Any]:
+    for port in run.graph.producers(schema):
+        for item in run.manifests[port.stage.name].records:
+            for artefact in run.artefacts_of(port, item).values():
+                yield artefact.load()
+
+
+def _path(run: Run, schema: str, root: Path) -> str:
+    for port in run.graph.producers(schema):
+        for artefact in run.artefacts_of(port, ONCE).values():
+            return str(artefact.path.relative_to(root))
+    return ""
+
+
+def damping_verdict(card: ModelCard, axis: str) -> str:
+    """Return what the data say of the damping of an axis: the best of its own terms."""
+    own = OWN_VELOCITY[axis]
+    verdicts = {
+        item.verdict
+        for item in card.axes[axis].terms
+        if item.term.replace("|", "").replace("*", "") in (own, own * 2)
+    }
+    return next((verdict for verdict in ORDER if verdict in verdicts), "")
+
+
+def _verdicts(ranking: RankingRecord, cards: list[ModelCard]) -> Iterator[FleetVerdict]:
+    by_name = {card.name: card for card in cards}
+    for model in ranking.models:
+        recommended = model.name == ranking.choice
+        for axis, merit in model.axes.items():
+            card = by_name.get(model.name)
+            damping = "" if axis == ALL or card is None else _damping(card, axis)
+            use = ""
+            if recommended and ranking.usable is not None and axis != ALL:
+                use = next((name for name in USES if axis in getattr(ranking.usable, name)), "")
+            yield FleetVerdict(
+                model=model.name,
+                recommended=recommended,
+                axis=axis,
+                validation=merit.validation,
+                training=merit.training,
+                free_run=merit.free_run,
+                identified=merit.identified,
+                coefficients=merit.coefficients,
+                damping=damping,
+                use=use,
+            )
+
+
+def _damping(card: ModelCard, axis: str) -> str:
+    return damping_verdict(card, axis) if axis in card.axes else ""
+
+
+def _terms(card: ModelCard, *, recommended: bool) -> Iterator[FleetCoefficient]:
+    for axis in (axis for axis in AXES if axis in card.axes):
+        for item in card.axes[axis].terms:
+            yield FleetCoefficient(
+                model=card.name,
+                recommended=recommended,
+                axis=axis,
+                term=item.term,
+                unit=item.unit,
+                value=item.value,
+                standard_error=item.standard_error,
+                verdict=item.verdict,
+            )
+
+
+def _figure(title: str, row: dict[str, Any]) -> FleetCoefficient:
+    return FleetCoefficient(
+        model=title,
+        recommended=True,
+        axis="",
+        term=str(row["quantity"]),
+        unit=str(row["unit"]),
+        value=row["value"],
+        standard_error=row.get("standard_error"),
+        verdict=row.get("verdict") or "",
+    )

@@ -1,0 +1,172 @@
+"""Which logs are of one dive: by the clock, and by what depth and heading did."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.clock_offset import clock_offset
+
+SAME_CORRELATION = 0.95
+"""Two recorders of one dive agree at least so well in depth or in yaw rate."""
+PROMISING = 0.4
+"""Peak of the plain correlation from which on a pair is looked at in full."""
+OVERLAP = 0.5
+"""Share of the shorter log that both must have."""
+LEAST_S = 20.0
+MOST_STD_S = 1.0
+STEP_S = 1.0
+PADDING = 2
+UTC = "%Y-%m-%dT%H:%M:%SZ"
+
+
+@dataclass(frozen=True)
+class SameDive:
+    """Two logs of one dive: the better one, the other, and what shows it."""
+
+    better: str
+    other: str
+    words: str
+
+
+def same_dives(surveys: Sequence[LogSurvey]) -> list[SameDive]:
+    """Return the pairs of logs of one dive; a log is `other` in one pair at most.
+
+    Two logs with a clock are of one dive where half of the shorter one is shared, and
+    depth or yaw rate agree. Where a clock is missing, only recorders of different
+    formats are compared, at any shift.
+    """
+    fit = [item for item in surveys if item.motion is not None and not item.reason]
+    candidates = [*_by_clock(fit), *_by_motion(fit)]
+    by_id = {item.id: item for item in fit}
+    pairs: list[SameDive] = []
+    gone: set[str] = set()
+    for first, second in candidates:
+        if {first, second} & gone:
+            continue
+        words = _agreement(by_id[first], by_id[second])
+        if words:
+            better, other = sorted((first, second), key=lambda name: _merit(by_id[name]))[::-1]
+            gone.add(other)
+            pairs.append(SameDive(better, other, words))
+    return pairs
+
+
+def _merit(log: LogSurvey) -> tuple[bool, bool, int, float, int, str]:
+    """Return what makes a log the better one of a dive, the larger the better."""
+    return (
+        log.kind == "identification",
+        not log.lacking,
+        len(log.streams),
+        log.legs_s,
+        log.rows,
+        log.id,
+    )
+
+
+def _start_s(log: LogSurvey) -> float | None:
+    if log.start_utc is None:
+        return None
+    start = datetime.datetime.strptime(log.start_utc, UTC).replace(tzinfo=datetime.UTC)
+    return start.timestamp()
+
+
+def _by_clock(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
+    """Return the pairs of logs that share enough of their time in UTC."""
+    spans = sorted(
+        (start, start + log.duration_s, log.id)
+        for log in logs
+        if (start := _start_s(log)) is not None
+    )
+    pairs = []
+    for place, (start, end, name) in enumerate(spans):
+        for other_start, other_end, other in spans[place + 1 :]:
+            if other_start >= end:
+                break
+            shorter = max(min(end - start, other_end - other_start), 1e-9)
+            if (min(end, other_end) - other_start) / shorter >= OVERLAP:
+                pairs.append((name, other))
+    return pairs
+
+
+def _by_motion(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
+    """Return pairs of other formats, one without a clock, whose yaw rates look alike.
+
+    All are compared at once: correlation at every shift is a product of spectra.
+    """
+    with_yaw = [log for log in logs if log.motion is not None and log.motion.yaw_rate_rad_s]
+    if len({tuple(log.formats) for log in with_yaw}) < 2:
+        return []
+    signals = [_uniform(log.motion) for log in with_yaw if log.motion is not None]
+    length = PADDING * max(signal.size for signal in signals)
+    spectra = np.stack([np.fft.rfft(signal, length) for signal in signals])
+    pairs = []
+    for place, log in enumerate(with_yaw):
+        others = [
+            index
+            for index in range(place + 1, len(with_yaw))
+            if with_yaw[index].formats != log.formats
+            and (log.start_utc is None or with_yaw[index].start_utc is None)
+        ]
+        if not others:
+            continue
+        peaks = np.fft.irfft(spectra[place].conj() * spectra[others], length).max(axis=1)
+        pairs += [
+            (log.id, with_yaw[others[index]].id) for index in np.flatnonzero(peaks >= PROMISING)
+        ]
+    return pairs
+
+
+def _uniform(motion: MotionTrace) -> Array:
+    """Return the yaw rate at `STEP_S`, of unit norm, 0 where there is none."""
+    values = np.array([item or 0.0 for item in motion.yaw_rate_rad_s], dtype=np.float64)
+    times = motion.step_s * np.arange(values.size)
+    signal: Array = np.interp(np.arange(0.0, times[-1] + STEP_S, STEP_S), times, values)
+    signal = signal - signal.mean()
+    return signal / max(float(np.linalg.norm(signal)), 1e-12)
+
+
+def _agreement(first: LogSurvey, second: LogSurvey) -> str:
+    """Return in words how two logs agree; empty where they do not."""
+    one, two = first.motion, second.motion
+    assert one is not None
+    assert two is not None
+    starts = _start_s(first), _start_s(second)
+    clock_s = None if None in starts else float(starts[1]) - float(starts[0])  # type: ignore[arg-type]
+    shorter = min(first.duration_s, second.duration_s)
+    for name, own, other in (
+        ("yaw rate", one.yaw_rate_rad_s, two.yaw_rate_rad_s),
+        ("depth", one.depth_m, two.depth_m),
+    ):
+        samples = _samples(one, own), _samples(two, other)
+        try:
+            offset = clock_offset(
+                *samples[0], *samples[1], min_overlap_s=max(LEAST_S, OVERLAP * shorter)
+            )
+        except (DataError, IndexError):
+            continue
+        if offset.correlation >= SAME_CORRELATION and offset.std_s <= MOST_STD_S:
+            clock = "" if clock_s is None else ", and by its clock"
+            return f"{name} correlates by {offset.correlation:.2f}{clock}"
+    return ""
+
+
+def _samples(motion: MotionTrace, values: Sequence[float | None]) -> tuple[Array, Array]:
+    samples = np.array([np.nan if item is None else item for item in values], dtype=np.float64)
+    times: Array = motion.start_s + motion.step_s * np.arange(samples.size)
+    finite = np.isfinite(samples)
+    return times[finite], samples[finite]
+
+
+def refusals(pairs: Sequence[SameDive], names: Mapping[str, str]) -> dict[str, str]:
+    """Return why the other log of each pair is not used; `names`: log -> its file."""
+    return {
+        pair.other: f"the same dive as {names[pair.better]}, which has more: {pair.words}"
+        for pair in pairs
+    }
