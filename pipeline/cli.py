@@ -905,6 +905,8 @@ def fleet_run(
     ] = None,
     engine: EngineName = None,
     jobs: JobCount = None,
+    scheduler: Scheduler = None,
+    memory: WorkerMemory = None,
     force: Force = False,
 ) -> None:
     """Run every log of a disk as far as it goes; only new and changed ones run again.
@@ -916,9 +918,11 @@ def fleet_run(
     3 some logs are not done; 130 interrupted, what was finished is kept.
     """
     from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
+    from auvid.pipeline.execution.engines import make_engine
 
+    workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory)
     raise typer.Exit(
-        print_fleet_run(disk, out, vehicles=vehicle or (), engine=engine, jobs=jobs, force=force)
+        print_fleet_run(disk, out, vehicles=vehicle or (), engine=workers, force=force)
     )
 
 

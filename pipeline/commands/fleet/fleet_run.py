@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from auvid.pipeline.commands.fleet.log_work import (
 )
 from auvid.pipeline.commands.fleet.same_dives import refusals, same_dives
 from auvid.pipeline.commands.open_run import show_progress
-from auvid.pipeline.execution.engines import make_engine
+from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress
 from auvid.pipeline.execution.task import Outcome, Task, execute
@@ -61,16 +61,25 @@ def run_fleet(
     out: Path,
     *,
     vehicles: Sequence[str] = (),
-    engine: str | None = None,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     force: bool = False,
 ) -> FleetOutcome:
     """Bring the fleet in folder `out` up to date with the logs of a disk.
 
-    Raises `PipelineError` for what concerns the call itself; whatever a log does ends
-    as the state of that log.
+    `engine`: closed at the end; None works here, one log after another. Raises
+    `PipelineError` for what concerns the call itself; whatever a log does ends as the
+    state of that log.
     """
-    make_engine(engine, jobs).close()  # wrong words end the call before anything is read
+    engine = engine or make_engine()
+    try:
+        return _run_fleet(target, out, vehicles, engine, force=force)
+    finally:
+        engine.close()
+
+
+def _run_fleet(
+    target: Path, out: Path, vehicles: Sequence[str], engine: Engine, *, force: bool
+) -> FleetOutcome:
     fleet = FleetFolder(out.expanduser().resolve())
     hashes = FileHashes(fleet.root / HASHES)
     disk = discover(target, fleet, vehicles, hashes)
@@ -80,13 +89,13 @@ def run_fleet(
         logs = {log.id: log for log in disk.logs}
         unique = [log for log in disk.logs if not log.copy_of]
         tasks = {log.id: survey_task(log, fleet) for log in unique}
-        surveys, surveyed = _bring(LogSurvey, "survey", tasks, logs, engine, jobs, force=force)
+        surveys, surveyed = _bring(LogSurvey, "survey", tasks, logs, engine, force=force)
         names = {log.id: log.files[0].name for log in disk.logs}
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
         same = same_dives(list(surveys.values()))
         reasons |= refusals(same, names)
         tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
-        results, ran = _bring(FleetRun, "run", tasks, logs, engine, jobs, force=force)
+        results, ran = _bring(FleetRun, "run", tasks, logs, engine, force=force)
         better = {pair.other: pair.better for pair in same}
         rows = []
         for log in disk.logs:
@@ -108,8 +117,7 @@ def _bring(
     name: str,
     tasks: Mapping[str, Task],
     logs: Mapping[str, FleetLog],
-    engine: str | None,
-    jobs: int | None,
+    engine: Engine,
     *,
     force: bool,
 ) -> tuple[dict[str, D], int]:
@@ -128,7 +136,7 @@ def _bring(
             documents[log] = fresh
     with show_progress() as progress:
         progress.stage(name, todo=len(stale), total=len(tasks), level="log")
-        for task in _finished(stale, engine, jobs, logs, progress):
+        for task in _finished(stale, engine, logs, progress):
             documents[task.item] = kind.model_validate_json(document_path(task).read_bytes())
         progress.finish(failed=0)
     return {log: documents[log] for log in tasks}, len(stale)
@@ -147,12 +155,8 @@ def _fresh(kind: type[D], task: Task) -> D | None:
 
 
 def _finished(
-    tasks: Sequence[Task],
-    engine: str | None,
-    jobs: int | None,
-    logs: Mapping[str, FleetLog],
-    progress: Progress,
-):  # type: ignore[no-untyped-def]
+    tasks: Sequence[Task], engine: Engine, logs: Mapping[str, FleetLog], progress: Progress
+) -> Iterator[Task]:
     """Run tasks and yield each that has its document.
 
     Where a process dies, the logs that it held run alone, the others go on.
@@ -161,18 +165,15 @@ def _finished(
     suspects = [task for task in tasks if _mark(task).exists()]  # an earlier call died on them
     waiting = [task for task in tasks if task not in suspects]
     while waiting:
-        running, lost = make_engine(engine, jobs), []
-        try:
-            for outcome in running.map(waiting):
-                task = by_item[outcome.item]
-                if outcome.crash is not None and not outcome.trace:
-                    lost.append(task)
-                    continue
-                _settle(task, outcome, logs[task.item])
-                progress.item(task.item)
-                yield task
-        finally:
-            running.close()
+        lost = []
+        for outcome in engine.map(waiting):
+            task = by_item[outcome.item]
+            if outcome.crash is not None and not outcome.trace:
+                lost.append(task)
+                continue
+            _settle(task, outcome, logs[task.item])
+            progress.item(task.item)
+            yield task
         suspects += [task for task in lost if _mark(task).exists()]
         again = [task for task in lost if not _mark(task).exists()]
         if len(again) == len(waiting):  # no process stays alive, not even one without a log
@@ -234,15 +235,14 @@ def print_fleet_run(
     out: Path,
     *,
     vehicles: Sequence[str] = (),
-    engine: str | None = None,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     force: bool = False,
 ) -> int:
     """Bring a fleet up to date, print the states, and return the exit code.
 
     The code is 0 where every log is done, 3 where some are not, 1 where none is.
     """
-    outcome = run_fleet(target, out, vehicles=vehicles, engine=engine, jobs=jobs, force=force)
+    outcome = run_fleet(target, out, vehicles=vehicles, engine=engine, force=force)
     counts = Counter(row.state for row in outcome.rows)
     answer(
         {

@@ -266,7 +266,7 @@ def _run(inputs: Inputs, _: Params) -> RunOutputs:
         opened = open_run(str(folder), inputs.fleet.workspace)
         reason = ""
         try:
-            execute(opened, opened.graph.stages, engine="serial", quiet=True)
+            execute(opened, opened.graph.stages, quiet=True)
         except PipelineError as fault:
             reason = one_line(str(fault).partition("\nauvid check")[0])
         if not inputs.log.unchanged:
