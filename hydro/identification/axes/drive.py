@@ -18,7 +18,7 @@ STEPS = {LAG: 0.1, DEAD_BAND: 0.1, CURVE: 0.05}
 
 
 @dataclass(frozen=True)
-class Drive:
+class ForceDrive:
     """How force follows its command.
 
     y = sign(f) (max(|f| - dead_band, 0) / (1 - dead_band))^curve, then lag_s F_dot + F = y.
@@ -31,7 +31,7 @@ class Drive:
 
 
 def lagged_columns(step_s: float, force: Array, lag_s: float) -> Array:
-    """Return F (n, m) of lag_s F_dot + F = f, f (n, m) linear between nodes, steady at first.
+    """Return F (n, m) of lag_s F_dot + F = f, f linear between nodes, steady at first.
 
     >>> lagged_columns(0.1, np.array([[0.0], [1.0], [1.0]]), 0.1).round(3)[:, 0].tolist()
     [0.0, 0.368, 0.767]
@@ -44,7 +44,7 @@ def lagged_columns(step_s: float, force: Array, lag_s: float) -> Array:
     return np.asarray(rate * filter_first_order(steps, rate, f[:-1], f[1:], f[0] / rate))
 
 
-def shaped(force: Array, drive: Drive) -> Array:
+def shaped(force: Array, drive: ForceDrive) -> Array:
     """Return commands behind dead band and curve."""
     if drive.dead_band == 0.0 and drive.curve == 1.0:
         return force
@@ -55,11 +55,11 @@ def shaped(force: Array, drive: Drive) -> Array:
 def inputs_of(
     record: AxisRecord,
     names: Sequence[str],
-    drive: Drive,
+    drive: ForceDrive,
     *,
     extra: Mapping[str, Array] | None = None,
 ) -> Array:
-    """Return inputs (n, m) by name: lagged forces of axes, and `extra` columns as they are."""
+    """Return inputs (n, m) by name: lagged forces of axes, `extra` columns as is."""
     step = float(record.t_s[1] - record.t_s[0])
     forces = [shaped(record.force[name], drive) for name in names if name in record.force]
     late = iter(lagged_columns(step, np.column_stack(forces), drive.lag_s).T)
@@ -68,9 +68,9 @@ def inputs_of(
 
 
 def input_derivatives(
-    record: AxisRecord, names: Sequence[str], drive: Drive, free: Sequence[str]
+    record: AxisRecord, names: Sequence[str], drive: ForceDrive, free: Sequence[str]
 ) -> Array:
-    """Return derivatives (n, m, e) of `inputs_of` by free parameters, by differences."""
+    """Return derivatives (n, m, e) of `inputs_of` by free parameters of the drive."""
     out = np.zeros((len(record.t_s), len(names), len(free)))
     driven = [i for i, name in enumerate(names) if name in record.force]
     for e, parameter in enumerate(free):
@@ -86,12 +86,12 @@ def input_derivatives(
     return out
 
 
-def values_of(drive: Drive) -> dict[str, float]:
+def values_of(drive: ForceDrive) -> dict[str, float]:
     """Return the parameters of a drive by name."""
     return {LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve}
 
 
-def changed(drive: Drive, values: Mapping[str, float]) -> Drive:
+def changed(drive: ForceDrive, values: Mapping[str, float]) -> ForceDrive:
     """Return a drive with some parameters changed."""
     every = values_of(drive) | dict(values)
-    return Drive(every[LAG], every[DEAD_BAND], every[CURVE])
+    return ForceDrive(every[LAG], every[DEAD_BAND], every[CURVE])

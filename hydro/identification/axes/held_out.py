@@ -21,7 +21,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     motion,
 )
 from auvid.hydro.identification.axes.windows import (
-    Window,
+    MotionWindow,
     depth_measures,
     depth_rate,
     low_passed,
@@ -30,7 +30,7 @@ from auvid.hydro.identification.axes.windows import (
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Fit [%] by velocity on windows or a leg that the fit did not use; what they are."""
+    """Fit [%] by velocity on windows or a leg (`what`) that the fit did not use."""
 
     what: str
     percent: dict[str, float]
@@ -49,12 +49,7 @@ def percent_of(measured: Array, simulated: Array) -> float:
     return 100.0 * (1.0 - float(np.linalg.norm(y - model)) / spread) if spread > 0 else np.nan
 
 
-def alternate(windows: Sequence[Window]) -> tuple[tuple[Window, ...], tuple[Window, ...]]:
-    """Return every other window from the first, and the others."""
-    return tuple(windows[0::2]), tuple(windows[1::2])
-
-
-def score(pool: Pool, fit: PoolFit, windows: Sequence[Window]) -> dict[str, float]:
+def score(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> dict[str, float]:
     """Return the fit [%] on windows by velocity, each from its measured start.
 
     The constant of a window is 0, its expected value.
@@ -73,7 +68,7 @@ def score(pool: Pool, fit: PoolFit, windows: Sequence[Window]) -> dict[str, floa
     for window in windows:
         start = np.append(pool.prepared[window.leg].start[window.first], np.zeros(k))
         states = motion(flown, rows[window.leg], theta, window, start)[:, :, 0]
-        for i, pair in enumerate(_signals(flown, window, states)):
+        for i, pair in enumerate(signals(flown, window, states)):
             measured[i].append(pair[0])
             simulated[i].append(pair[1])
     return {
@@ -82,7 +77,8 @@ def score(pool: Pool, fit: PoolFit, windows: Sequence[Window]) -> dict[str, floa
     }
 
 
-def _signals(pool: Pool, window: Window, states: Array) -> list[tuple[Array, Array]]:
+def signals(pool: Pool, window: MotionWindow, states: Array) -> list[tuple[Array, Array]]:
+    """Return measured and simulated signal (n,) of each velocity, as scored."""
     record, data, out = pool.records[window.leg], pool.prepared[window.leg], []
     for i, velocity in enumerate(pool.structure.velocities):
         if depth_measures(record, velocity):
@@ -96,7 +92,7 @@ def _signals(pool: Pool, window: Window, states: Array) -> list[tuple[Array, Arr
 def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
     """Return the fit on every other window by the rest, both ways."""
     out = []
-    halves = alternate(pool.windows)
+    halves = (pool.windows[0::2], pool.windows[1::2])
     for train, test, what in ((*halves, "even windows"), (*halves[::-1], "odd windows")):
         if train and test:
             fit = fit_pool(replace(pool, windows=train), first)
@@ -104,8 +100,8 @@ def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
     return tuple(out)
 
 
-def free_run(pool: Pool, fit: PoolFit, window: Window) -> Array:
-    """Return states (n, 2k) over a window, be it a whole leg, from its measured start."""
+def free_run(pool: Pool, fit: PoolFit, window: MotionWindow) -> Array:
+    """Return states (n, 2k) over a window or a leg, from its measured start."""
     flown = replace(pool, drive=fit.drive, free=())
     rows = loop_rows(flown, fit.drive)[window.leg]
     k = len(pool.structure.velocities)

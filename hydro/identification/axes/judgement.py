@@ -15,7 +15,7 @@ import numpy as np
 
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
-from auvid.hydro.identification.axes.structure import CONSTANT, INPUT, Term
+from auvid.hydro.identification.axes.structure import CONSTANT, INPUT, AxisTerm
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
@@ -120,7 +120,7 @@ def _movement(pool: Pool) -> dict[str, float]:
     return out
 
 
-def _excited(term: Term, moving: Mapping[str, float]) -> bool:
+def _excited(term: AxisTerm, moving: Mapping[str, float]) -> bool:
     if term.kind == CONSTANT:
         return True
     if term.kind == INPUT:
@@ -155,7 +155,7 @@ def heterogeneity(
 
 
 def coefficient_block(fit: PoolFit, axis: str, names: Sequence[str]) -> tuple[Array, Array]:
-    """Return values (4,) and covariance (4, 4) of a, b, c, d of one axis; 0 for absent."""
+    """Return named values of one axis with their covariance; 0 for absent ones."""
     places = [fit.names.index(f"{axis} {name}") if f"{axis} {name}" in fit.names else -1
               for name in names]  # fmt: skip
     kept = [i for i, place in enumerate(places) if place >= 0]

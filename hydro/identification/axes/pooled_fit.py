@@ -18,10 +18,10 @@ from typing import Literal
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import VELOCITIES, Array, Mask
+from auvid.hydro.arrays import VELOCITIES, Array, Index, Mask
 from auvid.hydro.identification.axes.drive import (
     BOUNDS,
-    Drive,
+    ForceDrive,
     changed,
     input_derivatives,
     inputs_of,
@@ -30,7 +30,7 @@ from auvid.hydro.identification.axes.drive import (
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.structure import Structure
 from auvid.hydro.identification.axes.windows import (
-    Window,
+    MotionWindow,
     depth_measures,
     measured_rate,
     smooth_depth,
@@ -49,6 +49,8 @@ LONGEST_STEP_S = 0.05
 from 0.2 s on."""
 MOST_STEPS, ROUNDS = 60, 3
 """Steps of a search; rounds of sizes of errors."""
+SETTLED = 0.02
+"""Change of sigma by which rounds end."""
 LEAST_SIGMA = 1e-5
 QUANTILE, NORMAL_AT_QUANTILE = 0.9, 1.644854
 """Share of |e| by which sigma is set, and its place in standard errors of a normal: by
@@ -58,7 +60,7 @@ Loss = Literal["soft_l1", "squares"]
 
 
 @dataclass(frozen=True)
-class Prepared:
+class LoopArrays:
     """Arrays of one record for the loop: inputs, turn, velocities, channels (n, 2k)."""
 
     step_s: float
@@ -78,10 +80,10 @@ class Pool:
 
     structure: Structure
     records: tuple[AxisRecord, ...]
-    prepared: tuple[Prepared, ...]
-    windows: tuple[Window, ...]
+    prepared: tuple[LoopArrays, ...]
+    windows: tuple[MotionWindow, ...]
     constant_sd: Array
-    drive: Drive
+    drive: ForceDrive
     free: tuple[str, ...]
     extra: tuple[Mapping[str, Array], ...]
     loss: Loss
@@ -112,11 +114,11 @@ class PoolFit:
     colour: Array
     objective: float
     word: str
-    drive: Drive
+    drive: ForceDrive
     windows: int
 
 
-def prepare(record: AxisRecord, structure: Structure) -> Prepared:
+def prepare(record: AxisRecord, structure: Structure) -> LoopArrays:
     """Return the arrays of one record for the loop."""
     places = structure.places
     nu = np.column_stack([record.rate[item] for item in VELOCITIES])
@@ -137,7 +139,7 @@ def prepare(record: AxisRecord, structure: Structure) -> Prepared:
             start[:, k + i] = np.nan_to_num(smooth_depth(record))
         else:
             channels[:, i] = rate
-    return Prepared(
+    return LoopArrays(
         float(record.t_s[1] - record.t_s[0]),
         np.ascontiguousarray(np.nan_to_num(nu)),
         turn,
@@ -149,10 +151,10 @@ def prepare(record: AxisRecord, structure: Structure) -> Prepared:
 def make_pool(
     structure: Structure,
     records: Sequence[AxisRecord],
-    windows: Sequence[Window],
+    windows: Sequence[MotionWindow],
     *,
     constant_sd: Array,
-    drive: Drive,
+    drive: ForceDrive,
     free: Sequence[str] = (),
     extra: Sequence[Mapping[str, Array]] = (),
     loss: Loss = "soft_l1",
@@ -173,7 +175,7 @@ def make_pool(
     )
 
 
-def motion(pool: Pool, rows: Array, theta: Array, window: Window, start: Array) -> Array:
+def motion(pool: Pool, rows: Array, theta: Array, window: MotionWindow, start: Array) -> Array:
     """Return states and sensitivities (n, 2k, 1 + P) over a window.
 
     rows: of `loop_rows` for its record; start (3k,): x(0), s(0), constants.
@@ -182,7 +184,7 @@ def motion(pool: Pool, rows: Array, theta: Array, window: Window, start: Array) 
 
     step = pool.prepared[window.leg].step_s
     parts = parts_of(step)
-    products, weights = pool.structure.coriolis()
+    products, weights = pool.structure.coriolis
     out = np.empty(
         (window.end - window.first, 2 * len(pool.structure.velocities),
          1 + len(theta) + len(pool.free) + len(start))
@@ -192,7 +194,7 @@ def motion(pool: Pool, rows: Array, theta: Array, window: Window, start: Array) 
         parts,
         rows[2 * parts * window.first : 2 * parts * (window.end - 1) + 1],
         pool.structure.places,
-        pool.structure.table(),
+        pool.structure.table,
         products,
         weights,
         theta,
@@ -207,7 +209,7 @@ def parts_of(step_s: float) -> int:
     return max(1, int(np.ceil(step_s / LONGEST_STEP_S - 1e-9)))
 
 
-def loop_rows(pool: Pool, drive: Drive) -> list[Array]:
+def loop_rows(pool: Pool, drive: ForceDrive) -> list[Array]:
     """Return what drives the loop at every half step, record by record.
 
     Columns: measured velocities (6), turn (k), inputs (m), their derivatives by the
@@ -252,12 +254,14 @@ def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
             sigma: Array = sigma,
             colour: Array = colour,
         ) -> Evaluation:
-            return work.evaluate(common, local, sigma, colour, with_equations)
+            return work.evaluate(common, local, sigma, colour)
 
         best = maximise(evaluate, common, local, lower=lower, upper=upper, most_steps=MOST_STEPS)
         common, local = best.common, best.local
         used = sigma, colour
         sigma, colour = work.sizes(common, local, sigma)
+        if np.all(np.abs(sigma / used[0] - 1.0) < SETTLED):
+            break
     at_bound = (common <= lower) | (common >= upper)
     covariance, information, data_variances = _covariances(work, best, *used, at_bound)
     return PoolFit(
@@ -285,6 +289,7 @@ class PoolWork:
     count: int
     at: bytes = b""
     rows: tuple[Array, ...] = ()
+    last: tuple[bytes, Evaluation | None] = (b"", None)
 
     def prior(self, common: Array) -> tuple[float, Array, Array]:
         """Return cost, precision (g,) and pull (g,) of the priors."""
@@ -308,7 +313,7 @@ class PoolWork:
 
     def errors(
         self, common: Array, local: Array, number: int, sigma: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, Index]:
         """Return errors (m,) in sigma, their Jacobian (m, P) and channels (m,)."""
         window = self.pool.windows[number]
         measured = self.pool.prepared[window.leg].channels[window.nodes]
@@ -318,10 +323,14 @@ class PoolWork:
         error = (states[node, channel, 0] - measured[node, channel]) / scale
         return error, states[node, channel, 1:] / scale[:, None], channel
 
-    def evaluate(
-        self, common: Array, local: Array, sigma: Array, colour: Array, with_equations: bool
-    ) -> Evaluation:
-        """Return the objective at some unknowns, and its normal equations."""
+    def evaluate(self, common: Array, local: Array, sigma: Array, colour: Array) -> Evaluation:
+        """Return the objective at some unknowns, and its normal equations.
+
+        The last is kept: a search asks for the equations where it tried the objective.
+        """
+        key = b"".join(item.tobytes() for item in (common, local, sigma, colour))
+        if key == self.last[0] and self.last[1] is not None:
+            return self.last[1]
         g = len(common)
         objective, precision, pull = self.prior(common)
         matrix, vector = np.diag(precision), pull
@@ -335,9 +344,9 @@ class PoolWork:
             couplings.append(normal[g:, :g])
             rights.append(right[g:])
         equations = NormalEquations(matrix, vector, tuple(blocks), tuple(couplings), tuple(rights))
-        return Evaluation(
-            objective if np.isfinite(objective) else np.inf, equations if with_equations else None
-        )
+        evaluation = Evaluation(objective if np.isfinite(objective) else np.inf, equations)
+        self.last = key, evaluation
+        return evaluation
 
     def window(
         self, common: Array, local: Array, number: int, sigma: Array, colour: Array

@@ -24,9 +24,10 @@ WIDEST = 100.0
 
 @dataclass(frozen=True)
 class Scale:
-    """What turns commands into newtons: `pull_N` at full command, or the inertia `mass`.
+    """What turns commands into newtons: a bollard pull, or a known inertia.
 
-    One of them, with its standard error; for an axis of rotation in N m and kg m^2.
+    `pull_N` at full command, or `mass`, with its standard error;
+    for an axis of rotation in N m and kg m^2.
     """
 
     pull_N: float | None = None
@@ -35,8 +36,8 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Quantity:
-    """A number of a fit with standard error and 95 % interval; nan where undetermined."""
+class FitQuantity:
+    """A number of a fit with error and 95 % interval, nan where undetermined."""
 
     name: str
     unit: str
@@ -55,7 +56,7 @@ def quantity(
     *,
     width: float,
     positive: bool = False,
-) -> Quantity:
+) -> FitQuantity:
     """Return f(values) with its error: sqrt(g' P g), g by central differences.
 
     width: standard errors of half an interval; positive: the interval is symmetric in
@@ -70,11 +71,11 @@ def quantity(
         here = function(values)
         error = float(np.sqrt(gradient @ covariance @ gradient))
     if not (np.isfinite(here) and np.isfinite(error)):
-        return Quantity(name, unit, float("nan"), float("nan"), float("nan"), float("nan"))
+        return FitQuantity(name, unit, float("nan"), float("nan"), float("nan"), float("nan"))
     if positive and here > 0.0:
         half = min(width * error / here, WIDEST)
-        return Quantity(name, unit, here, error, here * np.exp(-half), here * np.exp(half))
-    return Quantity(name, unit, here, error, here - width * error, here + width * error)
+        return FitQuantity(name, unit, here, error, here * np.exp(-half), here * np.exp(half))
+    return FitQuantity(name, unit, here, error, here - width * error, here + width * error)
 
 
 def steady_speed(a: float, b: float, c: float) -> float:
@@ -91,7 +92,7 @@ def steady_speed(a: float, b: float, c: float) -> float:
 
 def normalised_quantities(
     axis: str, values: Array, covariance: Array, *, width: float, speed: float
-) -> tuple[Quantity, ...]:
+) -> tuple[FitQuantity, ...]:
     """Return what commands determine, of (a, b, c, d) with covariance (4, 4).
 
     Damping over mass, gain over mass, steady speed per full command, time constants
@@ -126,8 +127,8 @@ def normalised_quantities(
 
 def physical_quantities(
     axis: str, values: Array, covariance: Array, *, width: float, scale: Scale | None = None
-) -> tuple[Quantity, ...]:
-    """Return inertia, damping and constant of (a, b, c, d) with covariance (4, 4) in SI.
+) -> tuple[FitQuantity, ...]:
+    """Return inertia, damping and constant of (a, b, c, d), with covariance, in SI.
 
     M, D_1 = a M, D_2 = b M, C = d M. scale: for commands; None where F is in newtons.
     """

@@ -23,7 +23,7 @@ class LeftOut(NamedTuple):
 
 @dataclass(frozen=True)
 class AxisRecord:
-    """Measured motion of one leg on a uniform grid, what drives it, and windows per axis.
+    """Measured motion of one leg on a uniform grid, what drives it, and windows.
 
     `t_s` (n,): times [s] from the start of the log. `rate`: body velocity (u v w p q r)
     -> (n,) [m/s, rad/s], nan where nothing measures it. `depth_m` (n,), positive down,

@@ -15,7 +15,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.identification.axes.drive import LAG, Drive
+from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, score
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
@@ -34,7 +34,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     make_pool,
 )
 from auvid.hydro.identification.axes.quantities import (
-    Quantity,
+    FitQuantity,
     Scale,
     normalised_quantities,
     physical_quantities,
@@ -75,7 +75,7 @@ class InertiaPrior:
 
 @dataclass(frozen=True)
 class LagVerdict:
-    """Thrust lag [s] of a fit; `standard_error` nan and not `determined` where fixed."""
+    """Thrust lag [s] of a fit; `standard_error` nan where it is fixed."""
 
     value_s: float
     standard_error: float
@@ -84,8 +84,9 @@ class LagVerdict:
 
 @dataclass(frozen=True)
 class InertiaVerdict:
-    """What a fit says of 1 / c: `given`, `from the prior`, `determined`, `not determined`.
+    """What a fit says of the apparent inertia 1 / c.
 
+    `word`: `given`, `from the prior`, `determined`, `not determined`.
     `value` with its 95 % interval in kg or kg m^2; nan for commands.
     """
 
@@ -97,7 +98,7 @@ class InertiaVerdict:
 
 @dataclass(frozen=True)
 class SideDrag:
-    """Drag over inertia [1/s] at `speed`, ahead and back, and the ratio with interval."""
+    """Drag over inertia [1/s] at `speed`, ahead and back, and their ratio."""
 
     speed: float
     ahead: float
@@ -139,13 +140,13 @@ class SingleAxisFit:
     width: float
     notes: tuple[str, ...]
 
-    def without_newtons(self) -> tuple[Quantity, ...]:
+    def without_newtons(self) -> tuple[FitQuantity, ...]:
         """Return time constants, steady speed and damping over inertia."""
         return normalised_quantities(
             self.axis, self.values, self.covariance, width=self.width, speed=self.speed
         )
 
-    def physical(self, scale: Scale | None = None) -> tuple[Quantity, ...]:
+    def physical(self, scale: Scale | None = None) -> tuple[FitQuantity, ...]:
         """Return inertia, damping and constant in SI.
 
         Raises `DataError` for commands without a bollard pull or a mass.
@@ -213,7 +214,7 @@ def fit_axis(
     axis: str,
     *,
     inertia: InertiaPrior | None = None,
-    drive: Drive | None = None,
+    drive: ForceDrive | None = None,
     constant_sd: float | None = None,
     surge: bool = False,
     try_lag: bool = True,
@@ -232,7 +233,7 @@ def fit_axis(
         raise DataError(f"axis {axis}: {reason}", remedy="See the stretches that were left out.")
     velocity = VELOCITIES[AXES.index(axis)]
     fitted = _Setup(
-        tuple(records), axis, velocity, inertia, drive or Drive(),
+        tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         CONSTANT_SD[velocity] if constant_sd is None else constant_sd,
         surge and velocity == "w", loss, window_s,
     )  # fmt: skip
@@ -258,7 +259,7 @@ def fit_axis(
 
 
 def interval_width(windows: int) -> float:
-    """Return half a 95 % interval in standard errors: Student's t, windows - 1 degrees."""
+    """Return half a 95 % interval in standard errors: t, windows - 1 degrees."""
     from scipy.stats import t
 
     return float(t.ppf(0.975, max(windows - 1, 1)))
@@ -270,7 +271,7 @@ class _Setup:
     axis: str
     velocity: str
     inertia: InertiaPrior | None
-    drive: Drive
+    drive: ForceDrive
     constant_sd: float
     surge: bool
     loss: Loss
@@ -288,7 +289,7 @@ class _Setup:
         if self.inertia is not None and not self.records[0].normalised:
             c = 1.0 / self.inertia.value
             inverse = (c, c * self.inertia.relative_sd)
-        columns = tuple({} for _ in self.records)
+        columns: tuple[dict[str, Array], ...] = tuple({} for _ in self.records)
         inputs: tuple[str, ...] = (self.axis,)
         if self.surge:
             inputs, extra = (self.axis, SURGE), {SURGE: (0.0, self.surge_sd)}
@@ -324,7 +325,7 @@ def surge_input(record: AxisRecord) -> Array:
 def _with_lag(
     setup: _Setup, pool: Pool, fit: PoolFit, blocks: tuple[HeldOut, ...]
 ) -> tuple[Pool, PoolFit, tuple[HeldOut, ...], LagVerdict]:
-    """Return the fit with a free lag where it is clear and better on every window left out.
+    """Return the fit with a free lag where it is clear and better held out.
 
     Otherwise the fit with the fixed one.
     """
@@ -378,7 +379,7 @@ def drag_at(speed: float, values: Array, covariance: Array) -> tuple[float, floa
 
 
 def _by_leg(setup: _Setup, pool: Pool, fit: PoolFit, speed: float) -> tuple[Heterogeneity, ...]:
-    """Return whether legs agree in drag over inertia and in c, each fitted by itself."""
+    """Return whether legs, fitted one by one, agree in drag over inertia and in c."""
     count = np.bincount([window.leg for window in pool.windows], minlength=len(pool.records))
     legs = [int(leg) for leg in np.flatnonzero(count >= FEWEST_WINDOWS)]
     if len(legs) < 2:
@@ -397,7 +398,7 @@ def _by_leg(setup: _Setup, pool: Pool, fit: PoolFit, speed: float) -> tuple[Hete
     out = []
     for words, rows in ((f"drag over inertia at {speed:.2g}", drag), ("force over inertia", gain)):
         if all(error > 0.0 for _, error in rows):
-            out.append(heterogeneity(words, *zip(*rows, strict=True), legs))
+            out.append(heterogeneity(words, [v for v, _ in rows], [e for _, e in rows], legs))
     return tuple(out)
 
 

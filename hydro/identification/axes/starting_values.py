@@ -19,7 +19,7 @@ from auvid.hydro.identification.axes.structure import (
     QUADRATIC,
     RESTORING,
     SIDES,
-    Term,
+    AxisTerm,
 )
 
 
@@ -28,7 +28,7 @@ def starting_values(pool: Pool) -> Array:
     from scipy.optimize import lsq_linear
 
     rows = loop_rows(pool, pool.drive)
-    products, weights = pool.structure.coriolis()
+    products, weights = pool.structure.coriolis
     out = np.zeros(len(pool.structure.terms))
     for i, place in enumerate(pool.structure.places):
         own = [j for j, term in enumerate(pool.structure.terms) if AXES[place] == term.axis]
@@ -74,7 +74,7 @@ def starting_values(pool: Pool) -> Array:
     return out
 
 
-def _value(term: Term, nu: Array, drive: Array, angle: Array) -> Array:
+def _value(term: AxisTerm, nu: Array, drive: Array, angle: Array) -> Array:
     """Return the term at measured velocities nu (n, 6), inputs and angle."""
     if term.kind == INPUT:
         return drive[:, term.of]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -32,7 +33,7 @@ SYMMETRIC = {
 
 
 @dataclass(frozen=True)
-class Term:
+class AxisTerm:
     """One term of an axis: its name (`r`, `r|r|`, `force`, `constant`) and its tables.
 
     `lower`, `upper`: bounds of the coefficient. `mean`, `sd`: prior; sd inf for none,
@@ -57,7 +58,7 @@ class Structure:
     """
 
     velocities: tuple[str, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[AxisTerm, ...]
     inputs: tuple[str, ...]
     inertia: Array | None = None
 
@@ -66,16 +67,18 @@ class Structure:
         """Return `axis term` of every coefficient."""
         return tuple(f"{term.axis} {term.name}" for term in self.terms)
 
-    @property
+    @cached_property
     def places(self) -> Ints:
         """Return where the velocities stand among u v w p q r (k,)."""
         return np.array([VELOCITIES.index(item) for item in self.velocities], dtype=np.int64)
 
+    @cached_property
     def table(self) -> Ints:
         """Return row, kind and operand of every term (t, 3)."""
         row = {AXES[place]: i for i, place in enumerate(self.places)}
         return np.array([(row[t.axis], t.kind, t.of) for t in self.terms], dtype=np.int64)
 
+    @cached_property
     def coriolis(self) -> tuple[Ints, Array]:
         """Return row and factors of every product (p, 3), and their weights (p,)."""
         products, weights = [], []
@@ -111,7 +114,7 @@ def axis_terms(
     restoring: bool = False,
     couplings: str = "",
     extra: Mapping[str, tuple[float, float]] | None = None,
-) -> tuple[Term, ...]:
+) -> tuple[AxisTerm, ...]:
     """Return the terms of one axis: damping not above 0, force, constant, couplings.
 
     inverse: prior of c, mean and sd (0 fixes it). sides: damping ahead and back by
@@ -124,15 +127,14 @@ def axis_terms(
     out = []
     for side, kinds in SIDES.items() if sides else {"": (LINEAR, QUADRATIC)}.items():
         words = (f"{x} {side}".strip(), f"{x}|{x}| {side}".strip())
-        out += [
-            Term(axis, name, kind, at, upper=0.0) for name, kind in zip(words, kinds, strict=True)
-        ]
-    out.append(Term(axis, FORCE, INPUT, list(inputs).index(axis), lower=0.0, mean=mean, sd=sd))
+        for name, kind in zip(words, kinds, strict=True):
+            out.append(AxisTerm(axis, name, kind, at, upper=0.0))
+    out.append(AxisTerm(axis, FORCE, INPUT, list(inputs).index(axis), lower=0.0, mean=mean, sd=sd))
     if constant:
-        out.append(Term(axis, "constant", CONSTANT, 0))
+        out.append(AxisTerm(axis, "constant", CONSTANT, 0))
     if restoring:
-        out.append(Term(axis, "restoring", RESTORING, 0, upper=0.0))
-    out += [Term(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]
+        out.append(AxisTerm(axis, "restoring", RESTORING, 0, upper=0.0))
+    out += [AxisTerm(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]
     for name, (middle, width) in (extra or {}).items():
-        out.append(Term(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))
+        out.append(AxisTerm(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))
     return tuple(out)

@@ -19,7 +19,7 @@ SMOOTHING_HZ = 1.0
 
 
 @dataclass(frozen=True)
-class Window:
+class MotionWindow:
     """Nodes first .. end - 1 of record `leg`."""
 
     leg: int
@@ -33,14 +33,14 @@ class Window:
 
 
 def depth_measures(record: AxisRecord, velocity: str) -> bool:
-    """Return whether an axis of a record is fitted to depth: heave without its velocity."""
+    """Return whether an axis is fitted to depth: heave without its velocity."""
     return (
         velocity == "w" and record.depth_m is not None and not np.isfinite(record.rate["w"]).any()
     )
 
 
 def measured_rate(record: AxisRecord, velocity: str) -> Array:
-    """Return a velocity (n,) as measured; that of heave by depth where depth measures it.
+    """Return a velocity (n,) as measured; of heave by depth where depth measures it.
 
     w = z_dot / (cos theta cos phi), z low-passed at `SMOOTHING_HZ`.
     """
@@ -50,7 +50,7 @@ def measured_rate(record: AxisRecord, velocity: str) -> Array:
 
 
 def depth_rate(record: AxisRecord) -> Array:
-    """Return z_dot (n,) [m/s] of depth low-passed at `SMOOTHING_HZ`; nan without depth."""
+    """Return z_dot (n,) [m/s] of depth low-passed at `SMOOTHING_HZ`."""
     return np.asarray(np.gradient(smooth_depth(record), float(record.t_s[1] - record.t_s[0])))
 
 
@@ -88,7 +88,7 @@ def stretches(keep: Mask) -> list[tuple[int, int]]:
 
 def windows_of(
     records: Sequence[AxisRecord], velocities: Sequence[str], *, window_s: float = WINDOW_S
-) -> tuple[Window, ...]:
+) -> tuple[MotionWindow, ...]:
     """Return the windows that all axes share, cut to equal parts of about `window_s`.
 
     Every axis has to be measured in them. Parts below `SHORTEST_S` are left out.
@@ -106,13 +106,13 @@ def windows_of(
             assert signal is not None
             keep &= (number[:, i] > 0) & np.isfinite(signal) & np.isfinite(record.force[axis])
         changes = np.any(np.diff(number, axis=0) != 0, axis=1)
-        for first, end in stretches(keep):
+        for first, end in stretches(np.asarray(keep)):
             edges = [first, *(first + 1 + np.flatnonzero(changes[first : end - 1])), end]
             for a, b in itertools.pairwise(edges):
                 parts = max(1, round((b - a) * step / window_s))
                 cuts = np.linspace(a, b, parts + 1).round().astype(int)
                 out += [
-                    Window(leg, int(c), int(d))
+                    MotionWindow(leg, int(c), int(d))
                     for c, d in itertools.pairwise(cuts)
                     if (d - c - 1) * step >= SHORTEST_S
                 ]
