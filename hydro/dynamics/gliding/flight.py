@@ -12,10 +12,8 @@ from math import atan2, cos, exp, hypot, sin
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.gliding.steady_glide import GliderBody, GlideState, Polar
+from auvid.hydro.dynamics.gliding.steady_glide import STALL_RAD, GliderBody, GlideState, Polar
 
-STALL_RAD = 0.35
-"""Lift grows no further beyond this angle of attack: inflections only."""
 LONGEST_S = 7200.0
 """A dive or climb that takes longer is one that never turns."""
 

@@ -17,6 +17,8 @@ from auvid.hydro.arrays import Array, Index
 
 ITERATIONS = 30
 SETTLED_RAD = 1e-12
+STALL_RAD = 0.35
+"""Lift grows no further beyond this angle of attack; no steady glide has it."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,11 @@ def angle_of_attack(pitch_rad: ArrayLike, polar: Polar) -> Array:
         beyond = beyond - step
         if np.all(np.abs(step[np.isfinite(step)]) < SETTLED_RAD):
             break
-    glides = (np.abs(step) < 1e-6) & (np.sign(lean - beyond) == np.sign(lean))
+    glides = (
+        (np.abs(step) < 1e-6)
+        & (np.abs(beyond) < STALL_RAD)
+        & (np.sign(lean - beyond) == np.sign(lean))
+    )
     return np.where(glides, beyond + polar.zero_lift_rad, np.nan)
 
 

@@ -237,8 +237,9 @@ def _glide(values: Array, rows: GlideRows, body: GliderBody) -> SteadyGlide:
 def _start(problem: _Problem, values: Array) -> Array:
     """Return starting values with which every row has a glide.
 
-    The drag is that of the median depth rate. With more induced drag than the flattest glide allows there would be none: it is
-    lowered. Raises `DataError` where that does not help.
+    The drag is that of the median depth rate. With more induced drag than the flattest
+    glide allows there would be none: it is lowered. Raises `DataError` where that does
+    not help.
     """
     for _ in range(LOWERINGS):
         values[0] = _first_drag(values, problem.rows, problem.body)

@@ -295,6 +295,8 @@ def _stages(
         for name in feed.streams
         if (clock := clock_statistics(log.t_s(name)))
     ]
+    if feed.kind == "glide":
+        return stages
     if feed.channels:
         rate = min(1.0, FILTER_SAMPLES * min(rates, default=5.0))
         stages["rlse"] = f"{{filter_rate_rad_s: {rate:.2g}, max_gap_s: {feed.max_gap_s:g}}}"

@@ -108,6 +108,8 @@ def _leg_comment(content: CampaignContent) -> list[str]:
         " every sensor there. Take out what the model does not hold: a taut tether, walls, the"
         " bottom, cargo."
     )
+    if content.kind == "glide":
+        text = "check: whole logs; stage glide takes settled glides and says what it leaves out."
     if content.kind == "bench":
         text += " Each channel is fitted alone: best where the others rest."
     lines = _comment(text)
@@ -170,7 +172,7 @@ def _about(leg: ProposedLeg, log: CheckedLog) -> str:
     modes = modes_between(log, leg.start_s, leg.end_s)
     if modes:
         words.append(f"mode{'s' * (len(modes) > 1)} {', '.join(modes)}")
-    return "; ".join(words) or "small motion"
+    return "; ".join(words) or ("whole log" if log.has("glider") else "small motion")
 
 
 def _text(text: str) -> str:

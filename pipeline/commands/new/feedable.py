@@ -13,13 +13,14 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.leg_proposal import (
     LegProposal,
+    ProposedLeg,
     propose_channel_legs,
     propose_legs,
 )
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
-from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s
+from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s, glider_lacks
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
 
 CHANNELS = ("u", "v", "w", "r")
@@ -116,9 +117,18 @@ def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed 
     return CampaignFeed("bench", streams, round(pause, 1), moving, normalised)
 
 
+def glides(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
+    """Return how a log feeds drag and lift of a glider, or what it lacks."""
+    if not log.has("glider"):
+        return "no column of a buoyancy drive"
+    lacking = glider_lacks(log)
+    return lacking if lacking is not None else CampaignFeed("glide", ("glider",))
+
+
 ROUTES = (
     Route("a force model (kind: identification)", force_model),
     Route("single channels (kind: bench)", single_channels),
+    Route("drag and lift of a glider (kind: glide)", glides),
 )
 """The better first."""
 
@@ -143,6 +153,11 @@ def way_on(page: LogPage) -> str:
     if log.under_water is False:
         return (
             f"auvid models bodies under water; this is the log of {log.info.vehicle or 'another'}"
+        )
+    if log.has("glider"):
+        return (
+            "settled glides need pressure, pitch, buoyancy drive and density of the water in the"
+            " stream glider (docs/glide.md)"
         )
     if not log.has("actuators"):
         return (
@@ -173,6 +188,10 @@ def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
 
 def proposal(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
     """Return the legs that are proposed in logs of one kind of campaign."""
+    if feed.kind == "glide":
+        spans = [(int(log.info.end_us) - int(log.info.start_us)) / 1e6 for log in logs]
+        legs = (ProposedLeg(n, 0.0, end, "training", (), ()) for n, end in enumerate(spans))
+        return LegProposal(tuple(legs), (), {})
     dives = [pieces_of(log, feed.streams, max_gap_s=feed.max_gap_s) for log in logs]
     return propose_channel_legs(dives, feed.channels) if feed.channels else propose_legs(dives)
 

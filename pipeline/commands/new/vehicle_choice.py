@@ -44,6 +44,9 @@ REMEDIES: Mapping[str, str] = {
     "direction": "-1 where the pulse is mirrored; MOT_n_DIRECTION of a log takes precedence",
     "outputs": "the output channel of each thruster, in the order of the rows above",
     "thrust_curve": "the curve of your thruster at your voltage; coefficients scale with it",
+    "reference_area": "the area that drag and lift are referred to: the wings' planform",
+    "lift_slope": "of hull and wings by area; fitted where speed through the water is logged",
+    "induced_drag": "by area; from a similar glider, a record rarely tells it",
     "arm": "measure where the sensor sits from the centre of gravity: forward, right, down",
 }
 """Key of a vehicle file -> what to do about an assumed figure."""
@@ -93,6 +96,10 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     if named is not None:
         path = vehicle_file_of(named)
         return VehicleChoice(path.stem, "named by --vehicle", _annotated(path, log))
+    if log.has("glider"):
+        text = _of_glider(_annotated(SHIPPED_VEHICLES / "slocum.yaml", log), log)
+        why = "figures of a Slocum: the log names no glider"
+        return VehicleChoice("slocum", why, text, guessed=True)
     if normalised:
         why = "commands have no unit of force: only ratios to its mass come out"
         return VehicleChoice("vehicle", why, _skeleton(log, ""))
@@ -114,6 +121,18 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
             guessed=True,
         )
     return _unknown(log, driven, frame)
+
+
+def _of_glider(text: str, log: CheckedLog) -> str:
+    """Return the file of a glider that is neutral in the median water of a log."""
+    if "density_kg_m3" not in log.tables["glider"].column_names:
+        return text
+    density = float(np.nanmedian(log.column("glider", "density_kg_m3")))
+    entry = (
+        f"  water_density: {{value: {density:.1f}, unit: kg/m^3, source: median of the log,"
+        " assumed: true}"
+    )
+    return re.sub(r"^  water_density: .*$", entry, text, flags=re.MULTILINE)
 
 
 def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> VehicleChoice:

@@ -65,6 +65,15 @@ BETWEEN_RUNS_S = 10.0
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
 LARGEST_COMMAND = 1.5
+GLIDER_UNITS = {
+    "pressure_pa": ("dbar", "Pa", 12e3),
+    "pitch_rad": ("rad", "deg", 1.6),
+    "buoyancy_drive_m3": ("m^3", "cm^3", 0.02),
+    "density_kg_m3": ("g/cm^3", "kg/m^3", 2.0),
+    "temperature_K": ("degC", "K", 200.0),
+    "speed_m_s": ("m/s", "cm/s", 5.0),
+}
+"""Field of a glider -> unit, and the one of values beyond a limit."""
 AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 NAMED = 12
 
@@ -432,7 +441,7 @@ def _with_columns(
     chosen = _depth_of_others(chosen, columns, values)
     drafted = []
     for (stream, name), item in chosen.items():
-        kind = name.split("_")[0] if stream == "imu" else stream
+        kind = name.split("_")[0] if stream in ("imu", "glider") else stream
         group = [
             values[other.name]
             for (own, field_name), other in chosen.items()
@@ -583,6 +592,8 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
     if item.unit:
         return item.unit, depth
     size = _percentile(group)
+    if stream == "glider":
+        return _glider_unit(name, size)
     if stream == "attitude":
         return ("deg", "") if size > FULL_TURN else ("rad", "no value is beyond a turn in rad")
     if name.startswith("gyro"):
@@ -596,6 +607,12 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
         return ("mV", "by its size") if size > 1000.0 else ("V", "by its size")
     assumed = {"propeller_rev_s": "rpm", "interval_s": "s", "quality": "1"}
     return assumed.get(name, "m"), depth or "assumed"
+
+
+def _glider_unit(name: str, size: float) -> tuple[str, str]:
+    """Return the unit of a glider's column by the size of its values, and how it is known."""
+    small, large, limit = GLIDER_UNITS[name]
+    return (large if size > limit else small), "by its size"
 
 
 def _percentile(group: Sequence[Array]) -> float:

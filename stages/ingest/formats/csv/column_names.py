@@ -45,6 +45,9 @@ UNIT_WORDS: tuple[tuple[str, str], ...] = (
     (r"kpa", "kPa"),
     (r"pa|pascal", "Pa"),
     (r"bar", "bar"),
+    (r"kgpm 3|kg m 3|kgm 3|kg per m 3", "kg/m^3"),
+    (r"cc|ccm|cm 3|ml", "cm^3"),
+    (r"degc|celsius", "degC"),
     (r"percent|pct", "percent"),
 )
 UNIT_TEXTS: Mapping[str, str] = {
@@ -143,6 +146,16 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     (r"\b(northing|easting)$", "position", "{}_m", PLACE),
     (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),
 )
+BUOYANCY = re.compile(r"\b(?:buoyancy|ballast|oil vol|oil volume|bladder|vbd)\b")
+GLIDER: tuple[tuple[str, str], ...] = (
+    (r"\b(?:pressure|press|p)$", "pressure_pa"),
+    (r"\b(?:pitch|theta)(?: angle)?$", "pitch_rad"),
+    (BUOYANCY.pattern, "buoyancy_drive_m3"),
+    (r"\b(?:density|rho)$", "density_kg_m3"),
+    (r"\b(?:temperature|temp|water temp)$", "temperature_K"),
+    (r"^(?:u|speed|velocity|stw)(?: (?:adcp|dvl|water|through water))?$", "speed_m_s"),
+)
+"""Columns of a glider by their words; a column of the buoyancy drive tells one."""
 SIDES = {"forward": "u", "starboard": "v", "right": "v", "left": "v", "down": "w", "up": "w"}
 """A velocity whose columns are called by where they point."""
 FLIPPED = ("left", "up")
@@ -165,9 +178,12 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     stems = [words for words, _ in parts]
     steered = {"surge", "sway"} <= set(stems)  # then a bare `yaw` is a command as well
     pointed = {"forward"} <= set(stems) and bool({"left", "right", "starboard"} & set(stems))
+    glides = any(BUOYANCY.search(words) for words in stems)
     result = []
     for name, (words, unit) in zip(names, parts, strict=True):
         place, frame = place_of(name, words), ""
+        if glides:
+            place = _place_on_glider(words) or place
         if steered and words in ("yaw", "roll", "pitch") and not unit:
             place = ("actuators", f"command_{words}")
         if pointed and words in SIDES:
@@ -175,6 +191,14 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
             frame = "flu" if words in FLIPPED else ""
         result.append(NamedColumn(name, words, unit, place, frame))
     return result
+
+
+def _place_on_glider(words: str) -> tuple[str, str] | None:
+    """Return the place of a glider's column, None for one that is none of GLIDER."""
+    for pattern, field in GLIDER:
+        if re.search(pattern, words):
+            return "glider", field
+    return None
 
 
 def split_unit(name: str) -> tuple[str, str]:

@@ -1,0 +1,97 @@
+"""Drag, lift and trim of a glider with known truth, and the same least squares by scipy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
+from auvid.hydro.identification.glide.comparison import compare
+from auvid.hydro.identification.glide.fit import fit_glides
+from tests.support.glider_twin import (
+    BODY,
+    POLAR,
+    TRIM_M3,
+    file_figures,
+    flight,
+    record,
+    rows_of,
+)
+
+TRUE_AT_22 = float(POLAR.drag_coefficient(angle_of_attack(-np.radians(22.0), POLAR)))
+
+
+def test_a_clean_record_gives_the_truth() -> None:
+    """Within 1 %: what the balance leaves out is the inertia across the path."""
+    estimate = fit_glides(rows_of(record(flight(), None)), body=BODY, prior=file_figures())
+    assert estimate.value("C_D0") == pytest.approx(POLAR.drag, rel=0.01)
+    assert estimate.value("C_L_alpha") == pytest.approx(POLAR.lift_slope, rel=0.01)
+    assert estimate.value("C_D1") == pytest.approx(POLAR.induced, rel=0.02)
+    assert estimate.value("trim") == pytest.approx(TRIM_M3, abs=1e-6)
+    assert estimate.verdicts["C_L_alpha"] == "identified"
+
+
+@pytest.mark.parametrize("speed", ["both", "dives", "none"])
+def test_intervals_reach_the_truth_under_waves_and_noise(speed: str) -> None:
+    estimate = fit_glides(
+        rows_of(record(flight(), 4, speed=speed)), body=BODY, prior=file_figures()
+    )
+    drag, error = estimate.at_pitch(-float(np.radians(22.0)))["C_D"]
+    assert abs(drag - TRUE_AT_22) < 1.5 * estimate.half_95 * error
+    assert error < 0.1 * drag
+    expected = "from the prior" if speed == "none" else "identified"
+    assert estimate.verdicts["C_L_alpha"] == expected
+
+
+def test_scipy_finds_the_same_minimum() -> None:
+    """The full nonlinear balance in other words, without the lag of slow changes."""
+    body = replace(BODY, mass_kg=BODY.mass_kg)
+    rows = rows_of(record(flight(), 2))
+    steady = replace(body, added_kg=-body.mass_kg)  # no inertia: steady at every row
+    estimate = fit_glides(rows, body=steady, prior=file_figures())
+    spread = estimate.residual_m_s
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        glide = steady_glide(
+            rows.state, body=body, polar=Polar(p[0], p[1], p[2], p[3]), trim_m3=p[4] * 1e-5
+        )
+        return np.concatenate(
+            [
+                (rows.depth_rate_m_s - glide.depth_rate_m_s) / spread[0],
+                (rows.speed_m_s - glide.speed_m_s) / spread[1],
+            ]
+        )
+
+    assert estimate.free == ("C_D0", "trim", "C_L_alpha", "alpha_0", "C_D1")
+    oracle = least_squares(
+        residuals, [0.15, 8.0, 6.5, 0.0, 0.0], x_scale=[0.1, 5.0, 5.0, 0.05, 1.0], xtol=1e-14,
+        ftol=1e-14, gtol=1e-14,
+    ).x  # fmt: skip
+    mine = [estimate.value(name) for name in ("C_D0", "C_D1", "C_L_alpha", "alpha_0")]
+    np.testing.assert_allclose(mine, oracle[:4], rtol=1e-4, atol=1e-6)
+    assert 1e5 * estimate.value("trim") == pytest.approx(oracle[4], rel=1e-3)
+
+
+def test_one_direction_leaves_drag_and_trim_inseparable() -> None:
+    rows = rows_of(record(flight(), 3))
+    estimate = fit_glides(rows.where(rows.state.pitch_rad < 0.0), body=BODY, prior=file_figures())
+    assert estimate.verdicts["C_D0"] == estimate.verdicts["trim"] == "inseparable"
+    assert estimate.value("trim") == file_figures()["trim"].mean
+
+
+def test_fewer_glides_than_their_spread_needs_are_refused() -> None:
+    rows = rows_of(record(flight(), 3))
+    with pytest.raises(DataError, match="too few settled glides"):
+        fit_glides(rows.where(rows.glide < 3), body=BODY, prior=file_figures())
+
+
+def test_glides_held_out_are_predicted() -> None:
+    comparison = compare(rows_of(record(flight(), 5)), body=BODY, prior=file_figures())
+    assert comparison.fit_percent > 95.0
+    assert comparison.fit_within_percent > 70.0
+    assert comparison.without_speed is not None
+    assert "C_L_alpha" not in comparison.without_speed.free

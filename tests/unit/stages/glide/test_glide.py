@@ -1,0 +1,186 @@
+"""Stage glide on the bundled record, and on records that no glider gives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.tables import column, make_table
+from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages import glide, ingest
+from auvid.stages.base import RawFile, RawLog, collection
+
+ROOT = Path(__file__).resolve().parents[4]
+FOLDER = ROOT / "campaigns" / "slocum_glide"
+Columns = dict[str, Any]
+
+
+def document() -> dict[str, Any]:
+    loaded: dict[str, Any] = read_yaml((ROOT / "vehicles/slocum.yaml").read_text("utf-8"))
+    return loaded
+
+
+@pytest.fixture(scope="module")
+def ingested() -> ingest.Outputs:
+    columns = read_yaml((FOLDER / "columns/dive.yaml").read_text("utf-8"))
+    data = np.frombuffer((FOLDER / "logs/dive.csv").read_bytes(), np.uint8)
+    log = RawLog("dive", (RawFile("dive.csv", data, columns),))
+    return ingest.run(ingest.Inputs(log), ingest.Params())
+
+
+def run(
+    ingested: ingest.Outputs,
+    change: Callable[[Columns], None] | None = None,
+    *,
+    vehicle: dict[str, Any] | None = None,
+    **params: Any,
+) -> glide.Outputs:
+    """Run the stage on the bundled record, its columns changed."""
+    assert ingested.glider is not None
+    columns = {
+        name: np.array(column(ingested.glider, name)) for name in ingested.glider.column_names
+    }
+    columns["time_us"] = columns["time_us"].astype(np.int64)
+    if change is not None:
+        change(columns)
+    inputs = glide.Inputs(
+        {"legs": [{"id": "dive", "log": "dive"}]},
+        vehicle_from_document(VehicleDocument.model_validate(vehicle or document())),
+        collection({"dive": ingested.log_info}),
+        collection({"dive": make_table("glider", columns)}),
+    )
+    return glide.run(inputs, glide.Params(**params))
+
+
+def figures(outputs: glide.Outputs) -> dict[str, dict[str, Any]]:
+    return {row["quantity"]: row for row in outputs.results["rows"]}
+
+
+def times(**factors: float) -> Callable[[Columns], None]:
+    """Return a change that multiplies columns."""
+
+    def change(columns: Columns) -> None:
+        for name, factor in factors.items():
+            columns[name] = columns[name] * factor
+
+    return change
+
+
+def without(*names: str) -> Callable[[Columns], None]:
+    def change(columns: Columns) -> None:
+        for name in names:
+            del columns[name]
+
+    return change
+
+
+def test_the_slocum_record(ingested: ingest.Outputs) -> None:
+    """C_D .21 +- .02 and 3 degrees are what others find from this record."""
+    outputs = run(ingested)
+    rows = figures(outputs)
+    assert rows["C_D"]["value"] == pytest.approx(0.21, abs=0.02)
+    assert rows["angle of attack"]["value"] == pytest.approx(3.0, abs=0.3)
+    assert rows["C_L_alpha"]["verdict"] == "identified"
+    assert rows["C_L_alpha (without speed)"]["verdict"] == "from the prior"
+    assert rows["depth rate of other glides predicted"]["value"] > 95.0
+    assert isinstance(outputs.glides, pa.Table)
+
+
+def test_without_speed_lift_is_named_as_not_observable(ingested: ingest.Outputs) -> None:
+    outputs = run(ingested, without("speed_m_s"))
+    rows = figures(outputs)
+    for name in ("C_L_alpha", "C_D1"):
+        assert rows[name]["verdict"] == "from the prior"
+        assert "not observable without speed" in rows[name]["note"]
+    words = " ".join(block.get("text", "") for block in outputs.section["blocks"])
+    assert "lift is not observable" in words
+    assert "C_L_alpha (without speed)" not in rows
+
+
+def test_dives_without_climbs_do_not_tell_drag_from_trim(ingested: ingest.Outputs) -> None:
+    def dives(columns: Columns) -> None:
+        up = columns["pitch_rad"] > 0.0
+        columns["pitch_rad"] = np.where(up, np.nan, columns["pitch_rad"])
+
+    outputs = run(ingested, dives)
+    assert figures(outputs)["C_D0"]["verdict"] == "inseparable"
+    words = " ".join(block.get("text", "") for block in outputs.section["blocks"])
+    assert "Only dives" in words
+
+
+def stuck(columns: Columns) -> None:
+    """The drive stays where it is from 4300 s on."""
+    t = (columns["time_us"] - columns["time_us"][0]) / 1e6
+    columns["buoyancy_drive_m3"] = np.where(t > 4300.0, 2.3e-4, columns["buoyancy_drive_m3"])
+
+
+def test_glides_against_a_drive_at_its_stop_are_left_out_and_named(
+    ingested: ingest.Outputs,
+) -> None:
+    outputs = run(ingested, stuck)
+    words = " ".join(block.get("text", "") for block in outputs.section["blocks"])
+    assert "the drive stands on the side of the other direction" in words
+    assert "43" in words  # the first of them starts at 4300 s and some
+
+
+def constant(columns: Columns) -> None:
+    columns["buoyancy_drive_m3"] = np.full_like(columns["buoyancy_drive_m3"], -2.3e-4)
+
+
+def restless(columns: Columns) -> None:
+    t = (columns["time_us"] - columns["time_us"][0]) / 1e6
+    columns["pitch_rad"] = columns["pitch_rad"] + 0.2 * np.sin(t / 5.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (restless, "no glide settles: leg 'dive'.*pitch moving"),
+        (constant, "the buoyancy drive never moves in leg 'dive'.*-230"),
+        (times(buoyancy_drive_m3=-1.0), "dives where its drive makes it light.*sign: -1"),
+        (times(buoyancy_drive_m3=1e6), "moves more than a hull can.*cm\\^3"),
+        (times(buoyancy_drive_m3=1e-6), "the buoyancy drive never moves"),
+        (times(pitch_rad=np.pi / 180.0), "steepest pitch is .*is the column in rad"),
+        (times(pressure_pa=0.1), "deepest point is .*bar where the map says dbar"),
+        (times(pressure_pa=10.0), "depth changes faster than the speed.*dbar where the map says"),
+        (without("density_kg_m3"), "has no density of the water.*constant_density"),
+        (without("buoyancy_drive_m3"), "lacks buoyancy_drive_m3"),
+        (without("pitch_rad"), "has no pitch"),
+    ],
+)
+def test_what_no_glider_records_is_refused(
+    ingested: ingest.Outputs, change: Callable[[Columns], None], words: str
+) -> None:
+    with pytest.raises(DataError, match=f"(?s){words}"):
+        run(ingested, change)
+
+
+def test_pressure_in_another_unit_shows_in_the_drag(ingested: ingest.Outputs) -> None:
+    def change(columns: Columns) -> None:
+        times(pressure_pa=10.0)(columns)
+        del columns["speed_m_s"]
+
+    with pytest.raises(DataError, match=r"(?s)faster than any body.*C_D.*dbar where the map says"):
+        run(ingested, change)
+
+
+def test_drive_at_stops_of_the_vehicle_file_is_left_out(ingested: ingest.Outputs) -> None:
+    vehicle = document()
+    stops = {"value": [-230.0, 230.0], "unit": "cm^3", "source": "test"}
+    vehicle["glider"] = {**vehicle["glider"], "drive_stops": stops}
+    with pytest.raises(DataError, match="drive at its stop"):
+        run(ingested, vehicle=vehicle)
+
+
+def test_a_vehicle_without_part_glider_is_refused(ingested: ingest.Outputs) -> None:
+    vehicle = {key: value for key, value in document().items() if key != "glider"}
+    with pytest.raises(CampaignError, match="no part 'glider'"):
+        run(ingested, vehicle=vehicle)
