@@ -9,6 +9,7 @@
     model.coefficients                            # values, intervals, verdicts
     model.simulate(time, tau)                     # its motion
     auvid.open_model("bluerov2_wu_2018")          # a published set, to compare with
+    auvid.fleet("fleet").runs                     # every dive of a disk, with its state
 
 Names below load when they are first used. All raise `PipelineError` with file, field,
 value, allowed and remedy, as the commands do.
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from auvid import plots
     from auvid.data_schemas.errors import PipelineError
     from auvid.fitting import fit
+    from auvid.fleets import Fleet, fleet
     from auvid.logs import LogContents, check, read_log
     from auvid.models import VehicleModel as Model
     from auvid.models import open_model
@@ -32,12 +34,14 @@ if TYPE_CHECKING:
     from auvid.scoring import score
 
 __all__ = [
+    "Fleet",
     "LogContents",
     "Model",
     "PipelineError",
     "RunResults",
     "check",
     "fit",
+    "fleet",
     "open_model",
     "open_run",
     "plots",
@@ -47,12 +51,14 @@ __all__ = [
 ]
 
 _PLACES = {
+    "Fleet": "fleets.Fleet",
     "LogContents": "logs.LogContents",
     "Model": "models.VehicleModel",
     "PipelineError": "data_schemas.errors.PipelineError",
     "RunResults": "results.RunResults",
     "check": "logs.check",
     "fit": "fitting.fit",
+    "fleet": "fleets.fleet",
     "open_model": "models.open_model",
     "open_run": "results.open_run",
     "read_log": "logs.read_log",

@@ -926,6 +926,65 @@ def fleet_run(
     )
 
 
+@fleet.command(
+    "report",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog="Example: auvid fleet report fleet --open",
+)
+@answering
+def fleet_report(
+    folder: FleetName = Path("fleet"),
+    open_it: Annotated[
+        bool, typer.Option("--open", help="Open the report in the browser.")
+    ] = False,
+) -> None:
+    """Write the page of a fleet, and print its path and those of its tables.
+
+    Which dives are usable for what, states and reasons, findings, coefficients dive by
+    dive with what they agree on, outlying dives and changes.
+    """
+    from auvid.pipeline.commands.fleet.fleet_folder import TABLES, open_fleet
+    from auvid.pipeline.commands.fleet.fleet_page import write_page
+
+    place = open_fleet(folder)
+    write_page(place)
+    print(place.page)
+    answer({"report": place.page, "tables": {name: place.table(name) for name in TABLES}})
+    if open_it:
+        typer.launch(place.page.as_uri())
+
+
+@fleet.command(
+    "find",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog='Example: auvid fleet find "surge = identified and J/J0 < .5"',
+)
+@answering
+def fleet_find(
+    expression: Annotated[
+        str,
+        typer.Argument(
+            metavar="EXPRESSION", help="Comparisons of fields of a run, joined by and, or, not."
+        ),
+    ],
+    fleet_folder: Annotated[
+        Path, typer.Option("--in", metavar="FLEETDIR", help="Folder of the fleet.")
+    ] = Path("fleet"),
+) -> None:
+    """Print the logs of a fleet of which an expression holds.
+
+    Fields are the columns of table runs (J/J0, surge, state, vehicle, ...), and
+    coefficients of the recommended model as X_u.
+
+    Exit codes: 0 some; 1 none, or no fleet there; 2 wrong use.
+    """
+    from auvid.pipeline.commands.fleet.find_command import print_matches
+
+    raise typer.Exit(print_matches(fleet_folder, expression))
+
+
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
     """Write the hash of each stage's code, on which DVC depends, to runs/.code."""

@@ -1,0 +1,199 @@
+"""The language of `auvid fleet find`: comparisons joined by and, or, not, brackets.
+
+    surge = identified and J/J0 < .5
+    vehicle = bluerov2 and (X_u < -20 or X_u = weak) and not state = refused
+
+A name is a column of table `runs`, or a coefficient of the recommended model as `X_u`
+or `X_u|u|`: compared with a number it is the value, with words the verdict. Nothing is
+evaluated but what stands here.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from auvid.data_schemas.errors import UsageError, nearest
+
+TOKEN = re.compile(
+    r"\s*(?:(?P<operator><=|>=|!=|==|[=<>~()])|\"(?P<double>[^\"]*)\"|'(?P<single>[^']*)'"
+    r"|(?P<word>[^\s=<>!~()\"']+))"
+)
+COEFFICIENT = re.compile(r"[XYZKMN]_.+")
+ALIASES = {"J/J0": "ratio", "id": "log", "start": "start_utc", "duration": "duration_s"}
+OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "=": operator.eq,
+    "==": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+    "~": lambda text, part: str(part) in str(text),
+}
+JOINTS = ("and", "or", "not")
+DEEPEST = 50
+EXAMPLE = "surge = identified and J/J0 < .5"
+Row = Mapping[str, Any]
+Test = Callable[[Row], bool]
+
+
+@dataclass(frozen=True)
+class Token:
+    """A word, an operator or a quoted text, and where it stands."""
+
+    text: str
+    kind: str
+    at: int
+
+
+def parse(expression: str, fields: Collection[str]) -> Test:
+    """Return the test of a row. Raises `UsageError` for what the language has not.
+
+    fields: columns of table `runs`. What a row does not have is neither equal nor
+    unequal to anything.
+
+    >>> parse("surge = identified and J/J0 < .5", ["surge", "ratio"])(
+    ...     {"surge": "identified", "ratio": 0.3})
+    True
+    """
+    reader = _Reader(expression, tuple(fields))
+    test = reader.either(0)
+    reader.end()
+    return test
+
+
+class _Reader:
+    """Reads an expression from the left: or binds less than and, and less than not."""
+
+    def __init__(self, expression: str, fields: tuple[str, ...]) -> None:
+        self.expression, self.fields, self.place = expression, fields, 0
+        self.tokens = list(_tokens(expression))
+
+    def either(self, depth: int) -> Test:
+        tests = [self.both(depth)]
+        while self._take("or"):
+            tests.append(self.both(depth))
+        return tests[0] if len(tests) == 1 else lambda row: any(test(row) for test in tests)
+
+    def both(self, depth: int) -> Test:
+        tests = [self.single(depth)]
+        while self._take("and"):
+            tests.append(self.single(depth))
+        return tests[0] if len(tests) == 1 else lambda row: all(test(row) for test in tests)
+
+    def single(self, depth: int) -> Test:
+        if depth > DEEPEST:
+            raise self._fault("too many brackets")
+        if self._take("not"):
+            inner = self.single(depth + 1)
+            return lambda row: not inner(row)
+        if self._take("("):
+            inner = self.either(depth + 1)
+            if not self._take(")"):
+                raise self._fault("a bracket is not closed")
+            return inner
+        return self._comparison()
+
+    def end(self) -> None:
+        if self.place < len(self.tokens):
+            raise self._fault("and, or, or the end is missing here")
+
+    def _comparison(self) -> Test:
+        token = self._next("a name is missing")
+        field = self._field(token)
+        sign = self._next("a comparison is missing")
+        if sign.kind != "operator" or sign.text not in OPERATORS:
+            raise self._fault("no comparison", sign.text, tuple(OPERATORS))
+        value = self._value()
+        compare = OPERATORS[sign.text]
+        if COEFFICIENT.fullmatch(field):
+            part = field if isinstance(value, float) else f"{field} verdict"
+            return lambda row: _holds(compare, row.get(part), value)
+        return lambda row: _holds(compare, row.get(field), value)
+
+    def _field(self, token: Token) -> str:
+        name = ALIASES.get(token.text, token.text)
+        if name in self.fields or COEFFICIENT.fullmatch(name):
+            return name
+        raise UsageError(
+            "no such field",
+            field=self.expression,
+            value=token.text,
+            allowed=f"{', '.join((*ALIASES, *self.fields))}, or a coefficient as X_u, N_r|r|",
+            remedy=nearest(token.text, (*ALIASES, *self.fields)),
+        )
+
+    def _value(self) -> float | str:
+        """Return the words up to the next joint; a number where they are one."""
+        token = self._next("a value is missing")
+        if token.kind == "text":
+            return token.text
+        if token.kind == "operator":
+            raise self._fault("a value is missing", token.text)
+        words = [token.text]
+        while self.place < len(self.tokens):
+            token = self.tokens[self.place]
+            if token.kind != "word" or token.text in ("and", "or"):
+                break
+            words.append(token.text)
+            self.place += 1
+        text = " ".join(words)
+        try:
+            return float(text)
+        except ValueError:
+            return text
+
+    def _take(self, text: str) -> bool:
+        token = self.tokens[self.place] if self.place < len(self.tokens) else None
+        if token is None or token.kind == "text" or token.text != text:
+            return False
+        self.place += 1
+        return True
+
+    def _next(self, words: str) -> Token:
+        if self.place >= len(self.tokens):
+            raise self._fault(words)
+        self.place += 1
+        return self.tokens[self.place - 1]
+
+    def _fault(
+        self, words: str, value: object = None, allowed: tuple[str, ...] | None = None
+    ) -> UsageError:
+        at = self.tokens[self.place].at if self.place < len(self.tokens) else None
+        rest = "at its end" if at is None else f"before '{self.expression[at:]}'"
+        return UsageError(
+            f"{words} {rest}",
+            field=self.expression,
+            value=value,
+            allowed=allowed,
+            remedy=f'As: "{EXAMPLE}".',
+        )
+
+
+def _tokens(expression: str) -> Iterator[Token]:
+    place = 0
+    while expression[place:].strip():
+        match = TOKEN.match(expression, place)
+        if match is None:
+            raise UsageError(
+                "cannot be read", field=expression, value=expression[place:].strip()[:20]
+            )
+        kind = "operator" if match["operator"] else "word" if match["word"] else "text"
+        text = next(part for part in match.groups() if part is not None)
+        yield Token(text, kind, match.end() - len(match[0].lstrip()))
+        place = match.end()
+
+
+def _holds(compare: Callable[[Any, Any], bool], cell: Any, value: float | str) -> bool:
+    """Return whether a cell compares so; a number and a word never do."""
+    if cell is None or cell == "":
+        return compare is operator.eq and value == ""
+    if isinstance(cell, bool):
+        cell = "yes" if cell else "no"
+    if isinstance(cell, int | float) != isinstance(value, float) and compare is not OPERATORS["~"]:
+        return False
+    return bool(compare(cell, value))

@@ -1,0 +1,458 @@
+"""`auvid fleet report`: a fleet on one page, what to look at first at the top."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
+from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
+from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
+from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
+from auvid.pipeline.commands.fleet.fleet_tables import finite, read_table
+from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.stages.base import Document
+from auvid.stages.number_format import estimate, significant, term, true_minus
+from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Fact, Summary, anchor
+from auvid.stages.page.html import render
+from auvid.stages.page.pictures.whisker_picture import WhiskerBox, Whiskers, whisker_picture
+from auvid.stages.presentation import fold, section, table, text
+
+STATES = ("done", "partly", "refused")
+FIGURE_VERDICTS = ("identified", "persistently exciting")
+FEWEST_DIVES = 2
+MOST_BOXES, MOST_DIVES = 12, 6
+"""Of one vehicle: figures that are drawn, and the last dives of each."""
+KEPT_ROWS = 40
+MOST_CELLS = 20_000
+"""Of the table of figures dive by dive; the rest stands in the Parquet table."""
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One coefficient of one vehicle over its dives in order of time.
+
+    `values`, `errors` (k,): nan where a dive has none. `dives`: their logs.
+    """
+
+    name: str
+    unit: str
+    dives: tuple[str, ...]
+    values: np.ndarray
+    errors: np.ndarray
+
+
+@dataclass(frozen=True)
+class VehicleFigures:
+    """What the dives of one vehicle agree on."""
+
+    vehicle: str
+    model: str
+    figures: tuple[Figure, ...]
+    pooled: Mapping[str, PooledFigure]
+    outlying: tuple[OutlyingDive, ...]
+    alarms: tuple[ChangeAlarm, ...]
+
+    @property
+    def dives(self) -> tuple[str, ...]:
+        """Return the logs of its dives, by time."""
+        return self.figures[0].dives if self.figures else ()
+
+
+def write_page(fleet: FleetFolder) -> None:
+    """Write the report of a fleet from its tables."""
+    tables = {name: read_table(fleet, name).to_pylist() for name in TABLES}
+    index = json.loads(fleet.index.read_text(encoding="utf-8"))
+    write_atomically(fleet.page, fleet_page(str(index["disk"]), tables))
+
+
+def fleet_page(title: str, tables: Mapping[str, Sequence[Row]]) -> bytes:
+    """Return the page of a fleet as HTML; `tables`: rows of the four tables."""
+    runs = sorted(tables["runs"], key=_time)
+    order = {row["log"]: place for place, row in enumerate(runs)}
+    vehicles = list(_vehicle_figures(tables["coefficients"], runs, order))
+    names = {row["log"]: _name(row) for row in runs}
+    documents = {
+        "usable": _usable_section(runs, order=1),
+        "states": _states_section(runs, order=2),
+        "findings": _findings_section(tables["findings"], runs, order=3),
+        "figures": _figures_section(vehicles, names, order=4),
+        "changes": _changes_section(vehicles, names, order=5),
+        "time": _time_section(runs, tables["findings"], order=6),
+    }
+    pictures = [picture for each in vehicles for picture in _pictures(each, names)]
+    return render(
+        f"Fleet: {title}",
+        "",
+        "",
+        _summary(runs, vehicles, names),
+        documents,
+        pictures=pictures,
+    )
+
+
+def _time(row: Row) -> tuple[bool, str, str]:
+    return row["start_utc"] is None, row["start_utc"] or "", row["file"]
+
+
+def _name(row: Row) -> str:
+    """Return the name of a dive on the page: its file, and its day where a clock tells."""
+    file = str(row["file"]).rpartition("/")[2]
+    return f"{file} ({row['start_utc'][:10]})" if row["start_utc"] else file
+
+
+def _vehicle_figures(
+    coefficients: Sequence[Row], runs: Sequence[Row], order: Mapping[str, int]
+) -> Iterator[VehicleFigures]:
+    """Yield the figures of each vehicle, of the model that most of its dives take."""
+    by_vehicle: dict[str, list[Row]] = defaultdict(list)
+    for row in coefficients:
+        by_vehicle[row["vehicle"]].append(row)
+    recommended = {row["log"]: row["model"] for row in runs}
+    for vehicle, rows in sorted(by_vehicle.items()):
+        models = Counter(recommended[log] for log in {row["log"] for row in rows})
+        models.pop("", None)
+        model = min(models, key=lambda name: (-models[name], name)) if models else ""
+        chosen = [row for row in rows if row["model"] == model or not row["axis"]]
+        figures = tuple(_figures(chosen, order))
+        series = {item.name: (item.values, item.errors) for item in figures}
+        pooled = {name: pool(*pair) for name, pair in series.items()}
+        enough = {
+            name: pair for name, pair in series.items() if np.isfinite(pair[0]).sum() > FEWEST_DIVES
+        }
+        yield VehicleFigures(
+            vehicle,
+            model,
+            figures,
+            pooled,
+            outlying_dives(enough) if enough else (),
+            change_alarms(enough) if enough else (),
+        )
+
+
+def _figures(rows: Sequence[Row], order: Mapping[str, int]) -> Iterator[Figure]:
+    """Yield the figures that two dives and more identify."""
+    dives = tuple(sorted({row["log"] for row in rows}, key=order.__getitem__))
+    place = {log: index for index, log in enumerate(dives)}
+    units: dict[str, str] = {}
+    cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
+    for row in rows:
+        certain = finite(row["value"]) and finite(row["standard_error"])
+        if not certain or row["standard_error"] <= 0.0 or row["verdict"] not in FIGURE_VERDICTS:
+            continue
+        name = f"{row['axis']}_{row['term']}" if row["axis"] else f"{row['model']}: {row['term']}"
+        units.setdefault(name, row["unit"])
+        if units[name] == row["unit"]:
+            cells[name][place[row["log"]]] = row["value"], row["standard_error"]
+    for name, items in cells.items():
+        if len(items) >= FEWEST_DIVES:
+            columns = np.full((2, len(dives)), np.nan)
+            for index, pair in items.items():
+                columns[:, index] = pair
+            yield Figure(name, units[name], dives, *columns)
+
+
+def _label(name: str) -> str:
+    axis, _, words = name.partition("_")
+    return f"{axis}_{term(words)}" if axis in AXIS_WORDS else name
+
+
+def _summary(
+    runs: Sequence[Row], vehicles: Sequence[VehicleFigures], names: Mapping[str, str]
+) -> Summary:
+    counts = Counter(row["state"] for row in runs)
+    usable = {word: sum(bool(row[f"use_{word}"]) for row in runs) for word in AXIS_WORDS.values()}
+    words = ", ".join(f"{word} in {count}" for word, count in usable.items() if count)
+    doubts = [*_look_first(vehicles, names)]
+    reasons = Counter(
+        row["reason"].partition(";")[0][:120] for row in runs if row["state"] != "done"
+    )
+    notes = [
+        Alert(f"{count} logs: {reason}", anchor("states"), "fair")
+        for reason, count in reasons.most_common(5)
+        if count > 1
+    ]
+    level = "poor" if not counts["done"] else "fair" if doubts or notes else "good"
+    return Summary(
+        level=level,  # type: ignore[arg-type]
+        headline=f"{counts['done']} of {len(runs)} logs gave a model or figures",
+        explanation=f"Usable by axis: {words}." if words else "No axis of any dive is usable.",
+        recommended=None,
+        judged_on="validation",
+        facts=(
+            Fact("done", str(counts["done"]), "a model or figures to take"),
+            Fact("partly", str(counts["partly"]), "ended before; the table says where"),
+            Fact("refused", str(counts["refused"]), "damaged, doubled, or nothing to fit"),
+            Fact("vehicles", str(len({row["vehicle"] for row in runs if row["vehicle"]})), ""),
+            Fact("hours", f"{sum(row['duration_s'] for row in runs) / 3600.0:.1f}", "of logs"),
+        ),
+        models=(),
+        identified=(),
+        missing=tuple(doubts),
+        warnings=tuple(notes),
+    )
+
+
+def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) -> Iterator[Alert]:
+    """Yield the changes and the outlying dives, changes first."""
+    for each in vehicles:
+        for alarm in each.alarms:
+            yield Alert(
+                f"{each.vehicle}: {_label(alarm.figure)} changed by {100.0 * alarm.share:+.0f} %"
+                f" from {names[each.dives[alarm.first_dive]]} on",
+                anchor("changes"),
+                "poor",
+            )
+    for each in vehicles:
+        for item in each.outlying:
+            yield Alert(
+                f"{each.vehicle}: {names[each.dives[item.dive]]} departs in"
+                f" {_label(item.figure)} by {abs(item.deviation):.1f} standard deviations",
+                anchor("changes"),
+                "fair",
+            )
+
+
+def _usable_section(runs: Sequence[Row], *, order: int) -> Document:
+    there = [row for row in runs if row["state"] != "refused"]
+    heads = ["dive", "vehicle", "model", "J/J0", *AXIS_WORDS.values(), "start (UTC)", "log"]
+    rows = [
+        [
+            _name(row),
+            row["vehicle"],
+            row["model"],
+            row["ratio"],
+            *(row[f"use_{word}"] or row[word] for word in AXIS_WORDS.values()),
+            row["start_utc"],
+            row["log"],
+        ]
+        for row in there
+    ]
+    note = (
+        "Per axis: the most that the model is good for (control, simulation, forces), else what"
+        " the data say of the damping."
+    )
+    kept = [place < KEPT_ROWS for place in range(len(rows))]
+    blocks = [table("Which dives are usable for what", heads, rows, note=note, kept=kept)]
+    return section("Usable dives", blocks if rows else [text("None.")], order=order, is_open=True)
+
+
+def _states_section(runs: Sequence[Row], *, order: int) -> Document:
+    vehicles = sorted({row["vehicle"] for row in runs})
+    counts = Counter((row["vehicle"], row["state"]) for row in runs)
+    summary = table(
+        "Logs by vehicle",
+        ["vehicle", *STATES],
+        [[name or "unknown", *(counts[name, state] for state in STATES)] for name in vehicles],
+    )
+    rows = [
+        [_name(row), row["state"], row["reason"], row["vehicle"], row["format"], row["status"]]
+        for row in runs
+        if row["state"] != "done"
+    ]
+    heads = ["log", "state", "why", "vehicle", "format", "file"]
+    kept = [place < KEPT_ROWS for place in range(len(rows))]
+    return section(
+        "States and reasons", [summary, table("Not done", heads, rows, kept=kept)], order=order
+    )
+
+
+def _findings_section(findings: Sequence[Row], runs: Sequence[Row], *, order: int) -> Document:
+    logs = Counter(row["vehicle"] for row in runs if not row["same_as"] and row["duration_s"])
+    groups: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
+    for row in findings:
+        groups[row["finding"], row["severity"], row["vehicle"]].append(row)
+    severities = ("error", "warning", "note")
+    rows = []
+    for (name, severity, vehicle), items in groups.items():
+        hit = {item["log"] for item in items}
+        times = sorted(item["start_utc"] for item in items if item["start_utc"])
+        rows.append(
+            [
+                name,
+                severity,
+                vehicle,
+                len(hit),
+                100.0 * len(hit) / max(logs[vehicle], 1),
+                items[0]["stops"],
+                times[0][:10] if times else None,
+                times[-1][:10] if times else None,
+                items[0]["remedy"],
+            ]
+        )
+    rows.sort(key=lambda row: (severities.index(row[1]), -row[3]))
+    heads: list[str | tuple[str, str]] = ["finding", "severity", "vehicle", "logs", ("share", "%")]
+    heads += ["stops a run", "first", "last", "remedy"]
+    kept = [place < KEPT_ROWS for place in range(len(rows))]
+    blocks = [table("Findings by vehicle", heads, rows, kept=kept)] if rows else [text("None.")]
+    return section("Findings", blocks, order=order, look_for="What one vehicle has in every dive.")
+
+
+def _figures_section(
+    vehicles: Sequence[VehicleFigures], names: Mapping[str, str], *, order: int
+) -> Document:
+    rows, single = [], []
+    for each in vehicles:
+        for item in each.figures:
+            pooled = each.pooled[item.name]
+            rows.append(
+                [
+                    each.vehicle,
+                    each.model,
+                    _label(item.name),
+                    item.unit,
+                    pooled.dives,
+                    pooled.mean,
+                    _interval(pooled.mean_interval),
+                    pooled.tau,
+                    100.0 * pooled.i2,
+                    _interval(pooled.next_dive) or pooled.refusal,
+                ]
+            )
+            for place in np.flatnonzero(np.isfinite(item.values)):
+                value, error = float(item.values[place]), float(item.errors[place])
+                printed = true_minus(estimate(value, NORMAL_95 * error))
+                single.append(
+                    [each.vehicle, _label(item.name), item.unit, names[item.dives[place]], printed]
+                )
+    if not rows:
+        words = "No figure is identified in two dives of one vehicle."
+        return section("What dives agree on", [text(words)], order=order)
+    heads: list[str | tuple[str, str]] = ["vehicle", "model", "figure", "unit", "dives"]
+    heads += ["pooled", "95 % of the mean", "tau", ("I2", "%"), "95 % of the next dive"]
+    note = (
+        "Random effects: tau is the scatter between dives, I2 the share of all scatter that is"
+        " between dives. The last interval is that of the true figure of a further dive."
+    )
+    kept = [place < KEPT_ROWS for place in range(len(single))]
+    most = MOST_CELLS // 5
+    return section(
+        "What dives agree on",
+        [
+            table("Pooled figures", heads, rows, note=note),
+            *fold(
+                "Dive by dive",
+                [
+                    table(
+                        "Dive by dive",
+                        ["vehicle", "figure", "unit", "dive", "value ± half of 95 %"],
+                        single[:most],
+                        kept=kept[:most],
+                        note=(
+                            f"The first {most} of {len(single)}; all stand in coefficients.parquet."
+                            if len(single) > most
+                            else ""
+                        ),
+                    )
+                ],
+            ),
+        ],
+        order=order,
+        is_open=True,
+    )
+
+
+def _interval(interval: tuple[float, float] | None) -> str:
+    if interval is None:
+        return ""
+    return true_minus(f"{significant(interval[0])} to {significant(interval[1])}")
+
+
+def _changes_section(
+    vehicles: Sequence[VehicleFigures], names: Mapping[str, str], *, order: int
+) -> Document:
+    alarms = [
+        [
+            each.vehicle,
+            _label(alarm.figure),
+            names[each.dives[alarm.first_dive]],
+            alarm.before,
+            alarm.after,
+            100.0 * alarm.share,
+        ]
+        for each in vehicles
+        for alarm in each.alarms
+    ]
+    dives = [
+        [
+            each.vehicle,
+            names[each.dives[item.dive]],
+            _label(item.figure),
+            item.value,
+            _interval(item.expected),
+            item.deviation,
+            "; ".join(difference.words for difference in item.differences),
+        ]
+        for each in vehicles
+        for item in each.outlying
+    ]
+    blocks = []
+    if alarms:
+        heads: list[str | tuple[str, str]] = ["vehicle", "figure", "from", "before", "after"]
+        blocks.append(table("Changes", [*heads, ("change", "%")], alarms))
+    if dives:
+        heads = ["vehicle", "dive", "figure", "value", "expected", "deviation", "what is different"]
+        blocks.append(table("Outlying dives", heads, dives))
+    return section(
+        "Changes and outlying dives",
+        blocks or [text("No figure changed, and no dive departs from the others.")],
+        order=order,
+    )
+
+
+def _time_section(runs: Sequence[Row], findings: Sequence[Row], *, order: int) -> Document:
+    """Return what each month has: logs by state, findings by severity."""
+    months: dict[str, Counter[str]] = defaultdict(Counter)
+    for row in runs:
+        months[(row["start_utc"] or "no clock")[:7]][row["state"]] += 1
+    for row in findings:
+        months[(row["start_utc"] or "no clock")[:7]][row["severity"]] += 1
+    heads = ["month", *STATES, "errors", "warnings"]
+    rows = [
+        [month, *(counts[name] for name in (*STATES, "error", "warning"))]
+        for month, counts in sorted(months.items())
+    ]
+    return section("Over time", [table("Logs and findings by month", heads, rows)], order=order)
+
+
+def _pictures(each: VehicleFigures, names: Mapping[str, str]) -> Iterator[Markup]:
+    """Yield a forest of each vehicle: last dives, pooled value, interval of the next dive."""
+    drawn = sorted(each.figures, key=lambda item: -int(np.isfinite(item.values).sum()))
+    drawn = drawn[:MOST_BOXES]
+    if not drawn:
+        return
+    last = range(max(0, len(each.dives) - MOST_DIVES), len(each.dives))
+    boxes = []
+    for item in drawn:
+        pooled = each.pooled[item.name]
+        dives = [
+            Whiskers(float(item.values[at]), NORMAL_95 * float(item.errors[at]))
+            if np.isfinite(item.values[at])
+            else None
+            for at in last
+        ]
+        ends = (pooled.mean_interval, pooled.next_dive)
+        boxes.append(
+            WhiskerBox(
+                _label(item.name),
+                item.unit,
+                (*dives, *(_whiskers(pooled.mean, end) for end in ends)),
+            )
+        )
+    lines = [*(names[each.dives[at]] for at in last), "pooled", "next dive"]
+    note = f"95 % intervals; model {each.model}" if each.model else "95 % intervals"
+    if len(each.dives) > MOST_DIVES:
+        note += f"; the last {MOST_DIVES} of {len(each.dives)} dives, pooled over all"
+    yield whisker_picture(f"Figures of {each.vehicle}, dive by dive", note, lines, boxes)
+
+
+def _whiskers(mean: float, interval: tuple[float, float] | None) -> Whiskers | None:
+    return None if interval is None else Whiskers(mean, 0.5 * (interval[1] - interval[0]))
