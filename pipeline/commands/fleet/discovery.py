@@ -48,7 +48,7 @@ class FleetLog:
 
     @property
     def unchanged(self) -> bool:
-        """Whether its files have the size and time that they had when they were hashed."""
+        """Whether its files have the size and time of when they were hashed."""
         try:
             return tuple(map(stamp_of, self.files)) == self.stamps
         except OSError:
@@ -57,7 +57,7 @@ class FleetLog:
 
 @dataclass(frozen=True)
 class Discovery:
-    """The logs of a disk, and how many other files lie there by the end of their name."""
+    """The logs of a disk, and the number of other files by the end of their name."""
 
     logs: tuple[FleetLog, ...]
     others: Mapping[str, int]

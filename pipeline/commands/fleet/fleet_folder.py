@@ -63,7 +63,7 @@ class FleetFolder:
 
 
 def open_fleet(root: Path) -> FleetFolder:
-    """Return the folder of a fleet that has been run. Raises `PipelineError` for others."""
+    """Return the folder of a fleet; `PipelineError` for any other folder."""
     fleet = FleetFolder(root.expanduser().resolve())
     if not fleet.index.is_file():
         raise PipelineError(

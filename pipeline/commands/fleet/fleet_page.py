@@ -37,7 +37,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Figure:
+class DiveFigure:
     """One coefficient of one vehicle over its dives in order of time.
 
     `values`, `errors` (k,): nan where a dive has none. `dives`: their logs.
@@ -56,7 +56,7 @@ class VehicleFigures:
 
     vehicle: str
     model: str
-    figures: tuple[Figure, ...]
+    figures: tuple[DiveFigure, ...]
     pooled: Mapping[str, PooledFigure]
     outlying: tuple[OutlyingDive, ...]
     alarms: tuple[ChangeAlarm, ...]
@@ -104,7 +104,7 @@ def _time(row: Row) -> tuple[bool, str, str]:
 
 
 def _name(row: Row) -> str:
-    """Return the name of a dive on the page: its file, and its day where a clock tells."""
+    """Return the name of a dive on the page: its file, and its day if there is one."""
     file = str(row["file"]).rpartition("/")[2]
     return f"{file} ({row['start_utc'][:10]})" if row["start_utc"] else file
 
@@ -138,7 +138,7 @@ def _vehicle_figures(
         )
 
 
-def _figures(rows: Sequence[Row], order: Mapping[str, int]) -> Iterator[Figure]:
+def _figures(rows: Sequence[Row], order: Mapping[str, int]) -> Iterator[DiveFigure]:
     """Yield the figures that two dives and more identify."""
     dives = tuple(sorted({row["log"] for row in rows}, key=order.__getitem__))
     place = {log: index for index, log in enumerate(dives)}
@@ -157,7 +157,7 @@ def _figures(rows: Sequence[Row], order: Mapping[str, int]) -> Iterator[Figure]:
             columns = np.full((2, len(dives)), np.nan)
             for index, pair in items.items():
                 columns[:, index] = pair
-            yield Figure(name, units[name], dives, *columns)
+            yield DiveFigure(name, units[name], dives, *columns)
 
 
 def _label(name: str) -> str:
@@ -424,7 +424,7 @@ def _time_section(runs: Sequence[Row], findings: Sequence[Row], *, order: int) -
 
 
 def _pictures(each: VehicleFigures, names: Mapping[str, str]) -> Iterator[Markup]:
-    """Yield a forest of each vehicle: last dives, pooled value, interval of the next dive."""
+    """Yield a picture of figures: last dives, pooled value, interval of the next."""
     drawn = sorted(each.figures, key=lambda item: -int(np.isfinite(item.values).sum()))
     drawn = drawn[:MOST_BOXES]
     if not drawn:
