@@ -27,6 +27,7 @@ STREAMS = (
     "events",
     "water_velocity",
     "glider",
+    "pose",
 )
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
@@ -41,6 +42,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "events": ("text",),
     "water_velocity": ("u_m_s", "v_m_s", "w_m_s"),
     "glider": (),
+    "pose": ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad"),
 }
 """Fields without which a row of the stream is no sample; of `actuators` and `glider` any
 one field will do.

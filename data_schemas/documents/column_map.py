@@ -13,9 +13,11 @@ class TimeEntry(Model):
     column: str
     """Header."""
     unit: str
-    """Unit, or iso8601 for text."""
+    """Unit, or iso8601 or time_of_day (12:30:05.2) for text."""
     epoch: Literal["boot", "unix", "arbitrary"] | None = None
     """What zero means; default boot."""
+    shift_s: float | None = None
+    """Added to every time, where another clock is to be met."""
     start: object = None
     """Value of the time column from which legs count their seconds (a number in the
     unit of the column, or text); default the first row.

@@ -364,6 +364,8 @@ class SensorsEntry(Model):
     """Gyro and accelerometer."""
     depth: DepthSensorEntry = DepthSensorEntry()
     """Pressure sensor."""
+    pose: MountedEntry | None = None
+    """Markers of a motion capture or tracking system."""
 
 
 class HullEntry(Model):

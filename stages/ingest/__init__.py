@@ -34,6 +34,7 @@ from auvid.stages.ingest.multi_file import (
     on_one_clock,
     vehicle_sources,
 )
+from auvid.stages.ingest.pose_motion import pose_motion
 from auvid.stages.ingest.rejection import (
     IMPOSSIBLE,
     REPEATED,
@@ -92,6 +93,7 @@ class Outputs:
     events: pa.Table | None = port("events", optional=True)
     water_velocity: pa.Table | None = port("water_velocity", optional=True)
     glider: pa.Table | None = port("glider", optional=True)
+    pose: pa.Table | None = port("pose", optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -119,11 +121,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             streams[name] = stream
     if not streams:
         raise _no_streams(log, files)
+    motion = pose_motion(streams, inputs.vehicle)
+    streams |= motion.streams
     tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
+    info.notes.extend(motion.notes)
     dropped = dropped_table(files, rejected)
     others = other_sources(files, forced, set_us=set_us)
-    health = check_health(tables, info, dropped, vehicle=inputs.vehicle, others=others)
+    health = check_health(
+        tables, info, dropped, vehicle=inputs.vehicle, others=others, track=motion.track
+    )
     blocks = health_blocks(health, force_model=not _is_without_forces(inputs.campaign))
     return Outputs(
         dropped=dropped,

@@ -27,6 +27,7 @@ USUAL_UNITS: Mapping[str, str] = {
     "velocity": "speeds beyond 50 m/s: if the file has mm/s or cm/s, set that unit",
     "depth": "depths beyond -1 or 12 km: if the file has mm, cm or Pa, set that unit",
     "position": "positions beyond 10 000 km: if the file has mm or degrees, set that unit",
+    "pose": "angles beyond 7 rad or positions beyond 10 000 km: degrees need unit: deg",
     "actuators": "outputs that are no pulses (1100 to 1900 us); a command is command_surge ...",
 }
 """What impossible values of a stream usually are."""

@@ -21,7 +21,7 @@ TWO_PI = 2.0 * np.pi
 
 @dataclass(frozen=True)
 class PoseRun:
-    """A path at times t_s (n,): position, attitude, velocity, rate (n, 3), R (n, 3, 3)."""
+    """A path at t_s (n,): position, attitude, velocity, rate (n, 3), R (n, 3, 3)."""
 
     t_s: Array
     position: Array

@@ -98,6 +98,7 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
         dvl=_mounted(sensors.dvl),
         imu=_mounted(sensors.imu),
         depth_sensor=_mounted(sensors.depth),
+        markers=None if sensors.pose is None else _mounted(sensors.pose),
         accelerometer=sensors.imu.accelerometer or "specific_force",
         barometer_instance=sensors.depth.barometer_instance,
         geometry=geometry,

@@ -75,6 +75,7 @@ class Vehicle:
     as_simulated: Mapping[str, Coefficient] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     spreads: Mapping[str, float] = field(default_factory=dict)
+    markers: MountedSensor | None = None
     commands: FullCommands = field(default_factory=FullCommands)
 
     @property

@@ -88,9 +88,9 @@ def _dives(
         form = draft.delimiter, draft.decimal, *draft.time.items()
         alike.setdefault((columns[path], form), []).append(path)
     for runs in alike.values():
-        known = {key: axis for key, axis in commands.items() if key in columns[runs[0]]}
-        if len(runs) > 1 or known:
-            one_map = draft_columns(*map(_raw, runs), commands=known)
+        of_map = {key: axis for key, axis in commands.items() if key in columns[runs[0]]}
+        if len(runs) > 1 or of_map:
+            one_map = draft_columns(*map(_raw, runs), commands=of_map)
             for path in runs:
                 drafts[path] = replace(one_map, file=path.name, span_s=drafts[path].span_s)
     logs: list[list[SurveyedFile]] = []
@@ -220,7 +220,7 @@ def _common_findings(logs: Sequence[SurveyedLog]) -> list[Mapping[str, Any]]:
 
 
 def command_lines(logs: Sequence[SurveyedLog]) -> list[str]:
-    """Return in words which columns were matched to which axis, and how to name others."""
+    """Return which columns were matched to which axis, and how to name others."""
     drafts = [file.draft for log in logs for file in log.files if file.draft is not None]
     matched = {axis: column for draft in drafts for axis, column in draft.matched.items()}
     if not matched:

@@ -16,6 +16,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.streams.mapping import OtherSource
 
@@ -32,13 +33,17 @@ MOTORS = 8
 
 @dataclass(frozen=True)
 class CheckedLog:
-    """One log: streams, `log_info`, rejected samples, vehicle file, other sources."""
+    """One log: streams, `log_info`, rejected samples, vehicle file, other sources.
+
+    `track`: the motion that its poses show, in seconds from the first pose.
+    """
 
     tables: Mapping[str, pa.Table]
     info: LogInfo
     dropped: pa.Table
     vehicle: Vehicle | None = None
     others: Sequence[OtherSource] = ()
+    track: PoseTrack | None = None
     _times: dict[str, Array] = field(default_factory=dict, repr=False)
 
     def has(self, *streams: str) -> bool:

@@ -13,9 +13,11 @@ import pyarrow as pa
 from auvid.data_schemas.checks import FORCE_MODEL_NEEDS, SEVERITIES, checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.motion_agreement import motion_findings
+from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
     clock_findings,
     file_findings,
@@ -88,13 +90,14 @@ def check_health(
     *,
     vehicle: Vehicle | None = None,
     others: Sequence[OtherSource] = (),
+    track: PoseTrack | None = None,
 ) -> dict[str, Any]:
     """Return the `health` document of one log.
 
     The vehicle file, if there is one, says which outputs are thrusters and which
     barometer is in the water.
     """
-    log = CheckedLog(tables, info, dropped, vehicle, others)
+    log = CheckedLog(tables, info, dropped, vehicle, others, track)
     excited = excitation(log)
     uses = capabilities(log, excited)
     measured = (item for check in CHECKS for item in check(log))
@@ -130,6 +133,8 @@ CHECKS = (
     depth_findings,
     velocity_findings,
     motion_findings,
+    pose_findings,
+    wrap_findings,
     actuation_findings,
     unusable_findings,
     battery_findings,

@@ -10,7 +10,14 @@ import numpy.typing as npt
 
 from auvid.hydro.arrays import Array, Ints, Mask
 from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
-from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
+from auvid.hydro.identification.signals.pose.frames import (
+    Body,
+    World,
+    euler_of_quaternion,
+    in_ned,
+    ned_from_frd,
+)
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, POSITION, named
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 
 Columns = dict[str, npt.NDArray[Any]]
@@ -74,6 +81,12 @@ def euler_angles(q: Array) -> Columns:
     theta = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     psi = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return dict(zip(ATTITUDE, (phi, theta, psi), strict=True))
+
+
+def pose_in_ned(position: Array, quaternion: Array, world: World, body: Body) -> Columns:
+    """Return a pose in NED of positions (n, 3) and quaternions (n, 4), w first."""
+    angles = euler_of_quaternion(ned_from_frd(quaternion, world, body))
+    return named(POSITION, in_ned(position, world)) | named(ATTITUDE, angles)
 
 
 def displacement_velocity(delta: Array, interval: Array, confidence: Array | None) -> Columns:

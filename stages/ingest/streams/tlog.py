@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.constants import STANDARD_PRESSURE_PA
+from auvid.hydro.identification.signals.pose.frames import Body, World
 from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 from auvid.stages.ingest.streams.common import (
@@ -19,6 +22,7 @@ from auvid.stages.ingest.streams.common import (
     live,
     mode_changes,
     mostly,
+    pose_in_ned,
     pulse_widths,
     text_rows,
     to_body_at,
@@ -36,6 +40,11 @@ UNUSED_CELL = 65535
 ARMED_BIT = 128
 VELOCITY_HORIZONTAL, CONSTANT_POSITION = 2, 128  # EKF_STATUS_FLAGS
 SMALLEST_CHANGE_M = 0.02
+WORLD_OF_FRAME: Mapping[int, World] = {4: "enu", 15: "enu", 17: "enu", 19: "enu", 21: "nwu"}
+"""MAV_FRAME -> world, where it is not north-east-down: LOCAL_ENU, those of motion capture,
+vision and estimate before 2019, LOCAL_FLU.
+"""
+BODY_FLU = 13
 TWIN_ARRAY_ID = 2759
 TWIN_ARRAY = ("propeller_rev_s", "fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 TIMEKEEPERS = (
@@ -190,6 +199,23 @@ def quaternion(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     return euler_angles(vector(messages, (f"q{number}" for number in range(1, 5))))
 
 
+def pose_of_quaternion(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return the pose of ATT_POS_MOCAP (w, x, y, z; NED to FRD)."""
+    q = np.asarray(messages.columns["q"], dtype=np.float64)
+    return pose_in_ned(vector(messages, "xyz").T, q, "ned", "frd")
+
+
+def odometry_pose(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return the pose of ODOMETRY in its frames; NaN in a frame that moves along."""
+    frame, child = messages.ints("frame_id"), messages.ints("child_frame_id")
+    q = np.asarray(messages.columns["q"], dtype=np.float64)
+    position = vector(messages, "xyz").T
+    world: World = WORLD_OF_FRAME.get(int(np.median(frame)), "ned")
+    body: Body = "flu" if int(np.median(child)) == BODY_FLU else "frd"
+    position = np.where((frame == np.median(frame))[:, None], position, np.nan)
+    return pose_in_ned(position, q, world, body)
+
+
 def pressure_depth(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     """Return depth below the surface in m from the second barometer.
 
@@ -287,6 +313,8 @@ RULES = Rules(
         "displacement_over_interval": displacement_over_interval,
         "navigation_velocity": navigation_velocity,
         "quaternion": quaternion,
+        "pose_of_quaternion": pose_of_quaternion,
+        "odometry_pose": odometry_pose,
         "pressure_depth": pressure_depth,
         "servo_outputs": servo_outputs,
         "propeller_and_fins": propeller_and_fins,

@@ -16,6 +16,7 @@ from auvid.stages.ingest.streams.common import (
     live,
     mode_changes,
     mostly,
+    pose_in_ned,
     pulse_widths,
     text_rows,
     to_body_at,
@@ -67,6 +68,14 @@ def odometry_velocity(messages: Messages, time_us: Ints, log: DecodedLog) -> Col
         name: np.where(frame == BODY_FRD, own, np.where(frame == NED, turned[name], np.nan))
         for name, own in zip(LINEAR_VELOCITY, velocity, strict=True)
     }
+
+
+def odometry_pose(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return the pose of an external system; PX4's frames have z down, body FRD."""
+    new = "position[0]" in messages.columns
+    names = [f"position[{axis}]" for axis in range(3)] if new else ["x", "y", "z"]
+    q = vector(messages, (f"q[{number}]" for number in range(4))).T
+    return pose_in_ned(vector(messages, names).T, q, "ned", "frd")
 
 
 def navigation_velocity(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
@@ -145,6 +154,7 @@ RULES = Rules(
     compute={
         "quaternion": quaternion,
         "odometry_velocity": odometry_velocity,
+        "odometry_pose": odometry_pose,
         "navigation_velocity": navigation_velocity,
         "pressure_depth": pressure_depth,
         "servo_outputs": servo_outputs,

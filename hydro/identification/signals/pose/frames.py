@@ -18,14 +18,15 @@ TO_NED: Mapping[World, tuple[float, float, float, float]] = {
     "enu": (0.0, HALF, HALF, 0.0),
     "nwu": (0.0, 1.0, 0.0, 0.0),
 }
-"""Quaternion (w, x, y, z) that turns vectors of a world frame into north-east-down; nwu is
-any frame with z up whose x counts as north.
+"""Quaternion (w, x, y, z) that turns vectors of a world frame into north-east-down.
+
+nwu is any frame with z up whose x counts as north.
 """
 TO_FRD: Mapping[Body, tuple[float, float, float, float]] = {
     "frd": (1.0, 0.0, 0.0, 0.0),
     "flu": (0.0, 1.0, 0.0, 0.0),
 }
-"""Quaternion (w, x, y, z) between forward-left-up and forward-right-down; its own inverse."""
+"""Quaternion (w, x, y, z) between body axes; that of flu is its own inverse."""
 
 
 def quaternion_product(a: ArrayLike, b: ArrayLike) -> Array:

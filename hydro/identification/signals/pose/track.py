@@ -169,7 +169,7 @@ def pose_track(
         np.sqrt(np.maximum(P[kept, :3, 0, 0], 0.0)),
         tuple((int(numbers[first]), int(numbers[last - 1]) + 1) for first, last in pieces),
         tuple(
-            sorted([*freezes, *_cuts(t, y, pieces, max_gap_s, freezes)], key=lambda f: f.start_s)
+            sorted([*freezes, *_cuts(t, x, pieces, max_gap_s, freezes)], key=lambda f: f.start_s)
         ),
         t[single],
         int(np.count_nonzero(~fresh)),
@@ -314,24 +314,26 @@ def _pieces(t: Array, begins: Mask, accepted: Mask) -> list[tuple[int, int]]:
 
 def _cuts(
     t: Array,
-    y: Array,
+    x: Array,
     pieces: Sequence[tuple[int, int]],
     max_gap_s: float,
     freezes: Sequence[PoseFault],
 ) -> list[PoseFault]:
     """Return what lies between neighbouring pieces: a gap, a jump, or samples lost.
 
-    Over a few samples, the place a line through the ends would have tells a jump.
+    x (n, 7, 3): the smoothed columns; both ends are carried to the middle of the pause
+    along their rates, and what is left between them is the jump.
     """
     cuts = []
-    for (first, end), (start, last) in pairwise(pieces):
-        before, after = slice(max(first, end - 5), end), slice(start, min(last, start + 5))
+    for (_, end), (start, _) in pairwise(pieces):
         pause = float(t[start] - t[end - 1])
-        moved = float(np.linalg.norm(np.median(y[after, :3], 0) - np.median(y[before, :3], 0)))
-        one, two = np.median(y[before, 3:], 0), np.median(y[after, 3:], 0)
+        before = x[end - 1, :, 0] + 0.5 * pause * x[end - 1, :, 1]
+        after = x[start, :, 0] - 0.5 * pause * x[start, :, 1]
+        moved = float(np.linalg.norm(after[:3] - before[:3]))
+        one, two = before[3:], after[3:]
         cosine = abs(float(one @ two)) / float(np.linalg.norm(one) * np.linalg.norm(two))
         turned = 2.0 * float(np.arccos(min(cosine, 1.0)))
-        kind = "gap" if pause > max_gap_s else "jump" if start - end < PATIENCE else "lost"
+        kind = "lost" if start - end >= PATIENCE else "gap" if pause > max_gap_s else "jump"
         frozen = any(item.start_s <= t[end - 1] <= item.end_s for item in freezes)
         if not (kind == "gap" and frozen):
             cuts.append(PoseFault(kind, float(t[end - 1]), float(t[start]), moved, turned))

@@ -21,6 +21,7 @@ from auvid.data_schemas.streams import NEEDED, STREAMS
 from auvid.hydro.arrays import Array
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
 from auvid.stages.ingest.formats.csv.column_names import (
     QUATERNION,
     TIME,
@@ -28,7 +29,7 @@ from auvid.stages.ingest.formats.csv.column_names import (
     named_columns,
 )
 from auvid.stages.ingest.formats.csv.column_proposal import quoted
-from auvid.stages.ingest.formats.csv.reader import header, iso_microseconds
+from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, header, iso_microseconds
 
 MOST_BYTES = 1 << 24
 """Values of the first so many bytes decide on units."""
@@ -110,7 +111,7 @@ class ColumnDraft:
 
     @property
     def matched(self) -> dict[str, str]:
-        """Return the columns of commands that no name tells, by axis, with their sign."""
+        """Return columns of commands that no name tells, by axis, with their sign."""
         return {
             item.field.removeprefix("command_"): f"{'-' if item.sign < 0 else ''}{item.column}"
             for item in self.columns
@@ -352,6 +353,9 @@ def _clock(
     if finite.size < 0.9 * len(texts) or finite.size < 3:
         filled = [text for text in texts[:200] if text]
         if len(filled) > 2 and iso_microseconds(pa.array(filled)) is not None:
+            if TIME_OF_DAY.match(filled[0]):
+                entry = {"column": item.name, "unit": "time_of_day", "epoch": "arbitrary"}
+                return entry, "a time of day, without a date"
             return {"column": item.name, "unit": "iso8601", "epoch": "unix"}, ""
         return None
     steps = np.diff(finite)
@@ -382,7 +386,7 @@ def _clock(
 
 def _seconds(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
     """Return the time of every row (n,) [s]."""
-    if time["unit"] != "iso8601":
+    if time["unit"] not in TEXT_TIMES:
         return values * SECONDS[time["unit"]]
     stamps = iso_microseconds(pa.array([text for text in texts if text]))
     return np.zeros(1) if stamps is None else np.asarray(stamps.to_numpy()) / 1e6

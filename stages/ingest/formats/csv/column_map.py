@@ -13,8 +13,15 @@ from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED, STREAMS, csv_dialects
 from auvid.data_schemas.units import convertible, factor_and_offset
+from auvid.stages.ingest.formats.csv.pose_columns import (
+    EXTRA_FIELDS,
+    lacking_fields,
+    turned_together,
+)
 
 MICROSECONDS = "us"
+TEXT_TIMES = ("iso8601", "time_of_day")
+"""Times that are text: with a date, or 12:30:05.2 of one day (and the next)."""
 DEFAULT_MISSING = (
     "",
     "NaN",
@@ -76,7 +83,7 @@ FRAMES: Mapping[str, Mapping[str, tuple[float, float]]] = {
 class MappedColumn:
     """One column of the file: field in SI = factor * value in the file + offset.
 
-    `dtype` is that of the field.
+    `dtype` is that of the field; `frame` that of a field which is turned with others.
     """
 
     column: str
@@ -85,6 +92,7 @@ class MappedColumn:
     factor: float
     offset: float
     dtype: str
+    frame: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,6 +110,7 @@ class ColumnMap:
     repeating: frozenset[str]
     missing: tuple[str, ...]
     accelerometer: Accelerometer | None
+    shift_us: float = 0.0
 
 
 def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
@@ -189,6 +198,7 @@ def column_map(raw: Mapping[str, Any], header: Sequence[str], *, file: str) -> C
         repeating=frozenset(raw.get("held", ())),
         missing=tuple(dict.fromkeys((*DEFAULT_MISSING, *raw.get("missing", ())))),
         accelerometer=raw.get("accelerometer"),
+        shift_us=1e6 * float(time.get("shift_s", 0.0)),
     )
 
 
@@ -207,7 +217,13 @@ def _mapped(
             remedy=nearest(stream, STREAMS),
         )
         return None
-    fields = {key: spec for key, spec in schema(stream).columns.items() if key != "time_us"}
+    fields = {
+        key: (spec.dtype, spec.unit)
+        for key, spec in schema(stream).columns.items()
+        if key != "time_us"
+    }
+    extra = EXTRA_FIELDS.get(stream, {})
+    fields |= {key: ("float64", unit) for key, unit in extra.items()}
     if name not in fields:
         faults.add(
             f"unknown field of stream '{stream}'",
@@ -226,20 +242,22 @@ def _mapped(
             allowed=("frd", "flu"),
             remedy=f"{name} is along the body.",
         )
-    spec = fields[name]
+    dtype, unit = fields[name]
     factor, offset = 1.0, 0.0
     if name.startswith("pwm_") and entry["unit"] in NORMALISED:
         factor, offset = NORMALISED[entry["unit"]], NEUTRAL_US
     elif name == "depth_m" and convertible(entry["unit"], "Pa"):
         factor = factor_and_offset(entry["unit"], "Pa")[0] / WEIGHT_OF_WATER
-    elif spec.dtype not in ("string", "bool"):
-        factor, offset = _unit(entry["unit"], spec.unit, f"{path}.unit", faults)
+    elif dtype not in ("string", "bool"):
+        factor, offset = _unit(entry["unit"], unit, f"{path}.unit", faults)
     if len(faults.faults) > before:
         return None
-    turn, shift = FRAMES[frame or "frd"].get(name, (1.0, 0.0))
     sign = float(entry.get("sign", 1))
+    if turned_together(stream, name):
+        return MappedColumn(column, stream, name, sign * factor, sign * offset, dtype, frame or "")
+    turn, shift = FRAMES[frame or "frd"].get(name, (1.0, 0.0))
     factor, offset = sign * turn * factor, sign * (turn * offset + shift)
-    return MappedColumn(column, stream, name, factor, offset, spec.dtype)
+    return MappedColumn(column, stream, name, factor, offset, dtype)
 
 
 def _by_other_name(name: str, fields: Iterable[str]) -> str | None:
@@ -280,7 +298,7 @@ def _unit(unit: str, target: str, path: str, faults: MapFaults) -> tuple[float, 
 
 def _time_factor(time: Mapping[str, Any], header: Sequence[str], faults: MapFaults) -> float | None:
     _check_header(time["column"], header, "time.column", faults)
-    if time["unit"] == "iso8601":
+    if time["unit"] in TEXT_TIMES:
         return None
     if convertible(time["unit"], MICROSECONDS):
         return factor_and_offset(time["unit"], MICROSECONDS)[0]
@@ -288,7 +306,7 @@ def _time_factor(time: Mapping[str, Any], header: Sequence[str], faults: MapFaul
         "wrong unit",
         field="time.unit",
         value=time["unit"],
-        allowed="a unit of time (s, ms, us, ns) or iso8601",
+        allowed="a unit of time (s, ms, us, ns), iso8601 or time_of_day",
     )
     return 1.0
 
@@ -306,7 +324,20 @@ def _check_twice(entries: Sequence[Mapping[str, Any]], faults: MapFaults) -> Non
 def _check_needed(columns: Sequence[MappedColumn], faults: MapFaults) -> None:
     for stream in dict.fromkeys(item.stream for item in columns):
         mapped = {item.field for item in columns if item.stream == stream}
-        missing = [name for name in NEEDED[stream] if name not in mapped]
+        missing = lacking_fields(stream, sorted(mapped))
+        frames = {item.frame for item in columns if item.stream == stream and item.frame}
+        together = [
+            item
+            for item in columns
+            if item.stream == stream and turned_together(stream, item.field)
+        ]
+        if len({item.frame for item in together}) > 1:
+            faults.add(
+                f"columns of stream '{stream}' are in several frames",
+                field="columns",
+                value=sorted(frames),
+                remedy=f"Give all of {', '.join(item.field for item in together)} one frame.",
+            )
         if missing:
             faults.add(
                 f"stream '{stream}' is incomplete",

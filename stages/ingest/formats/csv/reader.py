@@ -40,6 +40,11 @@ from auvid.stages.ingest.formats.csv.column_map import (
     late_columns,
 )
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
+from auvid.stages.ingest.formats.csv.pose_columns import (
+    WORLD_VELOCITY,
+    in_own_axes,
+    velocity_in_body_axes,
+)
 from auvid.stages.ingest.formats.csv.tolerant_lines import (
     ISO_TIME,
     Form,
@@ -53,6 +58,8 @@ BLOCK = 1 << 20
 NEWLINE = 10
 CLOCK = re.compile(rb"\d\d?:\d\d")
 """What stands behind late columns: a time of day."""
+TIME_OF_DAY = re.compile(r"\s*\d\d?:\d\d:\d\d(\.\d+)?\s*$")
+DAY_S = 86_400.0
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
 NO_VALUE = "no value in the row"
@@ -113,7 +120,7 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
     sound = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
     rows = sound.rows
-    time_us = _time(sound.table, mapping, rows, file.name)
+    time_us = _time(sound.table, mapping, rows, file.name) + mapping.shift_us
     messages, idle, notes = _streams(sound.table, columns, mapping, time_us, rows)
     lost, known_time = sound.losses.starts(), np.isfinite(time_us)
     skipped = (*sound.losses.skipped(), *idle)
@@ -290,7 +297,7 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
             row=int(rows[bad]),
             field=mapping.time,
             value=values[bad].as_py(),
-            allowed="2024-05-01T12:30:00.123 with or without a zone, all alike",
+            allowed="2024-05-01T12:30:00.123 with or without a zone, or 12:30:00.123, all alike",
         )
     valid = np.asarray(values.is_valid())
     result[valid] = np.asarray(stamps.drop_null(), dtype=np.float64)
@@ -328,14 +335,34 @@ def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
 def iso_microseconds(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray | None:
     """Return ISO 8601 texts as microseconds since 1970 (UTC where no zone is given).
 
-    None if they are not all of one kind.
+    Times of day (12:30:05.2) count from the midnight before the first; a step back by
+    more than half a day is midnight. None if they are not all of one kind.
     """
+    texts = values.drop_null().to_pylist()
+    if texts and all(isinstance(text, str) and TIME_OF_DAY.match(text) for text in texts):
+        return _of_day(values)
     for kind in (pa.timestamp("us"), pa.timestamp("us", "UTC")):
         try:
             return pc.cast(pc.cast(values, kind), pa.int64())
         except pa.ArrowInvalid:
             continue
     return None
+
+
+def _of_day(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray:
+    """Return times of day as microseconds from the midnight before the first."""
+    seconds = [
+        None
+        if text is None
+        else sum(float(part) * 60.0**k for part, k in zip(text.split(":"), (2, 1, 0), strict=True))
+        for text in values.to_pylist()
+    ]
+    known = np.array([value for value in seconds if value is not None])
+    days = np.cumsum(np.append(0, np.diff(known) < -0.5 * DAY_S))
+    stamps = iter(np.rint((known + DAY_S * days) * 1e6).astype(np.int64).tolist())
+    return pa.chunked_array(
+        [pa.array([None if value is None else next(stamps) for value in seconds], pa.int64())]
+    )
 
 
 def _streams(
@@ -374,10 +401,25 @@ def _streams(
             repeat[index[1:][same]] = True
             kept &= ~repeat
             idle += _idle(f"{stream}: {REPEATED}", repeat, rows)
+        frame = next((item.frame for item in columns if item.stream == stream and item.frame), "")
         chosen: dict[str, npt.NDArray[Any]] = {"time_us": time_us, **fields}
         if not kept.all():
             chosen = {name: values[kept] for name, values in chosen.items()}
+        chosen = in_own_axes(stream, chosen, frame)
         messages[stream] = Messages(stream, chosen, rows if kept.all() else rows[kept])
+    velocity = messages.get("velocity")
+    if velocity is not None and WORLD_VELOCITY[0] in velocity.columns:
+        angles = messages.get("attitude") or messages.get("pose")
+        if angles is None:
+            notes.append(
+                "velocity: north, east, down cannot be turned into body axes, the file has no"
+                " attitude or pose"
+            )
+        frame = next((item.frame for item in columns if item.field in WORLD_VELOCITY), "")
+        turned = velocity_in_body_axes(
+            dict(velocity.columns), frame, None if angles is None else dict(angles.columns)
+        )
+        messages["velocity"] = replace(velocity, columns=turned)
     return messages, idle, notes
 
 

@@ -23,13 +23,14 @@ from auvid.stages.ingest.formats.accounting import Losses
 NUMBER = r"^\s*[-+]?(\d+\.?\d*([eE][-+]?\d+)?|\.\d+([eE][-+]?\d+)?|(?i:nan|inf|infinity))\s*$"
 TRUTH = r"^(?i:true|false|0|1)$"
 ISO_8601 = r"^\s*\d{4}-\d\d-\d\d([T ]\d\d(:\d\d(:\d\d(\.\d{1,9})?)?)?(Z|[-+]\d\d(:?\d\d)?)?)?\s*$"
+TEXT_TIME = rf"{ISO_8601}|^\s*\d\d?:\d\d:\d\d(\.\d{{1,9}})?\s*$"
 ISO_TIME = pa.timestamp("us")  # stands for a column of ISO 8601 texts, which is read as text
 PLACEHOLDER = "If this text stands for an empty cell, list it under 'missing' in the column map."
 DECIMAL = 'If the numbers have a decimal comma, add decimal: "," to the column map.'
 PATTERNS = {
     pa.float64(): (NUMBER, "not a number"),
     pa.bool_(): (TRUTH, "neither true nor false"),
-    ISO_TIME: (ISO_8601, "not an ISO 8601 time"),
+    ISO_TIME: (TEXT_TIME, "not an ISO 8601 time"),
 }
 UNREADABLE_SHARE = 0.05  # of the rows
 NAMED_CELLS = 3

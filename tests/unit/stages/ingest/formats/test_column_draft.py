@@ -145,13 +145,16 @@ def test_a_named_unit_of_time_is_marked_where_no_log_has_such_steps() -> None:
     assert drafted({"time_s": T_S, "depth_m": wave(1.0)}).time_check == ""
 
 
-def test_text_times_are_iso_and_times_of_day_are_refused() -> None:
+def test_text_times_are_iso_or_times_of_day() -> None:
     iso = np.array([f"2024-05-01 10:00:{second:06.3f}" for second in T_S])
     draft = drafted({"Date": np.arange(600) * 0.0, "Timestamp": iso, "depth_m": 3.0 + wave(1.0)})
     assert draft.time["unit"] == "iso8601"
     of_day = np.array([f"10:00:{second:06.3f}" for second in T_S])
+    draft = drafted({"Time": of_day, "depth_m": 3.0 + wave(1.0)})
+    assert draft.time == {"column": "Time", "unit": "time_of_day", "epoch": "arbitrary"}
+    minutes = np.array([f"10:{second:02.0f}" for second in T_S])
     with pytest.raises(LogError, match="time of day"):
-        drafted({"Time": of_day, "depth_m": 3.0 + wave(1.0)})
+        drafted({"Time": minutes, "depth_m": 3.0 + wave(1.0)})
 
 
 def test_a_height_below_the_surface_is_depth_and_z_stands_in_for_it() -> None:

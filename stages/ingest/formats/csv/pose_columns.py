@@ -1,0 +1,96 @@
+"""Quaternions, world velocities and poses of a CSV file, turned into auvid's axes.
+
+These need several columns at once: the fields of one stream are turned together, and
+all of them must be in one frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from auvid.data_schemas.streams import NEEDED
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.pose.frames import (
+    Body,
+    World,
+    euler_of_quaternion,
+    in_ned,
+    ned_from_frd,
+    quaternion_of_euler,
+)
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, POSITION, named
+from auvid.stages.ingest.streams.common import to_body_at
+
+Fields = dict[str, npt.NDArray[Any]]
+
+QUATERNION = ("q_w", "q_x", "q_y", "q_z")
+WORLD_VELOCITY = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
+"""Velocity in the world of the file: with frame enu its x, y and z fill them."""
+EXTRA_FIELDS: Mapping[str, Mapping[str, str]] = {
+    "attitude": dict.fromkeys(QUATERNION, "1"),
+    "pose": dict.fromkeys(QUATERNION, "1"),
+    "velocity": dict.fromkeys(WORLD_VELOCITY, "m/s"),
+}
+"""Fields of a column map that streams do not have, with their unit: they are turned."""
+REPLACED: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    QUATERNION: ATTITUDE,
+    WORLD_VELOCITY: LINEAR_VELOCITY,
+}
+FRAMES: Mapping[str, tuple[World, Body]] = {
+    "ned": ("ned", "frd"),
+    "frd": ("ned", "frd"),
+    "enu": ("enu", "flu"),
+    "flu": ("nwu", "flu"),
+}
+"""Word of a column map -> world and body axes of a pose or a quaternion."""
+
+
+def turned_together(stream: str, field: str) -> bool:
+    """Return whether a field is turned with its group, not by itself."""
+    return stream == "pose" or field in EXTRA_FIELDS.get(stream, {})
+
+
+def lacking_fields(stream: str, mapped: Sequence[str]) -> list[str]:
+    """Return the needed fields of a stream that the mapped ones do not give."""
+    lacking = [name for name in NEEDED[stream] if name not in mapped]
+    for group, replaced in REPLACED.items():
+        if any(name in mapped for name in group) and set(replaced) & set(lacking):
+            rest = [name for name in group if name not in mapped]
+            lacking = [*(name for name in lacking if name not in replaced), *rest]
+    return lacking
+
+
+def in_own_axes(stream: str, fields: Fields, frame: str) -> Fields:
+    """Return fields (n,) of pose or attitude in NED and FRD, quaternions as angles."""
+    world, body = FRAMES[frame or "ned"]
+    has_quaternion = set(QUATERNION) <= set(fields)
+    if stream not in ("pose", "attitude") or not (stream == "pose" or has_quaternion):
+        return fields
+    rest = {key: values for key, values in fields.items() if key not in QUATERNION}
+    angles = _columns(fields, QUATERNION if has_quaternion else ATTITUDE)
+    q = angles if has_quaternion else quaternion_of_euler(angles)
+    rest |= named(ATTITUDE, euler_of_quaternion(ned_from_frd(q, world, body)))
+    if stream == "pose":
+        rest |= named(POSITION, in_ned(_columns(fields, POSITION), world))
+    return rest
+
+
+def velocity_in_body_axes(fields: Fields, frame: str, attitude: Fields | None) -> Fields:
+    """Return the fields of a velocity, those of the world turned by the attitude.
+
+    NaN where there is no attitude.
+    """
+    world, _ = FRAMES[frame or "ned"]
+    ned = in_ned(_columns(fields, WORLD_VELOCITY), world)
+    rest = {key: values for key, values in fields.items() if key not in WORLD_VELOCITY}
+    at = None if attitude is None else attitude["time_us"]
+    angles = [] if attitude is None else [attitude[name] for name in ATTITUDE]
+    return rest | to_body_at(fields["time_us"], ned.T, at, angles)
+
+
+def _columns(fields: Fields, names: Sequence[str]) -> Array:
+    return np.column_stack([np.asarray(fields[name], dtype=np.float64) for name in names])

@@ -1,0 +1,222 @@
+"""Motion from the poses of a log: streams as its sensors would report, and findings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.checks import checks
+from auvid.data_schemas.tables import matrix
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.bias import lever_arm_velocity
+from auvid.stages import ingest
+from auvid.stages.base import RawFile, RawLog
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from tests.support.motions import vehicle_document
+from tests.support.pose_runs import PoseRun, pose_run, tracked
+from tests.support.tank_runs import noisy, tank_run
+
+T_S = np.arange(0.0, 60.0, 0.05)
+ARM = (0.2, -0.1, -0.3)
+POSE = [
+    {"column": name, "stream": "pose", "field": name, "unit": unit}
+    for names, unit in ((POSITION, "m"), (("q_w", "q_x", "q_y", "q_z"), "1"))
+    for name in names
+]
+COMMANDS = {"cmd2": "surge", "cmd3": "sway", "cmd1": "heave", "cmd0": "yaw"}
+
+
+def ingested(
+    columns: dict[str, Array], entries: list[dict[str, Any]], vehicle: Vehicle | None = None
+) -> ingest.Outputs:
+    """Return what ingest makes of one CSV file."""
+    lines = [
+        ",".join(f"{value:.9g}" for value in row) for row in zip(*columns.values(), strict=True)
+    ]
+    text = "\n".join([",".join(columns), *lines])
+    document = {"time": {"column": "t_s", "unit": "s"}, "columns": entries}
+    file = RawFile("tank.csv", np.frombuffer(text.encode(), np.uint8), document)
+    campaign = {"logs": [{"id": "dive"}]}
+    return ingest.run(ingest.Inputs(RawLog("dive", (file,)), campaign, vehicle), ingest.Params())
+
+
+def pose_columns(run: PoseRun, position: Array, attitude: Array) -> dict[str, Array]:
+    """Return the columns of a file of poses."""
+    names = (*POSITION, "q_w", "q_x", "q_y", "q_z")
+    return {"t_s": run.t_s, **dict(zip(names, np.hstack([position, attitude]).T, strict=True))}
+
+
+def of(outputs: ingest.Outputs, name: str) -> list[dict[str, Any]]:
+    """Return the findings of one name."""
+    return [item for item in outputs.health["findings"] if item["id"] == name]
+
+
+def test_velocity_gyro_attitude_and_depth_come_from_poses_at_their_places() -> None:
+    run = pose_run(T_S, 3)
+    mounted: dict[str, Any] = {
+        "pose": {"arm": {"value": list(ARM), "unit": "m", "source": "measured"}},
+        "dvl": {
+            "arm": {"value": [0.3, 0.0, 0.2], "unit": "m", "source": "measured"},
+            "mounting": {"value": [0.0, 0.0, 90.0], "unit": "deg", "source": "measured"},
+            "lag": {"value": 0.1, "unit": "s", "source": "measured"},
+        },
+        "depth": {"arm": {"value": [0.5, 0.0, 0.1], "unit": "m", "source": "measured"}},
+    }
+    vehicle = vehicle_from_document({**vehicle_document("bluerov2"), "sensors": mounted})
+    seen = tracked(run, 3, noise_m=1e-3, noise_rad=1e-3, arm_m=ARM)
+    outputs = ingested(pose_columns(run, *seen), POSE, vehicle)
+    assert outputs.velocity is not None
+    assert outputs.imu is not None
+    assert outputs.attitude is not None
+    assert outputs.depth is not None
+    stamps = np.asarray(outputs.velocity["time_us"]) / 1e6 - 0.1
+    at = np.searchsorted(run.t_s, stamps - 1e-4)
+    sensed = matrix(outputs.velocity, LINEAR_VELOCITY) @ vehicle.dvl.rotation.T
+    body = lever_arm_velocity(sensed, run.rate[at], vehicle.dvl.arm_m)
+    assert np.sqrt(np.mean((body - run.velocity[at]) ** 2)) < 8e-3
+    rate = matrix(outputs.imu, GYRO)
+    assert np.sqrt(np.mean((rate - run.rate) ** 2)) < 15e-3
+    angles = matrix(outputs.attitude, ATTITUDE)
+    assert np.abs(np.sin(0.5 * (angles - run.attitude))).max() < 5e-3
+    depth = run.position[:, 2] + (run.rotation @ vehicle.depth_sensor.arm_m)[:, 2]
+    np.testing.assert_allclose(np.asarray(outputs.depth["depth_m"]), depth, atol=5e-3)
+    notes = " ".join(outputs.log_info.notes)
+    assert "velocity is derived from the poses" in notes
+    assert "not the surface" in notes
+
+
+def test_a_velocity_log_goes_before_poses() -> None:
+    run = pose_run(T_S, 4)
+    columns = pose_columns(run, *tracked(run, 4, noise_m=1e-3, noise_rad=1e-3))
+    columns |= dict(zip(LINEAR_VELOCITY, (run.velocity + 0.5).T, strict=True))
+    entries = POSE + [
+        {"column": name, "stream": "velocity", "field": name, "unit": "m/s"}
+        for name in LINEAR_VELOCITY
+    ]
+    outputs = ingested(columns, entries)
+    assert outputs.velocity is not None
+    np.testing.assert_allclose(
+        matrix(outputs.velocity, LINEAR_VELOCITY), run.velocity + 0.5, atol=1e-6
+    )
+    assert "velocity is derived" not in " ".join(outputs.log_info.notes)
+    assert outputs.imu is not None
+
+
+def test_a_jump_and_a_freeze_are_cut_and_named_with_their_times() -> None:
+    run = pose_run(T_S, 6)
+    position, attitude = tracked(run, 6, noise_m=2e-3, noise_rad=2e-3)
+    position[T_S >= 40.0] += [0.0, 0.4, 0.3]
+    position[(T_S > 20.0) & (T_S < 23.0)] = position[400]
+    attitude[(T_S > 20.0) & (T_S < 23.0)] = attitude[400]
+    outputs = ingested(pose_columns(run, position, attitude), POSE)
+    (jump,) = of(outputs, "pose_jump")
+    (freeze,) = of(outputs, "pose_freeze")
+    assert "at 40.0 s by 0.5" in jump["text"]
+    assert jump["at_s"] == pytest.approx(40.0, abs=0.11)
+    assert "from 20.0 to 2" in freeze["text"]
+    assert outputs.velocity is not None
+    stamps = np.asarray(outputs.velocity["time_us"]) / 1e6
+    assert not np.any((stamps > 20.1) & (stamps < 22.8))
+    assert not np.any((stamps > 39.5) & (stamps < 40.5))
+
+
+@pytest.mark.parametrize(
+    ("factor", "finding", "remedy"),
+    [((1000.0, 1.0), "pose_unit", "unit: mm"), ((1.0, 180.0 / np.pi), "pose_angle_unit", "deg")],
+)
+def test_millimetres_and_degrees_are_named(
+    factor: tuple[float, float], finding: str, remedy: str
+) -> None:
+    run = noisy(tank_run(2), 2)
+    run["roll_rad"], run["pitch_rad"] = 0.1 * run["roll_rad"], 0.1 * run["pitch_rad"]
+    outputs = ingested(*tank_poses(run, factor))
+    (item,) = of(outputs, finding)
+    assert item["severity"] == "error"
+    assert remedy in item["remedy"]
+    assert not of(ingested(*tank_poses(run)), finding)
+
+
+def tank_poses(
+    run: dict[str, Array], factor: tuple[float, float] = (1.0, 1.0)
+) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """Return poses and commands of a run in a tank, and what the columns are."""
+    angles = dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), ATTITUDE, strict=True))
+    columns = {"t_s": run["t_s"]}
+    columns |= {name: run[name] * factor[0] for name in POSITION}
+    columns |= {name: run[name] * factor[1] for name in angles}
+    columns |= {name: run[name] for name in COMMANDS}
+    entries = [{"column": name, "stream": "pose", "field": name, "unit": "m"} for name in POSITION]
+    entries += [
+        {"column": name, "stream": "pose", "field": field, "unit": "rad"}
+        for name, field in angles.items()
+    ]
+    entries += [
+        {"column": name, "stream": "actuators", "field": f"command_{axis}", "unit": "1"}
+        for name, axis in COMMANDS.items()
+    ]
+    return columns, entries
+
+
+@pytest.mark.parametrize("turned", ["y_m", "yaw_rad"])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_left_handed_frame_is_named(turned: str, seed: int) -> None:
+    run = noisy(tank_run(seed), seed)
+    assert not of(ingested(*tank_poses(run)), "pose_handedness")
+    run[turned] = -run[turned]
+    (item,) = of(ingested(*tank_poses(run)), "pose_handedness")
+    assert "commands explain" in item["text"]
+    assert "sign -1" in item["remedy"]
+
+
+@pytest.mark.parametrize("late_s", [7.3, -4.1])
+def test_two_clocks_are_named_with_their_offset(late_s: float) -> None:
+    run = noisy(tank_run(3, duration_s=90.0), 3)
+    steps = round(late_s / 0.1)
+    for name in COMMANDS:
+        run[name] = np.roll(run[name], steps)
+    cut = slice(abs(steps), -abs(steps))
+    outputs = ingested(*tank_poses({name: values[cut] for name, values in run.items()}))
+    (item,) = of(outputs, "pose_clock")
+    assert item["value"] == pytest.approx(-late_s, abs=0.5)
+    assert "shift_s" in item["remedy"]
+    assert not of(ingested(*tank_poses(noisy(tank_run(3), 3))), "pose_clock")
+
+
+def test_yaw_that_was_averaged_across_its_wrap_is_named() -> None:
+    run = noisy(tank_run(1, duration_s=120.0), 1)
+    yaw = run["yaw_rad"]
+    rows = np.flatnonzero(np.abs(np.diff(yaw)) > np.pi)
+    assert rows.size
+    yaw[rows] = 0.5 * (yaw[rows] + yaw[rows + 1])
+    (item,) = of(ingested(*tank_poses(run)), "yaw_across_wrap")
+    assert item["value"] >= 0.5 * rows.size
+    assert item["at_s"] == pytest.approx(run["t_s"][rows[0]], abs=20.0)
+
+
+def test_outliers_and_a_stretch_without_any_motion_are_named() -> None:
+    run = pose_run(T_S, 7)
+    position, attitude = tracked(run, 7, noise_m=2e-3, noise_rad=2e-3, outliers=0.05)
+    lost = (T_S > 30.0) & (T_S < 32.0)
+    rng = np.random.default_rng(7)
+    position[lost] = rng.normal(0.0, 3.0, (int(lost.sum()), 3))
+    outputs = ingested(pose_columns(run, position, attitude), POSE)
+    (outliers,) = of(outputs, "pose_outliers")
+    assert outliers["value"] == pytest.approx(0.05, abs=0.025)
+    gone = [*of(outputs, "pose_lost"), *of(outputs, "pose_jump")]
+    assert any(29.5 < item["at_s"] < 32.5 for item in gone)
+    assert outputs.velocity is not None
+    stamps = np.asarray(outputs.velocity["time_us"]) / 1e6
+    at = np.searchsorted(run.t_s, stamps - 1e-4)
+    off = matrix(outputs.velocity, LINEAR_VELOCITY) - run.velocity[at]
+    assert np.sqrt(np.mean(off**2)) < 0.03
+
+
+def test_every_finding_of_poses_has_its_cause_here() -> None:
+    text = Path(__file__).read_text()
+    names = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
+    assert {name for name in names if f'"{name}"' not in text} == set()
