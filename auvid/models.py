@@ -407,7 +407,8 @@ def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: i
         command = commands.get(gain.axis if gain.output is None else gain.output)
         values = _series(command, count, 0, "commands")
         if values is not None:
-            force[:, AXES.index(gain.axis)] += gain.value * values
+            size = np.maximum(np.abs(values) - gain.dead_band, 0.0) / (1.0 - gain.dead_band)
+            force[:, AXES.index(gain.axis)] += gain.value * np.sign(values) * size**gain.curve
     return force
 
 

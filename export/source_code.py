@@ -225,15 +225,16 @@ LAGS = {lags}
 """Axis -> first-order lag between command and force [s]; the caller applies it."""
 GAINS = (
 {gains})
-"""Axis, output channel (None for the axis as a whole), force of a full command."""
+"""Axis, output channel (None for the whole axis), force of a full command, dead band, curve."""
 
 
 def command_force(commands):
     """Return tau of shares of full commands (-1 to 1), by axis or output channel."""
     tau = [0.0] * 6
-    for axis, output, gain in GAINS:
-        command = commands.get(axis if output is None else output, 0.0)
-        tau["XYZKMN".index(axis)] += gain * float(command)
+    for axis, output, gain, dead_band, curve in GAINS:
+        command = float(commands.get(axis if output is None else output, 0.0))
+        size = max(abs(command) - dead_band, 0.0) / (1.0 - dead_band)
+        tau["XYZKMN".index(axis)] += gain * math.copysign(size**curve, command)
     return tau
 '''
 _NEWTONS = re.compile(r"\[(?:N|kg)\b[^]]*\]")
@@ -254,7 +255,9 @@ def partial_text(body: Body) -> str:
         axes=repr(body.axes),
         lags=repr(dict(body.lags_s)),
         gains="".join(
-            f"    ({item.axis!r}, {item.output!r}, {number(item.value)}),\n" for item in body.gains
+            f"    ({item.axis!r}, {item.output!r}, {number(item.value)},"
+            f" {number(item.dead_band)}, {number(item.curve)}),\n"
+            for item in body.gains
         ),
     )
 

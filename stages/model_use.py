@@ -13,6 +13,7 @@ from auvid.data_schemas.records.models import (
     SteadyRange,
     UsableFor,
 )
+from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
@@ -24,7 +25,7 @@ HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
 TILTS = ("K", "M")
 ORIGIN = "force at the origin"
-UNKNOWN = "unknown"
+UNKNOWN, FITTED = "unknown", "fitted"
 _decimals = partial(fixed, places=2, empty="unknown")
 
 
@@ -120,6 +121,28 @@ def use_words(usable: UsableFor, *, flown: bool) -> str:
         return f"{words} and to simulate all axes"
     simulated, missing = axes_listed(usable.simulation), axes_listed(lacking)
     return f"{words} and to simulate {simulated}, not {missing}"
+
+
+def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
+    """Return what a partial model is for, in one line, with the axes that it lacks."""
+    if usable is None or not usable.simulation:
+        words = "use it for nothing"
+    else:
+        words = f"use it to simulate {axes_listed(usable.simulation)} only"
+    judged = [] if usable is None else usable.simulation
+    fitted = [axis for axis, item in part.axes.items() if item.source == FITTED]
+    weak = [axis for axis in fitted if axis not in judged]
+    if weak:
+        words += f"; {axes_listed(weak)} {'is' if len(weak) == 1 else 'are'} too weak"
+    filled = [axis for axis, item in part.axes.items() if item.source != FITTED]
+    if filled:
+        words += f"; {axes_listed(filled)} from elsewhere, not judged"
+    lacking = [
+        f"{axes_listed(axes)} {verdict}"
+        for verdict in ("not observable", "not excited", "not commanded")
+        if (axes := [axis for axis, item in part.lacking.items() if item.verdict == verdict])
+    ]
+    return f"{words}; {', '.join(lacking)}" if lacking else words
 
 
 def failing_axes(model: MeritRecord) -> list[str]:

@@ -19,6 +19,7 @@ def _finding(name: str) -> str:
     return name
 
 
+Motion = Literal["surge", "sway", "heave", "roll", "pitch", "yaw"]
 FindingName = Annotated[str, AfterValidator(_finding)]
 
 
@@ -84,7 +85,7 @@ class LegEntry(Model):
     """Fit or judge."""
     role: str | None = None
     """Role in a bench campaign."""
-    channel: Literal["surge", "sway", "heave", "roll", "pitch", "yaw"] | None = None
+    channel: Motion | None = None
     """Excited channel."""
     mass_kg: Annotated[float, Range(0)] | None = None
     """Mass [kg] of the vehicle on this leg, where it is ballasted otherwise than the
@@ -117,7 +118,9 @@ class PriorEntry(Model):
 class CampaignDocument(Model):
     """The manifest of a campaign."""
 
-    kind: Literal["identification", "twin", "bench", "bench_twin", "glide", "glide_twin", "control"]
+    kind: Literal[
+        "identification", "axes", "twin", "bench", "bench_twin", "glide", "glide_twin", "control"
+    ]
     """Selects the graph of stages."""
     title: str | None = None
     """One line for the report."""
@@ -137,6 +140,10 @@ class CampaignDocument(Model):
     """
     priors: list[PriorEntry] | None = None
     """Priors on coefficients of structures, from a bench or from another campaign."""
+    fill: dict[Motion, str] | None = None
+    """Axes campaigns: axes that the logs do not give, from a published set (its name, as
+    bluerov2_wu_2018, or the path of a vehicle file) or from the results.json of a bench.
+    """
     cases: str | None = None
     """Control campaigns: path of the document of trajectories, weights, limits and
     disturbances.

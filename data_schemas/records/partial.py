@@ -7,14 +7,9 @@ from typing import Literal
 from auvid.data_schemas.documents.model import Model
 
 Axis = Literal["X", "Y", "Z", "K", "M", "N"]
-FIGURES = (
-    "time constant",
-    "steady speed at full command",
-    "linear damping over inertia",
-    "quadratic damping over inertia",
-    "acceleration at full command",
-)
-"""What motion and commands determine of an axis without any newton."""
+FigureVerdict = Literal[
+    "identified", "weak", "not excited", "inseparable", "at its bound", "from the prior"
+]
 
 
 class AxisSource(Model):
@@ -50,21 +45,17 @@ class MassFreeFigure(Model):
 
     axis: Axis
     """The axis."""
-    quantity: Literal[
-        "time constant",
-        "steady speed at full command",
-        "linear damping over inertia",
-        "quadratic damping over inertia",
-        "acceleration at full command",
-    ]
-    """What it is; the speed of a rotation is its rate."""
+    quantity: str
+    """What it is, as `time constant at 0.3 rad/s`, `Z_w/M` (M: apparent inertia of the axis),
+    `steady speed of full command`; the speed of a rotation is its rate.
+    """
     value: float
     """The figure."""
     unit: str
     """Its SI unit."""
     interval_95: list[float] | None
     """Ends of its 95 % interval; null where there is none."""
-    verdict: Literal["identified", "weak", "not excited", "inseparable", "at its bound"]
+    verdict: FigureVerdict
     """What the data say; of several coefficients in it, of the worst."""
 
 
@@ -76,12 +67,18 @@ class CommandGain(Model):
     output: int | None
     """Output channel; null for the command of the axis as a whole."""
     value: float
-    """Force of a full command in the unit of force of the file."""
+    """Force of a full command in the unit of force of the file: that of a command x is
+    value sign(x) (max(|x| - dead_band, 0) / (1 - dead_band)) ** curve.
+    """
+    dead_band: float = 0.0
+    """Commands below it give none."""
+    curve: float = 1.0
+    """Exponent beyond it; 1 is a straight line."""
     unit: str
     """N or N m; of a normalised model m/s^2 or m^2/s^2."""
     interval_95: list[float] | None
     """Ends of its 95 % interval; null where there is none."""
-    verdict: Literal["identified", "weak", "not excited", "inseparable", "at its bound"]
+    verdict: FigureVerdict
     """What the data say."""
 
 

@@ -174,11 +174,17 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
             document.check(name)
             by_schema[name] = document.value
     entries = [PriorEntry.model_validate(entry) for entry in file.value.get("priors") or ()]
-    if entries:
+    named = [(f"priors[{index}]", entry) for index, entry in enumerate(entries)]
+    fill = file.value.get("fill") or {}
+    named += [
+        (f"fill.{motion}", PriorEntry(bench=source))
+        for motion, source in fill.items()
+        if source.endswith(".json")
+    ]
+    if named:
         sources = []
-        for index, entry in enumerate(entries):
+        for field, entry in named:
             path = inside(folder, str(entry.bench or entry.campaign), file.path)
-            field = f"priors[{index}]"
             sources.append(prior_source(entry, path, named_in=file.path, field=field))
         by_schema[PRIORS] = {"sources": sources}
     return by_schema
@@ -191,7 +197,13 @@ def _shelf(file: YamlFile, folder: Path) -> dict[str, Vehicle]:
     """
     shipped = shelf_files()
     vehicles: dict[str, Vehicle] = {}
-    for index, name in enumerate(file.value.get("shelf") or ()):
+    names = {f"shelf[{index}]": name for index, name in enumerate(file.value.get("shelf") or ())}
+    names |= {
+        f"fill.{motion}": name
+        for motion, name in (file.value.get("fill") or {}).items()
+        if not name.endswith(".json")
+    }
+    for key_of, name in names.items():
         if name.endswith(".yaml"):
             paths = {Path(name).stem: inside(folder, name, file.path)}
         else:
@@ -200,7 +212,7 @@ def _shelf(file: YamlFile, folder: Path) -> dict[str, Vehicle]:
             raise CampaignError(
                 "not on the shelf",
                 file=file.path,
-                field=f"shelf[{index}]",
+                field=key_of,
                 value=name,
                 allowed=list(shipped),
                 remedy=nearest(name, shipped),
@@ -245,7 +257,7 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
         )
         return
     stages = kinds[manifest["kind"]]
-    for key, stage in (*DOCUMENTS.values(), ("priors", "synthesise")):
+    for key, stage in (*DOCUMENTS.values(), ("priors", "synthesise"), ("fill", "fit_axes")):
         if key in manifest and stage not in stages:
             having = [kind for kind, names in kinds.items() if stage in names]
             yield CampaignError(

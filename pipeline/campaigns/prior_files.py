@@ -15,7 +15,7 @@ from auvid.pipeline.campaigns.yaml_files import load_yaml
 
 NAMES = {f"{axis}_{term.replace('*', '')}": (axis, term) for axis in AXES for term in BASIS_TERMS}
 """Name of a coefficient -> axis and term: `X_u|u|`."""
-RESTING = ("at its bound", "from the prior")
+RESTING = ("at its bound", "from the prior", "from the shelf", "from a bench")
 """Verdicts of numbers that are not of that campaign's data."""
 
 

@@ -23,7 +23,13 @@ from auvid.data_schemas.records.model_file import (
     UseEntry,
     ValidationEntry,
 )
-from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, TermCard
+from auvid.data_schemas.records.models import (
+    MeritRecord,
+    ModelCard,
+    RankingRecord,
+    TermCard,
+    UsableFor,
+)
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -34,7 +40,7 @@ from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.model_file import dynamics_of, fitted_change, frames
 from auvid.hydro.partial_model import FROM_BENCH, FROM_SHELF, figures_in_unit
 from auvid.stages.base import Document
-from auvid.stages.model_use import recommendation, usable_for, use_words
+from auvid.stages.model_use import partial_words, recommendation, usable_for, use_words
 from auvid.stages.page.first_screen import ALL
 
 RMS = {
@@ -50,6 +56,15 @@ RESTS_ELSEWHERE = (AT_BOUND, FROM_PRIOR, FROM_SHELF, FROM_BENCH)
 
 def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard) -> UseEntry:
     """Return what a model may be used for; of the one to take in the report's words."""
+    if card.partial is not None:
+        sentence = f"{card.title}: {partial_words(card.partial, ranking.usable)}"
+        usable = ranking.usable or UsableFor(forces=[], simulation=[], control=[], speeds={})
+        return UseEntry(
+            recommended=card.name == ranking.choice,
+            sentence=sentence,
+            rule=ranking.rule,
+            axes=usable,
+        )
     judged = any(model.axes[ALL].validation is not None for model in ranking.models)
     recommended = card.name == ranking.choice
     usable = usable_for(merit, card) if merit is not None and judged else None

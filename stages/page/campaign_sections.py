@@ -162,8 +162,10 @@ def provenance_section(
     return section("Provenance", blocks, order=LAST)
 
 
-def vehicle_line(vehicle: Vehicle) -> str:
-    """Return the vehicle in one line: its title and mass."""
+def vehicle_line(vehicle: Vehicle, *, with_mass: bool = True) -> str:
+    """Return the vehicle in one line: its title, and its mass where it counts."""
+    if not with_mass:
+        return vehicle.title
     mass = vehicle.document.rigid_body.mass
     return f"{vehicle.title}, {mass.value:g} {mass.unit}{' (assumed)' if mass.assumed else ''}"
 

@@ -9,9 +9,10 @@ from typing import Any
 from auvid.data_schemas.documents.model import assumed_quantities
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
-from auvid.stages.page.first_screen import ALL, Summary
+from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Summary
 from auvid.stages.presentation import paste, section
 
 ORDER = 999
@@ -31,6 +32,10 @@ REFERENCES = {
     "Newey and West 1987": (
         "Newey, W. K., and West, K. D. A simple, positive semi-definite, heteroskedasticity and"
         " autocorrelation consistent covariance matrix. Econometrica 55 (1987), 703-708."
+    ),
+    "Bell and McCaffrey 2002": (
+        "Bell, R. M., and McCaffrey, D. F. Bias reduction in standard errors for linear regression"
+        " with multi-stage samples. Survey Methodology 28 (2002), 169-181."
     ),
     "Schwarz 1978": (
         "Schwarz, G. Estimating the dimension of a model. Annals of Statistics 6 (1978), 461-464."
@@ -55,6 +60,7 @@ ESTIMATION = {
     "error function": "by another error function than squares of equal weight",
     "output error": "by the output error method (maximum likelihood of the sensors)",
     "filter error": "by the filter error method (maximum likelihood of the sensors)",
+    "axes": "by output error over windows of single axes",
 }
 """Method of a model card -> words."""
 COLOURED = ("least squares", "within limits")
@@ -146,6 +152,8 @@ def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
                 + " and for the spread of assumed values of the vehicle" * spread
                 + "."
             )
+    for card in cards.values():
+        sentences += [] if card.partial is None else _parts(card.partial)
     chosen = next((item for item in summary.models if item.name == summary.recommended), None)
     if chosen is not None:
         merit = chosen.axes[ALL]
@@ -160,6 +168,37 @@ def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
             words += f", and {chosen.runs - chosen.lost} of {chosen.runs} free runs stayed bounded"
         sentences.append(f"{words}.")
         sentences += _limits_and_priors(next(c for c in cards.values() if c.name == chosen.name))
+    return sentences
+
+
+def _parts(part: PartialFigures) -> list[str]:
+    """Return which axes a partial model has, how they were judged, and its newtons."""
+    judged = [
+        f"{AXIS_WORDS[axis]} {item.held_out_percent:.0f} %"
+        for axis, item in part.axes.items()
+        if item.held_out_percent is not None
+    ]
+    sentences = []
+    if judged:
+        sentences.append(
+            "On windows that were held out the fit of the rate, 100 (1 - |error| / |departure from"
+            f" the mean|), is {', '.join(judged)}; intervals come from windows left out in turn"
+            " (Bell and McCaffrey 2002)."
+        )
+    sentences += [
+        f"Damping in {AXIS_WORDS[axis]} is not from these logs but from {item.name}."
+        for axis, item in part.axes.items()
+        if item.source != "fitted"
+    ]
+    if part.unit_of_mass is not None:
+        sentences.append(
+            "No force in newtons is known: all counts in the apparent inertia of"
+            f" {AXIS_WORDS[part.unit_of_mass]}, with the ratios of inertia of the vehicle file."
+        )
+    if part.scale is not None:
+        sentences.append(
+            f"Newtons follow from a {part.scale.source} in {AXIS_WORDS[part.scale.axis]}."
+        )
     return sentences
 
 

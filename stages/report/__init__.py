@@ -28,6 +28,7 @@ from auvid.stages.page.methods import methods_section
 from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.recording.identity import run_properties
 from auvid.stages.report.summary.answer_text import answer_text
+from auvid.stages.report.summary.axes_summary import summarise_axes
 from auvid.stages.report.summary.figure_summary import summarise_results
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
 
@@ -104,7 +105,7 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
     )
     return render(
         content.title,
-        vehicle_line(inputs.vehicle),
+        vehicle_line(inputs.vehicle, with_mass=not without_kilograms(inputs.model_card or {})),
         notes,
         content.summary,
         without_table_of(content.summary.recommended, content.sections),
@@ -142,7 +143,12 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
     sections["provenance"] = provenance_section(inputs.provenance, inputs.campaign, cards)
     if logs:
         sections["campaign"] = legs_section(segments, logs)
-    if results:
+    part = next((card for card in cards.values() if card.partial is not None), None)
+    if part is not None and inputs.ranking is not None:
+        summary = summarise_axes(
+            part, inputs.ranking, logs, sections, inputs.vehicle, inputs.shelf or {}
+        )
+    elif results:
         summary = summarise_results(results, logs, sections, inputs.vehicle.document)
     else:
         summary = summarise(
@@ -159,6 +165,12 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
         inputs.provenance, inputs.vehicle, segments, cards, summary
     )
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
+
+
+def without_kilograms(cards: Mapping[str, ModelCard]) -> bool:
+    """Return whether the models of a run have a unit of mass of their own."""
+    parts = [card.partial for card in cards.values()]
+    return any(part is not None and part.unit_of_mass is not None for part in parts)
 
 
 def finding_alerts(inputs: Inputs) -> tuple[Alert, ...]:

@@ -49,7 +49,9 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     ]
     single = [(axis, item) for axis, part in card.axes.items() for item in _identified(part)]
     constant = [
-        _figure(axis, item, _unit(axis, CONSTANT)) for axis, item in single if item.term == CONSTANT
+        _figure(axis, item, printed_unit(item.unit))
+        for axis, item in single
+        if item.term == CONSTANT
     ]
     if constant:
         entries.append(
@@ -107,7 +109,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
     Determined sums of such terms are included.
     """
     lines = [
-        _figure(_symbol(axis, item.term), item, _unit(axis, item.term))
+        _figure(_symbol(axis, item.term), item, printed_unit(item.unit))
         for item in _identified(part)
         if _own(axis, item.term)
     ]

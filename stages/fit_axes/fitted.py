@@ -1,0 +1,128 @@
+"""What the fits of single axes hand to card, section and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from auvid.data_schemas.records.models import VelocityRange
+from auvid.hydro.arrays import Array
+from auvid.hydro.axis_figures import AxisEquation
+from auvid.hydro.identification.axes.quantities import Quantity
+
+LackingVerdict = Literal["not observable", "not excited", "not commanded"]
+LagVerdict = Literal["identified", "weak", "assumed"]
+
+
+@dataclass(frozen=True)
+class HeldOutFit:
+    """Fit [%] of the rate on windows or a leg that the fit did not use."""
+
+    what: str
+    percent: float
+    windows: int
+
+
+@dataclass(frozen=True)
+class AxisMotion:
+    """An axis on one leg: clock (n,), its rate and depth as measured and as simulated.
+
+    nan outside the windows (first, last + 1).
+    """
+
+    axis: str
+    leg: str
+    t_s: Array
+    measured: Array
+    simulated: Array
+    windows: tuple[tuple[int, int], ...]
+    depth_measured: Array | None = None
+    depth_simulated: Array | None = None
+
+    @property
+    def longest_s(self) -> float:
+        """Return the length of the longest window."""
+        return max(float(self.t_s[last - 1] - self.t_s[first]) for first, last in self.windows)
+
+    def rms_errors(self) -> tuple[float, float]:
+        """Return RMS errors of the simulation, and of no change since a window's start."""
+        change = self.measured.copy()
+        for first, last in self.windows:
+            change[first:last] -= self.measured[first]
+        inside = np.isfinite(self.simulated) & np.isfinite(self.measured)
+        error = (self.simulated - self.measured)[inside]
+        return float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(change[inside] ** 2)))
+
+
+@dataclass(frozen=True)
+class FittedAxis:
+    """One axis: its equation of motion, how well it moves, what it was fitted to.
+
+    training_percent: fit [%] on its own windows. rate_rms, error_rms: of the windows.
+    speeds: range of the rate. warnings and notes are sentences.
+    """
+
+    equation: AxisEquation
+    held_out: tuple[HeldOutFit, ...]
+    training_percent: float
+    rate_rms: float
+    error_rms: float
+    speeds: VelocityRange
+    samples: int
+    windows: int
+    seconds: float
+    measured_by: str
+    lag_s: float
+    lag_error_s: float
+    lag_verdict: LagVerdict
+    dead_band: float = 0.0
+    curve: float = 1.0
+    inertia: str = "determined"
+    """What the fit says of 1 / c: given, determined, from the prior, not determined."""
+    quantities: tuple[Quantity, ...] = ()
+    """What needs no newtons."""
+    warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    per_leg: Mapping[str, tuple[float, int]] = field(default_factory=dict)
+    """Leg -> fit [%] on it by the pooled model, and its windows."""
+    motion: tuple[AxisMotion, ...] = ()
+
+    @property
+    def axis(self) -> str:
+        """Return its letter."""
+        return self.equation.axis
+
+    @property
+    def held_out_percent(self) -> float | None:
+        """Return the least fit on what was held out, None where nothing was."""
+        values = [item.percent for item in self.held_out]
+        return min(values) if values else None
+
+
+@dataclass(frozen=True)
+class Lacking:
+    """An axis that is not fitted, and why."""
+
+    axis: str
+    verdict: LackingVerdict
+    words: str
+
+
+@dataclass(frozen=True)
+class AxisFits:
+    """All that the logs say of the six axes; force in full commands where `normalised`.
+
+    full_force: axis -> force of a full command, measured [N, N m]. full_thrust: axis ->
+    force of a full command by that of one thruster [1, m], where their layout is known.
+    """
+
+    fitted: tuple[FittedAxis, ...]
+    lacking: tuple[Lacking, ...]
+    normalised: bool
+    full_force: Mapping[str, float]
+    full_thrust: Mapping[str, float]
+    force: str
+    legs: tuple[str, ...]

@@ -1,0 +1,223 @@
+"""What the report and the recording show of fitted axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.records.models import ModelCard
+from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
+from auvid.stages.columns import VELOCITY
+from auvid.stages.fit_axes.card import lacking_axis, words_of
+from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis
+from auvid.stages.number_format import significant
+from auvid.stages.page.first_screen import AXIS_WORDS
+from auvid.stages.presentation import (
+    Block,
+    degrees,
+    panel,
+    plot,
+    remark,
+    section,
+    series,
+    table,
+    text,
+    view,
+)
+
+ORDER = 50
+RATE_OF = dict(zip(AXES, VELOCITY, strict=True))
+"""Axis -> column of the velocity along it."""
+LOOK_FOR = (
+    "Held-out fits near those of training, dives that agree, and time constants with narrow"
+    " intervals. 100 % is the measured rate itself, 0 % its mean."
+)
+
+
+def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
+    """Return the section on fits, axes that are lacking, and what needs no newtons."""
+    blocks: list[Block] = [
+        text(
+            "Each axis is fitted by output error over windows: simulated from the measured"
+            f" state at the start of a window. Force: {fits.force}."
+        )
+    ]
+    warnings = [words for item in fits.fitted for words in item.warnings]
+    blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
+    blocks += _fit_tables(fits)
+    if fits.lacking:
+        rows = [
+            [words_of(item.axis), item.verdict, item.words, lacking_axis(item).remedy]
+            for item in fits.lacking
+        ]
+        blocks.append(table("Axes that are not fitted", ["axis", "why", "", "remedy"], rows))
+    blocks += _coefficients(card)
+    blocks += _free_of_newtons(card)
+    notes = [words for item in fits.fitted for words in item.notes]
+    blocks += [remark(words) for words in dict.fromkeys(notes)]
+    blocks += [item for fitted in fits.fitted for item in _plots(fitted)]
+    return section("Axes", blocks, order=ORDER, look_for=LOOK_FOR, is_open=True)
+
+
+def _fit_tables(fits: AxisFits) -> list[Block]:
+    heads: list[str | tuple[str, str]] = [
+        "axis",
+        ("held out", "%"),
+        ("training", "%"),
+        "windows",
+        ("length", "s"),
+        ("lag", "s"),
+        "measured by",
+        "held out are",
+    ]
+    rows = [
+        [
+            words_of(item.axis),
+            item.held_out_percent,
+            item.training_percent,
+            item.windows,
+            item.seconds,
+            item.lag_s,
+            item.measured_by,
+            "; ".join(f"{part.what} {part.percent:.0f} %" for part in item.held_out) or "nothing",
+        ]
+        for item in fits.fitted
+    ]
+    note = "Held out is the least of what was held out; the lag is fixed where it has no error."
+    blocks = [table("Fit of the rate, axis by axis", heads, rows, note=note)]
+    legs = [
+        [words_of(item.axis), leg, percent, windows]
+        for item in fits.fitted
+        for leg, (percent, windows) in item.per_leg.items()
+    ]
+    if len({row[1] for row in legs}) > 1:
+        blocks.append(table("Leg by leg", ["axis", "leg", ("fit", "%"), "windows"], legs))
+    return blocks
+
+
+def _coefficients(card: ModelCard) -> list[Block]:
+    rows = [
+        [
+            f"{axis}_{item.term.replace('*', '')}",
+            item.value,
+            None if item.standard_error is None else NORMAL_95 * item.standard_error,
+            item.unit,
+            item.verdict,
+            item.source or "these logs",
+        ]
+        for axis, part in card.axes.items()
+        for item in part.terms
+    ]
+    heads = ["coefficient", "value", "± 95 % by noise", "unit", "verdict", "from"]
+    block = table("Coefficients", heads, rows) | {"coefficients_of": card.name}
+    inertia = [
+        [
+            f"{AXIS_WORDS[item.name[0]]} inertia",
+            item.value,
+            NORMAL_95 * item.standard_error,
+            item.unit,
+            item.in_vehicle_file,
+            item.verdict,
+        ]
+        for item in card.inertia
+    ]
+    blocks = [block] if rows else []
+    if inertia:
+        heads = ["apparent inertia", "value", "± 95 % by noise", "unit", "vehicle file", "verdict"]
+        blocks.append(table("Inertia that the logs give", heads, inertia))
+    return blocks
+
+
+def _free_of_newtons(card: ModelCard) -> list[Block]:
+    part = card.partial
+    if part is None or not part.without_newtons:
+        return []
+    rows = [
+        [words_of(item.axis), item.quantity, item.value, *_ends(item), item.unit, item.verdict]
+        for item in part.without_newtons
+    ]
+    heads = ["axis", "figure", "value", "from", "to", "unit", "verdict"]
+    note = "95 % intervals. These hold whatever the thrust in newtons is."
+    blocks = [table("What needs no newtons", heads, rows, note=note)]
+    if part.unit_of_mass is not None:
+        blocks.append(
+            remark(
+                "There are no newtons in these logs: coefficients count in the apparent inertia of"
+                f" {words_of(part.unit_of_mass)}. One bollard pull (`actuators: {{commands:"
+                " {full_force: ...}}` of the vehicle file) or a measured mass (`fit_axes:"
+                " {newtons_from: mass}`) turns all of it into newtons."
+            )
+        )
+    if part.scale is not None:
+        scale = part.scale
+        unit = {"bollard pull": "N", "mass": "kg"}[scale.source]
+        error = f" ± {100 * NORMAL_95 * scale.relative_sd:.2g} %" if scale.relative_sd else ""
+        blocks.append(
+            remark(
+                f"Newtons follow from a {scale.source} on {words_of(scale.axis)}:"
+                f" {significant(scale.value, 4)} {unit}{error}; its error is in every interval."
+            )
+        )
+    return blocks
+
+
+def _ends(item: Any) -> Sequence[float | None]:
+    return (None, None) if item.interval_95 is None else item.interval_95
+
+
+def _plots(item: FittedAxis) -> list[Block]:
+    factor, unit = degrees("m/s" if item.axis in "XYZ" else "rad/s")
+    return [
+        plot(
+            f"{AXIS_WORDS[item.axis].capitalize()}, leg {motion.leg}",
+            [
+                panel(
+                    item.equation.speed,
+                    unit,
+                    [
+                        series("measured", motion.t_s, factor * motion.measured, "measured"),
+                        series("simulated", motion.t_s, factor * motion.simulated, "predicted"),
+                    ],
+                )
+            ],
+            group=motion.leg,
+        )
+        for motion in item.motion
+        if np.isfinite(motion.simulated).any()
+    ]
+
+
+def fit_views(motions: Mapping[str, Sequence[AxisMotion]], axes: Sequence[str]) -> dict[str, Any]:
+    """Return views: measured against simulated rates and depth, leg by leg."""
+    groups = []
+    for leg, parts in motions.items():
+        where = f"axis_motion/{leg}"
+        for axis in axes:
+            for role in ("measured", "simulated"):
+                column = f"{role}_{RATE_OF[axis]}"
+                groups.append(
+                    view(
+                        f"axes/{leg}/{AXIS_WORDS[axis]}/{role}",
+                        where,
+                        [column],
+                        ["measured" if role == "measured" else "predicted"],
+                        tab="Axes",
+                        names=[role],
+                    )
+                )
+        if any(part.depth_simulated is not None for part in parts):
+            groups += [
+                view(
+                    f"axes/{leg}/depth/{role}",
+                    where,
+                    [f"{role}_depth_m"],
+                    ["measured" if role == "measured" else "predicted"],
+                    tab="Axes",
+                    names=[role],
+                )
+                for role in ("measured", "simulated")
+            ]
+    return {"groups": groups}

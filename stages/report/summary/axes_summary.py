@@ -1,0 +1,190 @@
+"""First screen of a campaign of axes: what they are good for, what is lacking and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard, RankingRecord, UsableFor
+from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.base import Document
+from auvid.stages.model_use import FITTED, axes_listed, partial_words
+from auvid.stages.number_format import estimate, printed_unit, significant, true_minus
+from auvid.stages.page.first_screen import (
+    AXIS_WORDS,
+    Alert,
+    Fact,
+    Figure,
+    Level,
+    Summary,
+    Use,
+    anchor,
+)
+from auvid.stages.presentation import degrees
+from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
+from auvid.stages.report.summary.coefficient_text import findings
+from auvid.stages.report.summary.model_summary import assumed_figures, plural, warned
+
+PLACE = anchor("fit_axes")
+GOOD_PERCENT = 60.0
+"""Least held-out fit of all simulated axes of a campaign that is called good."""
+
+
+def summarise_axes(
+    card: ModelCard,
+    ranking: RankingRecord,
+    logs: Mapping[str, LogInfo],
+    sections: Mapping[str, Document],
+    vehicle: Vehicle,
+    shelf: Mapping[str, Vehicle],
+) -> Summary:
+    """Return the summary of a campaign of axes."""
+    part = card.partial
+    assert part is not None
+    usable = ranking.usable
+    words = partial_words(part, usable)
+    fits = {
+        axis: item.held_out_percent
+        for axis, item in part.axes.items()
+        if item.held_out_percent is not None
+    }
+    simulated = [] if usable is None else [fits[axis] for axis in usable.simulation]
+    level: Level = "poor"
+    if simulated:
+        level = "good" if min(simulated) >= GOOD_PERCENT else "fair"
+    return Summary(
+        level=level,
+        headline=words[:1].upper() + words[1:].partition(";")[0],
+        explanation=_explanation(part, fits, words),
+        recommended=ranking.choice,
+        judged_on="validation",
+        facts=_facts(part, logs, card),
+        models=(),
+        identified=findings(card),
+        missing=(*_missing(part), *_damaged(logs), *_assumed(part, vehicle)),
+        warnings=warned(sections),
+        figures=tuple(_figure(item) for item in part.without_newtons),
+        uses=_uses(part, usable),
+        rule=f"Judged by {ranking.rule}.",
+        coefficients=coefficient_rows(card, vehicle, shelf),
+        assumed_most=assumed_most(card),
+    )
+
+
+def _explanation(part: PartialFigures, fits: Mapping[str, float], words: str) -> str:
+    judged = [f"{AXIS_WORDS[axis]} {fit:.0f} %" for axis, fit in fits.items()]
+    sentences = []
+    if judged:
+        sentences.append(
+            f"Fit of the rate on what was held out: {', '.join(judged)} (100 % is the measured"
+            " rate, 0 % its mean)."
+        )
+    rest = words.partition("; ")[2]
+    if rest:
+        sentences.append(f"{rest[:1].upper()}{rest[1:]}.")
+    if part.unit_of_mass is not None:
+        sentences.append(
+            "There are no newtons: all counts in the apparent inertia of"
+            f" {AXIS_WORDS[part.unit_of_mass]}."
+        )
+    return " ".join(sentences)
+
+
+def _facts(part: PartialFigures, logs: Mapping[str, LogInfo], card: ModelCard) -> tuple[Fact, ...]:
+    facts = [
+        Fact(
+            f"{AXIS_WORDS[axis]}, held out",
+            "not judged" if item.held_out_percent is None else f"{item.held_out_percent:.0f} %",
+            item.name,
+        )
+        for axis, item in part.axes.items()
+        if item.source == FITTED
+    ]
+    terms = [item for axis in card.axes.values() for item in axis.terms if item.term != "constant"]
+    own = [item for item in terms if item.source is None]
+    identified = sum(item.verdict == "identified" for item in own)
+    facts.append(Fact("coefficients identified", f"{identified} of {len(own)}", "by these logs"))
+    complete = [item for item in logs.values() if item.status == "complete"]
+    count = sum(len(item.files) for item in logs.values())
+    facts.append(Fact("logs complete", f"{len(complete)} of {len(logs)}", plural(count, "file")))
+    return tuple(facts)
+
+
+def _missing(part: PartialFigures) -> list[Alert]:
+    """Return which axes are lacking and what would give them, one alert per remedy."""
+    by_remedy: dict[tuple[str, str], list[str]] = {}
+    for axis, item in part.lacking.items():
+        by_remedy.setdefault((item.verdict, item.remedy), []).append(axis)
+    alerts = [
+        Alert(f"{axes_listed(axes).capitalize()}: {verdict}. {remedy}", PLACE)
+        for (verdict, remedy), axes in by_remedy.items()
+    ]
+    alerts += [
+        Alert(
+            f"{AXIS_WORDS[axis].capitalize()} is not from these logs: {item.name}; nothing here"
+            " judges it.",
+            PLACE,
+        )
+        for axis, item in part.axes.items()
+        if item.source != FITTED
+    ]
+    if part.unit_of_mass is not None:
+        alerts.append(
+            Alert(
+                "No newtons: one bollard pull or a measured mass gives them. What needs none"
+                " stands below.",
+                PLACE,
+            )
+        )
+    return alerts
+
+
+def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:
+    return [
+        Alert(f"Log {name} is {log.status}.", anchor("ingest", name))
+        for name, log in logs.items()
+        if log.status != "complete"
+    ]
+
+
+def _assumed(part: PartialFigures, vehicle: Vehicle) -> tuple[Alert, ...]:
+    return assumed_figures(vehicle.document) if part.unit_of_mass is None else ()
+
+
+def _uses(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
+    if usable is None:
+        return ()
+    lacking = f"{axes_listed(list(part.lacking))} stay as they are" if part.lacking else ""
+    uses = [
+        Use("Simulation", axes_listed(usable.simulation), lacking),
+        Use(
+            "Control design",
+            axes_listed(usable.control) if usable.control else "no axis",
+            "damping identified and a held-out fit of half or more",
+        ),
+    ]
+    parts = []
+    for name, speed in usable.speeds.items():
+        factor, unit = degrees("m/s" if name in "uvw" else "rad/s")
+        parts.append(f"{name} {factor * speed.low:.2g} to {factor * speed.high:.2g} {unit}")
+    uses.append(Use("Within", "", true_minus(f"{', '.join(parts)}: where the windows went")))
+    return tuple(uses)
+
+
+def _figure(item: MassFreeFigure) -> Figure:
+    """Return a figure that needs no newtons, angles in degrees but for damping."""
+    ends = item.interval_95
+    half = None if ends is None else (ends[1] - ends[0]) / 2.0
+    unit = printed_unit(item.unit)
+    interval = ""
+    if ends is not None:
+        interval = f"{significant(ends[0])} to {significant(ends[1])}"
+    return Figure(
+        AXIS_WORDS[item.axis],
+        item.quantity,
+        true_minus(f"{estimate(item.value, half).partition(' ±')[0]} {unit}"),
+        true_minus(interval),
+        item.verdict,
+        "",
+    )
