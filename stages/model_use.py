@@ -129,11 +129,14 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
         words = "use it for nothing"
     else:
         words = f"use it to simulate {axes_listed(usable.simulation)} only"
-    judged = [] if usable is None else usable.simulation
+    judged = [*TILTS] if usable is None else [*usable.simulation, *TILTS]
     fitted = [axis for axis, item in part.axes.items() if item.source == FITTED]
     weak = [axis for axis in fitted if axis not in judged]
     if weak:
         words += f"; {axes_listed(weak)} {'is' if len(weak) == 1 else 'are'} too weak"
+    tilts = [axis for axis in TILTS if axis in fitted]
+    if tilts:
+        words += f"; {axes_listed(tilts)} with the righting moment of the vehicle file, not judged"
     filled = [axis for axis, item in part.axes.items() if item.source != FITTED]
     if filled:
         words += f"; {axes_listed(filled)} from elsewhere, not judged"

@@ -155,7 +155,7 @@ def _fit_table(fits: AxisFits) -> pa.Table:
             ),
         )
     ]
-    heads = ("axis", "on", "windows", "fit_percent")
+    heads = ("axis", "judged_on", "windows", "fit_percent")
     return make_table(
         "axis_fit", {head: [row[place] for row in rows] for place, head in enumerate(heads)}
     )

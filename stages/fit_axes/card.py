@@ -32,17 +32,16 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisForces
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia, unit_in
 from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.fit_axes.filling import FilledAxis
-from auvid.stages.fit_axes.fitted import AxisFits, FittedAxis, Lacking
+from auvid.stages.fit_axes.fitted import SIMULATED_PERCENT, AxisFits, FittedAxis, Lacking
 from auvid.stages.fit_axes.scaling import ScaledAxes
+from auvid.stages.model_use import TILTS
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS
 
 NAME, TITLE = "axes", "Axes of the log"
-SIMULATED_PERCENT = 30.0
-"""Held-out fit from which on an axis is good for simulation; a constant has 0."""
 CONTROL_PERCENT = 50.0
 """Held-out fit from which on it is good for the design of a controller."""
 REMEDIES = {
@@ -147,6 +146,11 @@ def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
         if not np.isfinite(quantity.value) or (full and not normalised):
             continue
         terms = _terms_in(quantity.name, item.equation.names)
+        acting = [name for name in terms if item.equation.value(name) != 0.0]
+        if not acting or (
+            len(acting) < len(terms) and quantity.name.startswith("time constant at")
+        ):
+            continue  # 0 at its bound, or what the time constant from rest says already
         figures.append(
             MassFreeFigure.model_validate(
                 {
@@ -155,7 +159,7 @@ def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
                     "value": quantity.value,
                     "unit": quantity.unit,
                     "interval_95": [quantity.low, quantity.high],
-                    "verdict": _worst([item.equation.verdicts[name] for name in terms]),
+                    "verdict": _worst([item.verdict(name) for name in acting]),
                 }
             )
         )
@@ -204,9 +208,15 @@ def ranking(card: ModelCard, fits: AxisFits) -> RankingRecord:
 
 
 def usable_for(card: ModelCard) -> UsableFor:
-    """Return which axes simulate, and which are good enough for a controller."""
+    """Return which axes simulate, and which are good enough for a controller.
+
+    Not roll and pitch: the file has the righting moment of the vehicle file, not the fitted
+    one.
+    """
     assert card.partial is not None
-    fit = {axis: item.held_out_percent for axis, item in card.partial.axes.items()}
+    fit = {
+        axis: item.held_out_percent for axis, item in card.partial.axes.items() if axis not in TILTS
+    }
 
     def above(limit: float) -> list[str]:
         return [axis for axis, value in fit.items() if value is not None and value >= limit]
@@ -297,7 +307,7 @@ def _term(
         unit=_unit(axis, name, scaled),
         value=value,
         standard_error=error or None,
-        verdict=cast(Verdict, item.equation.verdicts[name]),
+        verdict=cast(Verdict, item.verdict(name)),
         assumed_shifts=(
             {"thrust": spread * abs(value)} if spread is not None and in_newtons else {}
         ),
@@ -354,11 +364,15 @@ def _inertias(
                     "lag_s": item.lag_s,
                     "lag_error_s": item.lag_error_s,
                     "correlation": 0.0,
-                    "verdict": "identified" if item.inertia == "determined" else "weak",
+                    "verdict": _inertia_verdict(item),
                 }
             )
         )
     return cards
+
+
+def _inertia_verdict(item: FittedAxis) -> str:
+    return IDENTIFIED if item.inertia == "determined" and item.predicts else WEAK
 
 
 def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
@@ -378,7 +392,7 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
                     "interval_95": _interval(value, error),
                     "dead_band": item.dead_band,
                     "curve": item.curve,
-                    "verdict": item.equation.verdicts[FORCE],
+                    "verdict": item.verdict(FORCE),
                 }
             )
         )

@@ -12,9 +12,16 @@ from auvid.data_schemas.records.models import VelocityRange
 from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.quantities import Quantity
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
 
 LackingVerdict = Literal["not observable", "not excited", "not commanded"]
 LagVerdict = Literal["identified", "weak", "assumed"]
+
+
+SIMULATED_PERCENT = 30.0
+"""Held-out fit from which on an axis is good for simulation; a constant has 0. Below, its
+coefficients are weak at best, whatever their errors.
+"""
 
 
 @dataclass(frozen=True)
@@ -100,6 +107,20 @@ class FittedAxis:
         """Return the least fit on what was held out, None where nothing was."""
         values = [item.percent for item in self.held_out]
         return min(values) if values else None
+
+    @property
+    def predicts(self) -> bool:
+        """Return whether it moves as measured where it was not fitted."""
+        return (self.held_out_percent or 0.0) >= SIMULATED_PERCENT
+
+    def verdict(self, name: str) -> str:
+        """Return the verdict on a term.
+
+        Weak at best where the axis does not predict, or the interval by few windows is wide.
+        """
+        word = self.equation.verdicts[name]
+        clear = abs(self.equation.value(name)) >= T_LIMIT * self.equation.error(name)
+        return word if word != IDENTIFIED or (self.predicts and clear) else WEAK
 
 
 @dataclass(frozen=True)

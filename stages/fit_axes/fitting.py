@@ -9,7 +9,7 @@ import numpy as np
 
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.models import VelocityRange
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle

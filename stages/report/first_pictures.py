@@ -16,7 +16,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix, split_by
 from auvid.hydro.arrays import AXES, Array
-from auvid.stages.columns import AXIS_UNITS, FINS, POSITION, force_columns
+from auvid.stages.columns import AXIS_UNITS, FINS, POSITION, VELOCITY, force_columns
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
 from auvid.stages.page.pictures.answer_picture import ForceCloud, answer_picture, cloud_picture
 from auvid.stages.page.pictures.dive_picture import (
@@ -27,6 +27,7 @@ from auvid.stages.page.pictures.dive_picture import (
 )
 from auvid.stages.page.pictures.drawing import CurveRow, SignalCurve, Span
 from auvid.stages.page.pictures.signal_picture import signal_picture
+from auvid.stages.presentation import degrees
 from auvid.stages.report.clock import Clock, make_clock
 
 Tables = Mapping[str, pa.Table]
@@ -60,7 +61,10 @@ def first_pictures(
     channels = [name for name, parts in by_port.items() if parts[-1] == "channel_run"]
     swings = [name for name, parts in by_port.items() if parts[-1] in ("decays", "swings")]
     flights = [name for name, parts in by_port.items() if "flights" in parts]
+    motions = [name for name, parts in by_port.items() if "axis_motion" in parts]
     drawings: list[Markup] = []
+    if motions:
+        drawings += _axes({name.split("/")[-1]: tables[name] for name in motions})
     if channels:
         drawings += _channels({name.split("/")[-2]: tables[name] for name in channels})
     if swings:
@@ -254,6 +258,35 @@ def _channels(runs: Tables) -> tuple[Markup, ...]:
         rows.append((CurveRow(label, "", curves), span))
         clouds.append(ForceCloud(leg, "", measured, simulated))
     return _bench_pictures("Measured and simulated", "runs", len(runs), rows, clouds)
+
+
+def _axes(motions: Tables) -> tuple[Markup, ...]:
+    """Return measured and simulated rates over windows, of the legs with the most of them."""
+    rows: list[tuple[CurveRow, Span]] = []
+    clouds = []
+    by_length = sorted(motions.items(), key=lambda item: -item[1].num_rows)
+    for leg, table in by_length:
+        times = 1e-6 * column(table, "t_us")
+        times = times - times[0]
+        for axis, name in zip(AXES, VELOCITY, strict=True):
+            simulated = column(table, f"simulated_{name}")
+            if not np.isfinite(simulated).any() or len(rows) == MOST_ROWS:
+                continue
+            factor, unit = degrees("rad/s" if name.endswith("rad_s") else "m/s")
+            measured = factor * column(table, f"measured_{name}")
+            curves = (
+                SignalCurve("measured", times, measured),
+                SignalCurve("predicted", times, factor * simulated),
+            )
+            label = f"{AXIS_WORDS[axis]}, leg {leg}"
+            rows.append((CurveRow(label, unit, curves), (float(times[0]), float(times[-1]))))
+            clouds.append(ForceCloud(label, unit, measured, factor * simulated))
+    count = sum(
+        np.isfinite(column(table, f"simulated_{name}")).any()
+        for table in motions.values()
+        for name in VELOCITY
+    )
+    return _bench_pictures("Measured and simulated, window by window", "axes", count, rows, clouds)
 
 
 def _bench_pictures(

@@ -28,7 +28,7 @@ from auvid.stages.report.summary.model_summary import assumed_figures, plural, w
 
 PLACE = anchor("fit_axes")
 GOOD_PERCENT = 60.0
-"""Least held-out fit of all simulated axes of a campaign that is called good."""
+"""Least held-out fit of all fitted axes of a campaign that is called good."""
 
 
 def summarise_axes(
@@ -49,10 +49,9 @@ def summarise_axes(
         for axis, item in part.axes.items()
         if item.held_out_percent is not None
     }
-    simulated = [] if usable is None else [fits[axis] for axis in usable.simulation]
     level: Level = "poor"
-    if simulated:
-        level = "good" if min(simulated) >= GOOD_PERCENT else "fair"
+    if usable is not None:
+        level = "good" if fits and min(fits.values()) >= GOOD_PERCENT else "fair"
     return Summary(
         level=level,
         headline=words[:1].upper() + words[1:].partition(";")[0],
@@ -155,7 +154,9 @@ def _assumed(part: PartialFigures, vehicle: Vehicle) -> tuple[Alert, ...]:
 def _uses(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
     if usable is None:
         return ()
-    lacking = f"{axes_listed(list(part.lacking))} stay as they are" if part.lacking else ""
+    lacking = "no axis is lacking"
+    if part.lacking:
+        lacking = f"{axes_listed(list(part.lacking))} held as at the start"
     uses = [
         Use("Simulation", axes_listed(usable.simulation), lacking),
         Use(
@@ -167,7 +168,8 @@ def _uses(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
     parts = []
     for name, speed in usable.speeds.items():
         factor, unit = degrees("m/s" if name in "uvw" else "rad/s")
-        parts.append(f"{name} {factor * speed.low:.2g} to {factor * speed.high:.2g} {unit}")
+        low, high = (significant(factor * end, 2) for end in (speed.low, speed.high))
+        parts.append(f"{name} {low} to {high} {unit}")
     uses.append(Use("Within", "", true_minus(f"{', '.join(parts)}: where the windows went")))
     return tuple(uses)
 
