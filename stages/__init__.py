@@ -84,6 +84,7 @@ KINDS: dict[str, tuple[str, ...]] = {
         "check_truth",
         "report",
     ),
+    "axes": ("ingest", "axis_record", "fit_axes", "model_file", "report"),
     "bench": ("ingest", "pipendulum", "rlse", "check_published", "report"),
     "bench_twin": ("simulate", "ingest", "pipendulum", "rlse", "check_published", "report"),
     "glide": ("ingest", "glide", "check_published", "report"),

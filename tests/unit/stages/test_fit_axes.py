@@ -1,0 +1,220 @@
+"""Fitted axes as cards, model files and figures: in newtons, in shares, filled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import auvid
+from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.models import ModelCard
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.model_file import vehicle_of
+from auvid.hydro.partial_model import apparent_inertia
+from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
+from auvid.stages.fit_axes.card import model_card, ranking
+from auvid.stages.fit_axes.filling import FillSources, filled_axes
+from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit
+from auvid.stages.fit_axes.fitting import FitOptions, fit_all
+from auvid.stages.fit_axes.presentation import fit_section
+from auvid.stages.fit_axes.scaling import scaled
+from auvid.stages.model_file.contents import model_document, use_entry
+from tests.support.axis_twin import FULL, TRUTH, leg
+from tests.support.motions import shipped_vehicle as vehicle
+
+PROVENANCE: dict[str, Any] = {"logs": {}, "vehicle": "0", "stages": {}, "packages": {}}
+FREE = FitOptions(given_inertia=(), fit_lag=False)
+
+
+@cache
+def fits(normalised: bool) -> AxisFits:
+    """Return the fits of two legs and of a validation leg."""
+    legs = {
+        "one": leg(normalised=normalised),
+        "two": leg(normalised=normalised, seed=2),
+        "check": leg(normalised=normalised, seed=3, use="validation"),
+    }
+    return fit_all(legs, vehicle("bluerov2_heavy"), FREE)
+
+
+def card_of(fitted: AxisFits, body: Vehicle, fill: dict[str, str] | None = None) -> ModelCard:
+    forces = scaled(fitted, body, by="pull")
+    sets = {key: load_published(path, named_in="a test") for key, path in shelf_files().items()}
+    filled = filled_axes(
+        fill or {},
+        FillSources(sets, {}),
+        fitted=[item.axis for item in fitted.fitted],
+        vehicle=body,
+        unit_of_mass=forces.unit_of_mass,
+    )
+    return model_card(fitted, forces, filled, body)
+
+
+def file_of(card: ModelCard, fitted: AxisFits, body: Vehicle) -> ModelFile:
+    ranked = ranking(card, fitted)
+    return model_document(
+        card,
+        body,
+        use=use_entry(ranked, ranked.models[0], card),
+        merit=ranked.models[0],
+        free_runs=[],
+        title="twin",
+        provenance=PROVENANCE,
+        minimum_speed_m_s=0.05,
+    )
+
+
+def values(card: ModelCard, axis: str) -> dict[str, float]:
+    return {item.term: item.value or 0.0 for item in card.axes[axis].terms}
+
+
+def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
+    body, fitted = vehicle("bluerov2_heavy"), fits(False)
+    card = card_of(fitted, body)
+    for axis, (linear, quadratic, inertia) in TRUTH.items():
+        x = {"Z": "w", "N": "r"}[axis]
+        found = values(card, axis)
+        assert found[x] == pytest.approx(linear, rel=0.08)
+        assert found[f"{x}*|{x}|"] == pytest.approx(quadratic, rel=0.12)
+        item = next(item for item in card.inertia if item.name[0] == axis)
+        assert item.value == pytest.approx(inertia, rel=0.04)
+    held = {item.axis: item.held_out_percent for item in fitted.fitted}
+    assert min(filter(None, held.values())) > 90.0
+    assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)
+
+
+def test_what_is_lacking_has_its_reason() -> None:
+    lacking = {item.axis: item.verdict for item in fits(False).lacking}
+    assert lacking == {
+        "X": "not observable",
+        "Y": "not observable",
+        "K": "not commanded",
+        "M": "not commanded",
+    }
+
+
+def test_the_file_simulates_what_was_fitted() -> None:
+    """A step of 20 N down settles where damping balances it."""
+    body = vehicle("bluerov2_heavy")
+    model = auvid.Model(file_of(card_of(fits(False), body), fits(False), body))
+    assert model.axes == ("Z", "N")
+    assert model.recommended
+    assert "heave and yaw only" in model.use
+    time = np.arange(0.0, 30.0, 0.02)
+    motion = model.simulate(time, [0, 0, 20.0, 0, 0, 0])
+    linear, quadratic, _ = TRUTH["Z"]
+    speed = motion["w_m_s"].iloc[-1]
+    # Net weight of the vehicle file is in d, which the twin does not have.
+    assert -linear * speed - quadratic * speed**2 == pytest.approx(20.0, rel=0.05)
+
+
+def test_without_newtons_nothing_is_in_newtons() -> None:
+    body, fitted = vehicle("bluerov2_heavy"), fits(True)
+    card = card_of(fitted, body)
+    part = card.partial
+    assert part is not None
+    assert part.unit_of_mass == "Z"
+    assert card.inertia == []
+    units = [item.unit for axis in card.axes.values() for item in axis.terms]
+    units += [item.unit for item in part.without_newtons] + [item.unit for item in part.gains]
+    assert not any("N" in unit or "kg" in unit for unit in units)
+    words = str(fit_section(fitted, card))
+    assert " N s" not in words
+    assert " kg" not in words
+    linear, _, inertia = TRUTH["Z"]
+    assert values(card, "Z")["w"] == pytest.approx(linear / inertia, rel=0.08)
+    steady = next(item for item in part.without_newtons if "steady" in item.quantity)
+    found = -TRUTH["Z"][0] * steady.value - TRUTH["Z"][1] * steady.value**2
+    assert found == pytest.approx(FULL["Z"], rel=0.04)
+
+
+@pytest.mark.parametrize("tied", [False, True])
+def test_one_bollard_pull_turns_all_into_newtons(tied: bool) -> None:
+    """Coefficients as with newtons to 1 %, and the error of the pull in the intervals."""
+    body = replace(vehicle("bluerov2_heavy"), spreads={"thrust": 0.1})
+    pulled = replace(
+        fits(True),
+        full_force={"Z": FULL["Z"]},
+        full_thrust={"Z": FULL["Z"], "N": FULL["N"]} if tied else {},
+    )
+    card, truth = card_of(pulled, body), card_of(fits(False), body)
+    for axis in "ZN" if tied else "Z":
+        for term, value in values(truth, axis).items():
+            if term != "constant":
+                assert values(card, axis)[term] == pytest.approx(value, rel=0.01)
+    heave = card.axes["Z"].terms[0]
+    assert heave.standard_error is not None
+    assert heave.standard_error > 0.1 * abs(heave.value or 0.0)
+    assert heave.unit == "N s/m"
+    assert card.partial is not None
+    assert card.partial.scale is not None
+    assert card.partial.scale.value == FULL["Z"]
+    vehicle_of(file_of(card, pulled, body))  # dynamics follow from vehicle and inertia
+
+
+def test_a_normalised_file_moves_as_the_one_in_newtons() -> None:
+    body = vehicle("bluerov2_heavy")
+    time = np.arange(0.0, 20.0, 0.02)
+    command = np.where(time > 5.0, 0.3, -0.2)
+    tau = np.zeros((len(time), 6))
+    tau[:, 2] = FULL["Z"] * command
+    one = auvid.Model(file_of(card_of(fits(False), body), fits(False), body)).simulate(time, tau)
+    other = auvid.Model(file_of(card_of(fits(True), body), fits(True), body)).simulate(
+        time, commands={"Z": command}
+    )
+    np.testing.assert_allclose(other["w_m_s"], one["w_m_s"], atol=0.01)
+
+
+def test_axes_from_the_shelf_are_marked() -> None:
+    body, fitted = vehicle("bluerov2_heavy"), fits(False)
+    card = card_of(fitted, body, {"surge": "bluerov2_wu_2018", "heave": "bluerov2_wu_2018"})
+    surge = card.axes["X"].terms
+    assert {item.verdict for item in surge} == {"from the shelf"}
+    assert all("bluerov2_wu_2018" in (item.source or "") for item in surge)
+    assert {item.verdict for item in card.axes["Z"].terms} != {"from the shelf"}  # the logs' own
+    file = file_of(card, fitted, body)
+    assert auvid.Model(file).axes == ("X", "Z", "N")
+    entry = next(item for item in file.coefficients if item.axis == "X")
+    assert not entry.determined
+    assert entry.source is not None
+    assert "surge from elsewhere" in file.use.sentence
+
+
+def test_a_filled_axis_without_newtons_keeps_damping_over_inertia() -> None:
+    body = vehicle("bluerov2_heavy")
+    card = card_of(fits(True), body, {"surge": "bluerov2_wu_2018"})
+    other = load_published(shelf_files()["bluerov2_wu_2018"], named_in="a test")
+    term = card.axes["X"].terms[0]
+    published = other.published[f"X_{term.term.replace('*', '')}"].value
+    ratio = apparent_inertia(body, "X") / apparent_inertia(body, "Z")
+    assert term.value == pytest.approx(published / apparent_inertia(other, "X") * ratio)
+
+
+def test_a_source_without_the_axis_is_refused() -> None:
+    body = vehicle("bluerov2_heavy")
+    bare = replace(body, published={})
+    with pytest.raises(CampaignError, match="has no damping in sway"):
+        filled_axes(
+            {"sway": "bare"}, FillSources({"bare": bare}, {}), fitted=(), vehicle=body,
+            unit_of_mass=None,
+        )  # fmt: skip
+
+
+def test_what_does_not_predict_is_weak_and_for_nothing() -> None:
+    body = vehicle("bluerov2_heavy")
+    bad = tuple(
+        replace(item, held_out=(HeldOutFit("even windows", 12.0, 3),))
+        for item in fits(False).fitted
+    )
+    fitted = replace(fits(False), fitted=bad)
+    card = card_of(fitted, body)
+    assert "identified" not in {t.verdict for axis in card.axes.values() for t in axis.terms}
+    assert ranking(card, fitted).choice is None
+    file = file_of(card, fitted, body)
+    assert not file.use.recommended
+    assert "use it for nothing" in file.use.sentence
