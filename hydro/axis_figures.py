@@ -63,7 +63,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class AxisForces:
-    """Terms of an axis as forces: values (t,), covariance (t, t), inertia with its error.
+    """Terms of an axis as forces: values (t,), covariance (t, t), apparent inertia.
 
     `force` among the names is the force of F = 1: 1 where F is in newtons.
     """

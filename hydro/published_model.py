@@ -12,13 +12,13 @@ from auvid.data_schemas.records.model_file import (
     AS_PUBLISHED,
     FORMAT,
     PUBLISHED,
-    Axis,
     CoefficientEntry,
     Factor,
     ModelFile,
     OriginEntry,
     UseEntry,
 )
+from auvid.data_schemas.records.partial import Axis
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit

@@ -167,7 +167,7 @@ def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
 
 
 def _terms_in(quantity: str, names: Sequence[str]) -> Sequence[str]:
-    """Return the terms that a quantity follows from, of own, own|own|, force, constant."""
+    """Return the terms that a quantity follows from."""
     own, square, force = names[:3]
     if quantity == "full command/M":
         return (force,)
@@ -243,8 +243,8 @@ def _merits(card: ModelCard, fits: AxisFits) -> dict[str, AxisMerit]:
     merits = {}
     for axis, part in card.axes.items():
         item = by_axis.get(axis)
-        held = None if item is None else item.held_out_percent
-        error = None if held is None else 1.0 - held / 100.0
+        fit = None if item is None else item.held_out_percent
+        error = None if fit is None else 1.0 - fit / 100.0
         merits[axis] = AxisMerit(
             validation=error,
             training=None if item is None else 1.0 - item.training_percent / 100.0,
@@ -315,7 +315,7 @@ def _term(
 
 
 def _net_weight(axis: str, scaled: ScaledAxes, vehicle: Vehicle) -> float:
-    """Return what weight less buoyancy gives on an axis when level, in the unit of force."""
+    """Return weight less buoyancy on an axis when level, in the unit of force."""
     if axis != "Z":
         return 0.0
     unit = scaled.unit_of_mass

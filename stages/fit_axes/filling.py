@@ -1,4 +1,4 @@
-"""Axes that the logs do not give, from published sets or from a bench, marked as such."""
+"""Axes that the logs do not give, from published sets or a bench, and marked so."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class FilledAxis:
 
 @dataclass(frozen=True)
 class FillSources:
-    """What the campaign names under `fill`, read: published sets and benches by name."""
+    """Published sets and benches that the campaign names under `fill`, by name."""
 
     sets: Mapping[str, Vehicle]
     benches: Mapping[str, PriorSource]

@@ -11,7 +11,7 @@ import numpy as np
 from auvid.data_schemas.records.models import VelocityRange
 from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import AxisEquation
-from auvid.hydro.identification.axes.quantities import Quantity
+from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
 
 LackingVerdict = Literal["not observable", "not excited", "not commanded"]
@@ -55,7 +55,7 @@ class AxisMotion:
         return max(float(self.t_s[last - 1] - self.t_s[first]) for first, last in self.windows)
 
     def rms_errors(self) -> tuple[float, float]:
-        """Return RMS errors of the simulation, and of no change since a window's start."""
+        """Return RMS errors of the simulation, and of no change in a window."""
         change = self.measured.copy()
         for first, last in self.windows:
             change[first:last] -= self.measured[first]
@@ -89,7 +89,7 @@ class FittedAxis:
     curve: float = 1.0
     inertia: str = "determined"
     """What the fit says of 1 / c: given, determined, from the prior, not determined."""
-    quantities: tuple[Quantity, ...] = ()
+    quantities: tuple[FitQuantity, ...] = ()
     """What needs no newtons."""
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.axes.drive import Drive
+from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.held_out import percent_of
 from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
@@ -68,7 +68,7 @@ class FitOptions:
 
 
 def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) -> AxisFits:
-    """Return the fits of all axes that the training legs give, judged on what was held out.
+    """Return the fits of all axes that the training legs give, with held-out fits.
 
     Validation legs, where there are any, are flown by a fit that does not use them; then
     windows and legs are left out in turn too.
@@ -92,8 +92,8 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         fitted=tuple(fitted),
         lacking=tuple(lacking),
         normalised=first.normalised,
-        full_force=dict(first.full_force),
-        full_thrust=dict(first.full_thrust),
+        full_force=dict(first.full_force.items()),
+        full_thrust=dict(first.full_thrust.items()),
         force=first.force,
         legs=tuple(legs),
     )
@@ -147,7 +147,7 @@ def _fit(
         records,
         axis,
         inertia=prior,
-        drive=Drive(lag_s=options.lag_s),
+        drive=ForceDrive(lag_s=options.lag_s),
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,
     )
@@ -159,11 +159,11 @@ def _fit(
     }
     motions = _motions(fit, using)
     judged = {key: _flown(fit, key, leg) for key, leg in checked.items()}
-    held = [
+    judgements = [
         HeldOutFit(_words(item.what, names), item.percent[fit.velocity], item.windows)
         for item in fit.held_out
     ]
-    held += [
+    judgements += [
         HeldOutFit(f"validation leg {key}", motion_percent([part]), len(part.windows))
         for key, part in judged.items()
     ]
@@ -185,7 +185,7 @@ def _fit(
         )
     return FittedAxis(
         equation=_equation(fit),
-        held_out=tuple(held),
+        held_out=tuple(judgements),
         training_percent=motion_percent(motions.values()),
         rate_rms=fit.speed,
         error_rms=float(np.sqrt(np.mean(errors**2))),
@@ -213,7 +213,7 @@ def _fit(
 
 
 def _equation(fit: SingleAxisFit) -> AxisEquation:
-    """Return a, b, c, d; errors so that 1.96 of them are half of the interval by windows."""
+    """Return a, b, c, d; 1.96 of their errors are half of the interval by windows."""
     own = fit.velocity
     names = (own, f"{own}*|{own}|", FORCE, CONSTANT)
     keys = (own, f"{own}|{own}|", FORCE, CONSTANT)
@@ -228,7 +228,7 @@ def _equation(fit: SingleAxisFit) -> AxisEquation:
 
 
 def _motions(fit: SingleAxisFit, using: Mapping[str, LegData]) -> dict[str, AxisMotion]:
-    """Return the axis on each leg, simulated over its windows from their measured starts."""
+    """Return the axis on each leg, simulated over windows from measured starts."""
     rows = loop_rows(replace(fit.pool, drive=fit.fit.drive, free=()), fit.fit.drive)
     out = {}
     for number, (key, leg) in enumerate(using.items()):

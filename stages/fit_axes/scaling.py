@@ -84,7 +84,7 @@ def _by_pull(
     file_inertia: Mapping[str, float],
     relative_sd: float,
 ) -> Inertia:
-    """Return the inertia of an axis by its own pull, by the layout, or by the file's ratio."""
+    """Return the inertia of an axis by its pull, the layout, or the file's ratio."""
     if axis in fits.full_force:
         return Inertia(fits.full_force[axis], 1, relative_sd)
     pulled = next(item for item in fits.full_force if item in by_axis)

@@ -58,12 +58,11 @@ def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard
     """Return what a model may be used for; of the one to take in the report's words."""
     if card.partial is not None:
         sentence = f"{card.title}: {partial_words(card.partial, ranking.usable)}"
-        usable = ranking.usable or UsableFor(forces=[], simulation=[], control=[], speeds={})
         return UseEntry(
             recommended=card.name == ranking.choice,
             sentence=sentence,
             rule=ranking.rule,
-            axes=usable,
+            axes=ranking.usable or UsableFor(forces=[], simulation=[], control=[], speeds={}),
         )
     judged = any(model.axes[ALL].validation is not None for model in ranking.models)
     recommended = card.name == ranking.choice

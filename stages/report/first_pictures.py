@@ -261,7 +261,7 @@ def _channels(runs: Tables) -> tuple[Markup, ...]:
 
 
 def _axes(motions: Tables) -> tuple[Markup, ...]:
-    """Return measured and simulated rates over windows, of the legs with the most of them."""
+    """Return measured and simulated rates over windows, longest legs first."""
     rows: list[tuple[CurveRow, Span]] = []
     clouds = []
     by_length = sorted(motions.items(), key=lambda item: -item[1].num_rows)
@@ -282,7 +282,7 @@ def _axes(motions: Tables) -> tuple[Markup, ...]:
             rows.append((CurveRow(label, unit, curves), (float(times[0]), float(times[-1]))))
             clouds.append(ForceCloud(label, unit, measured, factor * simulated))
     count = sum(
-        np.isfinite(column(table, f"simulated_{name}")).any()
+        bool(np.isfinite(column(table, f"simulated_{name}")).any())
         for table in motions.values()
         for name in VELOCITY
     )

@@ -59,7 +59,7 @@ def leg(
         attitude_rad=np.zeros((n, 3)),
         force=force,
         normalised=normalised,
-        windows={axis: ((0, n),) for axis in "ZN"},
+        windows=dict.fromkeys("ZN", ((0, n),)),
         left_out=(),
         measured_by={"Z": "depth", "K": "gyro", "M": "gyro", "N": "gyro"},
     )

@@ -1,4 +1,4 @@
-"""First screen of a campaign of axes: what they are good for, what is lacking and why."""
+"""First screen of a campaign of axes: what they are for, what is lacking and why."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def summarise_axes(
     assert part is not None
     usable = ranking.usable
     words = partial_words(part, usable)
-    fits = {
+    fits: dict[str, float] = {
         axis: item.held_out_percent
         for axis, item in part.axes.items()
         if item.held_out_percent is not None
