@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.records.models import TermCard
@@ -58,14 +57,14 @@ def filled_axes(
         if axis in fitted:
             continue
         if name.endswith(BENCH):
-            bench = sources.benches[Path(name).name]
+            bench = sources.benches[name.rpartition("/")[2]]
             values = {item.term: item.value for item in bench.terms if item.axis == axis}
             scale, words, kind = 1.0, f"bench {name}", "bench"
             if unit_of_mass is not None:
                 scale = 1.0 / apparent_inertia(vehicle, unit_of_mass)
                 words += ", over the inertia of the vehicle file"
         else:
-            other = sources.sets[name if name in sources.sets else Path(name).stem]
+            other = sources.sets[name.rpartition("/")[2].removesuffix(".yaml")]
             values = viscous_terms(other.published.values()).get(axis, {})
             scale, words, kind = 1.0, f"{name} ({other.title})", "shelf"
             if unit_of_mass is not None:
