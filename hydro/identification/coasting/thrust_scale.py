@@ -1,0 +1,184 @@
+"""The scale of the thrust curve: drag of the powered legs over that of the coasts.
+
+The thrust curve is no part of the drag of a coast, and all of that of a powered leg: a
+curve s times too strong makes it s times too large. Both go with the apparent mass of
+the vehicle file, so s is that of thrust over mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.identification.coasting.decay import CoastDecay, CoastRecord, fit_decay
+from auvid.hydro.identification.regression.standard_errors import (
+    automatic_lags,
+    long_run_moment,
+)
+
+LAGS_S = np.arange(0.0, 0.31, 0.02)
+"""Lags of the thrust that are tried; the one with the least error is taken."""
+CERTAIN = 3.0
+"""Standard errors beyond which a scale departs from 1 ..."""
+MATTERS = 0.05
+"""... if it departs by more than this, too."""
+MOST_ROUNDS = 4
+SETTLED = 0.1
+"""Change of the scale, in standard errors, at which no further round is made."""
+DOUBTFUL = 0.2
+"""A scale with a larger standard error, as a share, says nothing of what fades."""
+STEP = 1e-3
+"""Relative step of the derivatives by the drag of the coasts."""
+
+
+@dataclass(frozen=True)
+class PoweredLeg:
+    """A leg on one axis on a uniform clock (n,): the whole of it, coasts too.
+
+    `force` [N, N m]: the equation of motion without drag and thrust, what thrust and
+    drag add up to; `thrust` by the vehicle file, without lag; `speed` [m/s, rad/s];
+    `shapes` (n, k): forces of unknown size.
+    """
+
+    force: Array
+    thrust: Array
+    speed: Array
+    shapes: Array
+    step_s: float
+
+
+@dataclass(frozen=True)
+class ThrustScale:
+    """Thrust of the vehicle file over the thrust there is, on one axis.
+
+    `standard_error` has both drags; `lag_s`: lag of the thrust that fits best; `mass`:
+    apparent mass [kg, kg m^2] that both go with.
+    """
+
+    scale: float
+    standard_error: float
+    lag_s: float
+    mass: float
+
+
+def drag_and_scale(
+    records: Sequence[CoastRecord],
+    legs: Sequence[PoweredLeg],
+    *,
+    mass: float,
+    prior_sd: Sequence[float] = (),
+) -> tuple[CoastDecay, ThrustScale]:
+    """Return the drag of the coasts and the scale, each with the other's result.
+
+    The thrust that fades after a stop is that of the vehicle file over its scale.
+    Raises `DataError` for too few coasts.
+    """
+    decay = fit_decay(records, prior_sd=prior_sd)
+    result = thrust_scale(legs, decay, mass=mass)
+    for _ in range(MOST_ROUNDS):
+        if not result.standard_error < DOUBTFUL * result.scale:
+            break
+        before = result.scale
+        decay = fit_decay(records, prior_sd=prior_sd, thrust_scale=before)
+        result = thrust_scale(legs, decay, mass=mass)
+        if abs(result.scale - before) < SETTLED * result.standard_error:
+            break
+    return decay, result
+
+
+def thrust_scale(legs: Sequence[PoweredLeg], decay: CoastDecay, *, mass: float) -> ThrustScale:
+    """Return the scale s of thrust = s (force - drag) + constant + shapes.
+
+    drag = -m (d1 x + d2 x|x|) of the coasts, `mass` m the apparent mass of the axis, a
+    constant per leg. By instrumental variables with the drag as instrument: it is
+    smooth, so that noise of the acceleration in `force` does not pull s to 0. Errors:
+    coloured ones of the samples, and the covariance of the coasts.
+    """
+    fits = [_fit(legs, decay.drag, mass, lag) for lag in LAGS_S]
+    best = int(np.argmin([fit.error for fit in fits]))
+    lag = float(LAGS_S[best])
+    by_drag = np.array(
+        [
+            (_fit(legs, decay.drag + change, mass, lag).scale - fits[best].scale) / change.max()
+            for change in np.diag(STEP * np.maximum(np.abs(decay.drag), 0.1))
+        ]
+    )
+    variance = fits[best].variance() + float(by_drag @ decay.covariance @ by_drag)
+    return ThrustScale(fits[best].scale, float(np.sqrt(variance)), lag, mass)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    scale: float
+    error: float
+    variance: Callable[[], float]
+
+
+def _fit(legs: Sequence[PoweredLeg], drag: Array, mass: float, lag_s: float) -> _Fit:
+    designs, instruments, targets = [], [], []
+    for index, leg in enumerate(legs):
+        x = leg.speed
+        model = -mass * (drag[0] * x + drag[1] * x * np.abs(x))
+        constants = np.zeros((x.size, len(legs)))
+        constants[:, index] = 1.0
+        designs.append(np.column_stack([leg.force - model, leg.shapes, constants]))
+        instruments.append(np.column_stack([-model, leg.shapes, constants]))
+        targets.append(first_order_lag(leg.thrust, lag_s=lag_s, step_s=leg.step_s))
+    instrument, target = np.vstack(instruments), np.concatenate(targets)
+    bread = np.linalg.pinv(instrument.T @ np.vstack(designs))
+    solution = bread @ (instrument.T @ target)
+    residuals = [y - rows @ solution for rows, y in zip(designs, targets, strict=True)]
+
+    def variance() -> float:
+        scores = [z * e[:, None] for z, e in zip(instruments, residuals, strict=True)]
+        return float((bread @ sum(long_run(z) for z in scores) @ bread.T)[0, 0])
+
+    return _Fit(float(solution[0]), float(sum(e @ e for e in residuals)), variance)
+
+
+def long_run(scores: Array) -> Array:
+    """Return the long-run moment of the scores of a leg."""
+    return long_run_moment(scores, lags=automatic_lags(scores))
+
+
+@dataclass(frozen=True)
+class CommonScale:
+    """The scale of all axes together.
+
+    `noise`: its standard error; `total`: that with what nobody knows of the masses.
+    """
+
+    scale: float
+    noise: float
+    total: float
+
+    @property
+    def departs(self) -> bool:
+        """Return whether it is off from 1 beyond noise and by more than matters."""
+        return abs(self.scale - 1.0) > max(CERTAIN * self.noise, MATTERS)
+
+
+def common_scale(scales: Sequence[ThrustScale], mass_share: Sequence[float]) -> CommonScale:
+    """Return the weighted mean of the scales of axes.
+
+    `mass_share`: standard deviation of each apparent mass as a share, which weighs a
+    doubtful mass down. Both errors count as independent among the axes.
+
+    >>> axes = [ThrustScale(1.0, 0.03, 0.1, 20.0), ThrustScale(1.2, 0.03, 0.1, 20.0)]
+    >>> mean = common_scale(axes, [0.04, 0.0])
+    >>> round(mean.scale, 3), round(mean.noise, 3), mean.departs
+    (1.147, 0.023, True)
+    """
+    value = np.array([item.scale for item in scales])
+    noise = np.array([item.standard_error for item in scales])
+    variance = noise**2 + (value * np.asarray(mass_share)) ** 2
+    weights = variance**-1.0 / np.sum(variance**-1.0)
+    return CommonScale(
+        float(weights @ value),
+        float(np.sqrt(weights**2 @ noise**2)),
+        float(np.sqrt(np.sum(variance**-1.0) ** -1.0)),
+    )

@@ -1,0 +1,141 @@
+"""The stage coast: drag and thrust scale of a twin, and what lacks in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.documents import check_document
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.documents.model import parse
+from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
+from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.stages import coast, fuse, resample, residual
+from auvid.stages.base import collection
+from tests.support.motions import log_document, shipped_vehicle
+
+VEHICLE = shipped_vehicle("bluerov2_heavy")
+TRUTH = {
+    "X": {"u": -8.0, "u*|u|": -90.0},
+    "Y": {"v": -10.0, "v*|v|": -140.0},
+    "Z": {"w": -12.0, "w*|w|": -180.0},
+    "K": {"p": -1.0, "p*|p|": -1.0},
+    "M": {"q": -1.0, "q*|q|": -1.0},
+    "N": {"r": -0.3, "r*|r|": -1.2},
+}
+SENSORS = {
+    "imu": {"gyro_sd_rad_s": 0.0012, "accel_sd_m_s2": 0.01},
+    "attitude": {"tilt_sd_deg": 0.1, "heading_sd_deg": 0.1},
+    "dvl": {"sd_m_s": 0.002, "jitter_s": 0.012},
+    "depth": {"sd_m": 0.004},
+}
+PUSHES = (0.5, -0.6, 0.7, -0.5, 0.6, -0.7, 0.4, -0.6)
+DURATION_S = 62.0
+
+
+def with_curve(scale: float) -> Vehicle:
+    """Return the vehicle file with a thrust curve times `scale`."""
+    thrusters = VEHICLE.thrusters
+    assert thrusters is not None
+    curve = replace(thrusters.curve, force_N=scale * thrusters.curve.force_N)
+    return replace(VEHICLE, thrusters=replace(thrusters, curve=curve))
+
+
+def inputs(vehicle: Vehicle, *, sticks: dict[str, Any]) -> coast.Inputs:
+    """What coast reads of one leg of a twin, made by the stages before it."""
+    leg = {
+        "id": "a",
+        "duration_s": DURATION_S,
+        "use": "training",
+        "modes": [{"at_s": 0, "mode": "alt_hold"}],
+        "sticks": sticks,
+    }
+    document = {"kind": "dives", "title": "coasts", "depth_m": 14, "settle_s": 5, "legs": [leg]}
+    water = {
+        "unsteady": {"force_sd_N": [0.3] * 3, "moment_sd_N_m": [0.01] * 3, "correlation_s": 2.0}
+    }
+    plan = parse(DivePlanDocument, document | {"sensors": SENSORS, "water": water})
+    truth = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH))
+    _, record = dive_in_memory(truth, plan, "a", seed=4)
+    names = ("imu", "attitude", "velocity", "depth", "actuators", "battery")
+    tables = {name: make_table(name, record.streams[name]) for name in names}
+    end_us = max(int(columns["time_us"][-1]) for columns in record.streams.values())
+    log = log_document(log="log", start_us=START_US, end_us=end_us)
+    entry = LegEntry(id="a", log="log", start_s=2.0, end_s=2.0 + DURATION_S, use="training")
+    cut = resample.run(
+        resample.Inputs(leg=entry, log_info=log, vehicle=vehicle, **tables), resample.Params()
+    )
+    (key,) = cut.segment
+    fused = fuse.run(
+        fuse.Inputs(cut.segment[key], cut.resampled[key], vehicle, log),
+        fuse.Params(cutoff_hz=2.0),
+    )
+    force = residual.run(
+        residual.Inputs(
+            cut.segment[key], fused.fused, fused.fusion, cut.resampled[key], vehicle, log
+        ),
+        residual.Params(),
+    )
+    return coast.Inputs(
+        segment=collection(cut.segment),
+        fused=collection({key: fused.fused}),
+        fusion=collection({key: fused.fusion}),
+        residual=collection({key: force.residual}),
+        resampled=collection(cut.resampled),
+        log_info=collection({"log": log}),
+        vehicle=vehicle,
+        samples_imu=collection(cut.samples_imu or {}),
+        samples_velocity=collection(cut.samples_velocity or {}),
+    )
+
+
+def surge(push_s: float, rest_s: float) -> dict[str, Any]:
+    """A forward stick that pushes and is let go of, by turns."""
+    at = 1.0 + np.arange(len(PUSHES)) * (push_s + rest_s)
+    times = np.column_stack([at, at + push_s]).ravel()
+    values = np.column_stack([PUSHES, np.zeros(len(PUSHES))]).ravel()
+    return {"forward": {"kind": "steps", "times_s": times.tolist(), "values": values.tolist()}}
+
+
+def remarks(outputs: coast.Outputs, level: str) -> str:
+    check_document(outputs.section, "section")
+    blocks = [block for block in outputs.section["blocks"] if block["kind"] == "remark"]
+    return "\n".join(block["text"] for block in blocks if block["level"] == level)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.25])
+def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: float) -> None:
+    outputs = coast.run(inputs(with_curve(scale), sticks=surge(3.5, 4.0)), coast.Params())
+    row = outputs.coast_drag.to_pylist()[0]
+    mass = float(VEHICLE.mass_matrix[0, 0])
+    true = (8.0 + 90.0 * row["speed"]) / mass
+    assert row["velocity"] == "u"
+    assert row["coasts"] >= 6
+    assert row["verdict"] == "identified"
+    assert row["rate"] == pytest.approx(true, rel=0.08)
+    assert abs(row["rate"] - true) < 3.0 * row["rate_se"]
+    # Eight coasts of one axis; their standard error is 6 %.
+    assert row["scale"] == pytest.approx(scale, rel=0.1)
+    assert abs(row["scale"] - scale) < 3.0 * row["scale_se"]
+    warned = remarks(outputs, "warning")
+    assert ("the thrust curve or the mass is off" in warned) == (scale == 1.25)
+    assert ("the thrust curve holds" in remarks(outputs, "finding")) == (scale == 1.0)
+    assert "heave (" in remarks(outputs, "note")
+    taken = [item for item in outputs.coasts.to_pylist() if item["use"] == "taken"]
+    assert {item["velocity"] for item in taken} >= {"u"}
+
+
+def test_coasts_of_less_than_a_second_are_too_few_in_plain_words() -> None:
+    outputs = coast.run(inputs(VEHICLE, sticks=surge(3.5, 0.7)), coast.Params())
+    assert all(np.isnan(item["rate"]) for item in outputs.coast_drag.to_pylist())
+    note = remarks(outputs, "note")
+    assert "shorter than 1 s" in note
+    assert not remarks(outputs, "warning")
+    assert "thrust curve was not checked" in note
