@@ -985,6 +985,33 @@ def fleet_find(
     raise typer.Exit(print_matches(fleet_folder, expression))
 
 
+@app.command(
+    cls=Command,
+    rich_help_panel=LOOKING,
+    epilog='Example: auvid catalog fleet --where "surge = identified and J/J0 < .5"',
+)
+@answering
+def catalog(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="A fleet, a workspace, or a folder of recordings.")
+    ],
+    where: Annotated[
+        str,
+        typer.Option(
+            metavar="EXPRESSION", help="Only those of a fleet that auvid fleet find finds."
+        ),
+    ] = "",
+    port: Annotated[int, typer.Option(metavar="N", help="Port. (default: a free one)")] = 0,
+) -> None:
+    """Serve the recordings of all runs to the Rerun viewer of this machine, as a catalogue.
+
+    Each has typed properties: vehicle, best model, J/J0, verdicts by axis.
+    """
+    from auvid.pipeline.commands.fleet.catalog_command import serve_catalog
+
+    serve_catalog(folder, where=where, port=port)
+
+
 @app.command(hidden=True, epilog="Example: auvid code")
 def code() -> None:
     """Write the hash of each stage's code, on which DVC depends, to runs/.code."""

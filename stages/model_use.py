@@ -26,6 +26,16 @@ HALF = 0.5
 TILTS = ("K", "M")
 ORIGIN = "force at the origin"
 UNKNOWN, FITTED = "unknown", "fitted"
+TELLING = (
+    IDENTIFIED,
+    "weak",
+    "inseparable",
+    "not excited",
+    "at its bound",
+    FROM_PRIOR,
+    "not applicable",
+)
+"""Verdicts, that which says most first."""
 _decimals = partial(fixed, places=2, empty="unknown")
 
 
@@ -167,13 +177,24 @@ def listed(words: Sequence[str]) -> str:
 
 def damping_of(card: ModelCard, axis: str) -> str:
     """Return what damping along an axis is: identified, from the prior or unknown."""
+    verdicts = _damping_verdicts(card, axis)
+    return next((best for best in (IDENTIFIED, FROM_PRIOR) if best in verdicts), UNKNOWN)
+
+
+def damping_verdict(card: ModelCard, axis: str) -> str:
+    """Return the verdict on the damping of an axis that says most; empty for no term."""
+    verdicts = _damping_verdicts(card, axis)
+    return next((verdict for verdict in TELLING if verdict in verdicts), "")
+
+
+def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:
+    """Return the verdicts on the terms of the own velocity of an axis alone."""
     own = OWN_VELOCITY[axis]
-    verdicts = {
+    return {
         item.verdict
-        for item in card.axes[axis].terms
+        for item in (card.axes[axis].terms if axis in card.axes else ())
         if item.term.replace("|", "").replace("*", "") in (own, own * 2)
     }
-    return next((best for best in (IDENTIFIED, FROM_PRIOR) if best in verdicts), UNKNOWN)
 
 
 def tipping_axes(model: MeritRecord) -> list[str]:

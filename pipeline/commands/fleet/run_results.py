@@ -11,19 +11,9 @@ from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE
-from auvid.stages.model_use import OWN_VELOCITY
+from auvid.stages.model_use import damping_verdict
 from auvid.stages.page.first_screen import ALL
 
-ORDER = (
-    "identified",
-    "weak",
-    "inseparable",
-    "not excited",
-    "at its bound",
-    "from the prior",
-    "not applicable",
-)
-"""Verdicts, that which says most first."""
 DETERMINED = ("identified", "weak", "persistently exciting")
 USES = ("control", "simulation", "forces")
 
@@ -81,24 +71,13 @@ def _path(run: Run, schema: str, root: Path) -> str:
     return ""
 
 
-def damping_verdict(card: ModelCard, axis: str) -> str:
-    """Return what the data say of the damping of an axis: the best of its own terms."""
-    own = OWN_VELOCITY[axis]
-    verdicts = {
-        item.verdict
-        for item in card.axes[axis].terms
-        if item.term.replace("|", "").replace("*", "") in (own, own * 2)
-    }
-    return next((verdict for verdict in ORDER if verdict in verdicts), "")
-
-
 def _verdicts(ranking: RankingRecord, cards: list[ModelCard]) -> Iterator[FleetVerdict]:
     by_name = {card.name: card for card in cards}
     for model in ranking.models:
         recommended = model.name == ranking.choice
         for axis, merit in model.axes.items():
             card = by_name.get(model.name)
-            damping = "" if axis == ALL or card is None else _damping(card, axis)
+            damping = "" if axis == ALL or card is None else damping_verdict(card, axis)
             use = ""
             if recommended and ranking.usable is not None and axis != ALL:
                 use = next((name for name in USES if axis in getattr(ranking.usable, name)), "")
@@ -114,10 +93,6 @@ def _verdicts(ranking: RankingRecord, cards: list[ModelCard]) -> Iterator[FleetV
                 damping=damping,
                 use=use,
             )
-
-
-def _damping(card: ModelCard, axis: str) -> str:
-    return damping_verdict(card, axis) if axis in card.axes else ""
 
 
 def _terms(card: ModelCard, *, recommended: bool) -> Iterator[FleetCoefficient]:

@@ -10,8 +10,9 @@ from collections.abc import Mapping
 import auvid
 from auvid.data_schemas.records.models import ModelCard
 from auvid.stages.base import Document
+from auvid.stages.model_use import damping_verdict
 from auvid.stages.page.colours import key
-from auvid.stages.page.first_screen import ALL, Summary
+from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Summary
 
 Property = str | int | float
 ID_DIGITS = 12
@@ -59,7 +60,8 @@ def run_properties(
     """Return the properties of a run, each of one type in all recordings.
 
     Counts of verdicts are those of the coefficients of the recommended model, or of the
-    figures of a bench or a controller. What a run does not have is left out.
+    figures of a bench or a controller; `surge` ... `yaw` are the verdicts on their damping.
+    What a run does not have is left out.
     """
     properties: dict[str, Property] = {
         "campaign": title,
@@ -79,6 +81,8 @@ def run_properties(
         verdicts = Counter[str](item.verdict for part in card.axes.values() for item in part.terms)
         for verdict in VERDICTS:
             properties[f"count_{key(verdict)}"] = verdicts.get(verdict, 0)
+        for axis, word in AXIS_WORDS.items():
+            properties[word] = damping_verdict(card, axis)
     elif summary.figures:
         counts = Counter(item.verdict for item in summary.figures if item.verdict)
         properties |= {f"count_{key(name)}": count for name, count in sorted(counts.items())}

@@ -1,0 +1,81 @@
+"""Logs on a disk: folders of folders, copies, lists, files that are none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.pipeline.commands.fleet.discovery import Discovery, discover
+from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
+from auvid.pipeline.store.file_hashes import FileHashes
+
+
+def search(target: Path, fleet: Path, *vehicles: str) -> Discovery:
+    return discover(target, FleetFolder(fleet), vehicles, FileHashes())
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Path:
+    disk = tmp_path / "disk"
+    for name, content in {
+        "a/one.BIN": b"first",
+        "a/deep/er/two.tlog": b"second",
+        "b/copy.BIN": b"first",
+        "README.md": b"# words",
+        ".hidden/three.BIN": b"third",
+        "fleet/runs/four.BIN": b"fourth",
+    }.items():
+        path = disk / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return disk
+
+
+def test_logs_of_folders_of_folders_and_copies(disk: Path) -> None:
+    result = search(disk, disk / "fleet")
+    names = {log.files[0].name: log for log in result.logs}
+    assert sorted(names) == ["copy.BIN", "one.BIN", "two.tlog"]
+    assert names["copy.BIN"].copy_of == names["one.BIN"].id
+    assert names["one.BIN"].copy_of == ""
+    assert result.others == {".md": 1}
+    assert len({log.id for log in result.logs}) == 3
+
+
+def test_a_log_that_grows_is_noticed(disk: Path) -> None:
+    log = next(log for log in search(disk, disk / "fleet").logs if "one" in log.files[0].name)
+    assert log.unchanged
+    log.files[0].write_bytes(b"first and more")
+    assert not log.unchanged
+
+
+def test_a_list_of_paths(disk: Path, tmp_path: Path) -> None:
+    listing = tmp_path / "list.txt"
+    listing.write_text("# dives\ndisk/a/one.BIN\n\ndisk/nosuch.BIN\n")
+    logs = {log.files[0].name: log for log in search(listing, tmp_path / "fleet").logs}
+    assert sorted(logs) == ["nosuch.BIN", "one.BIN"]
+    assert "cannot be read" in logs["nosuch.BIN"].fault
+    binary = tmp_path / "dive.BIN"
+    binary.write_bytes(b"\xa3\x95\x80\xff")
+    with pytest.raises(PipelineError, match="no list of logs"):
+        search(binary, tmp_path / "fleet")
+
+
+def test_vehicles_by_pattern_keep_two_vehicles_apart(disk: Path) -> None:
+    result = search(disk, disk / "fleet", "a/deep/*=bluerov2_heavy", "bluerov2")
+    vehicles = {log.files[0].name: Path(str(log.vehicle)).stem for log in result.logs}
+    assert vehicles == {
+        "one.BIN": "bluerov2",
+        "copy.BIN": "bluerov2",
+        "two.tlog": "bluerov2_heavy",
+    }
+    with pytest.raises(UsageError, match="no such vehicle"):
+        search(disk, disk / "fleet", "nosuch")
+
+
+def test_tables_of_one_kind_are_dives_of_their_own(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / "disk").mkdir(exist_ok=True)
+        (tmp_path / f"disk/{name}.csv").write_text(f"time_s,depth_m\n0,{len(name)}\n{name}\n")
+    assert [len(log.files) for log in search(tmp_path / "disk", tmp_path / "fleet").logs] == [1, 1]

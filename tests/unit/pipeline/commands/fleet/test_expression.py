@@ -1,0 +1,71 @@
+"""The language of `auvid fleet find`."""
+
+from __future__ import annotations
+
+import pytest
+
+from auvid.data_schemas.errors import UsageError
+from auvid.pipeline.commands.fleet.expression import parse
+
+FIELDS = ("state", "surge", "ratio", "vehicle", "start_utc", "log")
+ROW = {
+    "state": "done",
+    "surge": "not excited",
+    "ratio": 0.3,
+    "vehicle": "bluerov2",
+    "start_utc": "2026-01-07T10:00:00Z",
+    "log": "a b",
+    "X_u": -20.0,
+    "X_u verdict": "weak",
+    "Y_v": None,
+}
+
+
+@pytest.mark.parametrize(
+    ("expression", "holds"),
+    [
+        ("state = done", True),
+        ("state != done", False),
+        ("J/J0 < .5 and ratio >= 0.3", True),
+        ("surge = not excited and state = done", True),
+        ("surge = 'not excited'", True),
+        ("not state = refused", True),
+        ("not not state = done", True),
+        ("state = refused or (state = done and J/J0 < 1)", True),
+        ("state = refused and state = done or state = done", True),
+        ("state = refused and (state = done or state = done)", False),
+        ("X_u < -10", True),
+        ("X_u = weak", True),
+        ("Y_v < 0", False),
+        ("Y_v > 0", False),
+        ("N_r = identified", False),
+        ("vehicle ~ rov", True),
+        ("start > 2026-01-01", True),
+        ("ratio = done", False),
+        ("state < 3", False),
+    ],
+)
+def test_an_expression_holds_or_not(expression: str, holds: bool) -> None:
+    assert parse(expression, FIELDS)(ROW) is holds
+
+
+@pytest.mark.parametrize(
+    ("expression", "words"),
+    [
+        ("", "a name is missing"),
+        ("surg = identified", "Did you mean 'surge'"),
+        ("__import__('os')", "no such field"),
+        ("state", "a comparison is missing"),
+        ("state done", "no comparison"),
+        ("state =", "a value is missing"),
+        ("state = = done", "a value is missing"),
+        ("(state = done", "a bracket is not closed"),
+        ("state = done)", "or the end is missing"),
+        ("state = 'done", "cannot be read"),
+        ("state ! done", "cannot be read"),
+        ("(" * 200 + "state = done" + ")" * 200, "too many brackets"),
+    ],
+)
+def test_what_the_language_has_not_is_refused(expression: str, words: str) -> None:
+    with pytest.raises(UsageError, match=words.replace("(", r"\(")):
+        parse(expression, FIELDS)

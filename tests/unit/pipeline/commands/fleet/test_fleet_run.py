@@ -1,0 +1,174 @@
+"""`auvid fleet run` on a small disk: states, what runs again, workers that die, page."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+import auvid
+from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.commands.fleet import fleet_run, log_work
+from auvid.pipeline.commands.fleet.find_command import find
+from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
+from auvid.pipeline.commands.fleet.fleet_page import write_page
+from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
+from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.execution.task import Outcome, Task, execute
+from tests.support.small_logs import DATA
+
+LARGEST_PAGE = 5_000_000
+CSV = DATA / "blueye_sea_trial" / "sea_trial_start.csv"
+
+
+@pytest.fixture(scope="module")
+def disk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    disk: Path = tmp_path_factory.mktemp("fleet") / "disk"
+    (disk / "rov").mkdir(parents=True)
+    shutil.copy(CSV, disk / "rov" / "dive.csv")
+    shutil.copy(CSV, disk / "again.csv")
+    (disk / "noise.BIN").write_bytes(bytes(range(256)) * 40)
+    (disk / "empty.tlog").write_bytes(b"")
+    return disk
+
+
+@pytest.fixture(scope="module")
+def first(disk: Path) -> FleetOutcome:
+    return run_fleet(disk, disk.parent / "fleet")
+
+
+def states(outcome: FleetOutcome) -> dict[str, str]:
+    return {Path(row.files[0]).name: row.state for row in outcome.rows}
+
+
+def test_every_log_ends_in_a_state_with_its_reason(first: FleetOutcome) -> None:
+    by_name = {Path(row.files[0]).name: row.result for row in first.rows}
+    assert by_name["again.csv"].state in ("done", "partly")
+    assert by_name["dive.csv"].state == "refused"
+    assert "the same content" in by_name["dive.csv"].reason
+    assert "empty" in by_name["empty.tlog"].reason
+    assert "no reader recognises" in by_name["noise.BIN"].reason
+    assert all("\n" not in result.reason for result in by_name.values())
+
+
+def test_only_what_is_new_or_changed_runs_again(disk: Path, first: FleetOutcome) -> None:
+    second = run_fleet(disk, disk.parent / "fleet")
+    assert (second.surveyed, second.ran) == (0, 0)
+    assert states(second) == states(first)
+    (disk / "new.BIN").write_bytes(b"\xa3\x95 nothing")
+    try:
+        third = run_fleet(disk, disk.parent / "fleet")
+    finally:
+        (disk / "new.BIN").unlink()
+        run_fleet(disk, disk.parent / "fleet")
+    assert (third.surveyed, third.ran) == (1, 0)
+
+
+def test_nothing_is_written_beside_the_logs(disk: Path, first: FleetOutcome) -> None:
+    files = {str(path.relative_to(disk)) for path in disk.rglob("*") if path.is_file()}
+    assert files == {"rov/dive.csv", "again.csv", "noise.BIN", "empty.tlog"}
+
+
+def test_tables_page_and_python_agree(disk: Path, first: FleetOutcome) -> None:
+    fleet = open_fleet(disk.parent / "fleet")
+    write_page(fleet)
+    page = fleet.page.read_bytes()
+    assert len(page) < LARGEST_PAGE
+    assert b"again.csv" in page
+    tables = auvid.fleet(fleet.root)
+    assert len(tables.runs) == len(first.rows)
+    for name in TABLES:
+        assert pq.read_table(fleet.table(name)).num_rows == len(getattr(tables, name))
+    refused = [row["log"] for row in find(fleet, "state = refused")]
+    assert refused == list(tables.find("state = refused")["log"])
+    assert len(refused) == sum(state == "refused" for state in states(first).values())
+
+
+def test_a_folder_without_a_fleet_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PipelineError, match="no fleet in this folder"):
+        open_fleet(tmp_path)
+
+
+class Dying(Serial):
+    """An engine whose first call loses one log to a worker that dies, and all after it."""
+
+    def __init__(self, victim: str) -> None:
+        self.victim, self.calls = victim, 0
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        self.calls += 1
+        dead = False
+        for task in tasks:
+            if self.calls == 1 and self.victim in task.item:
+                mark = task.folder / task.item / log_work.MARK
+                mark.parent.mkdir(parents=True, exist_ok=True)
+                mark.touch()
+                dead = True
+            yield Outcome(task.item, crash="a worker died") if dead else execute(task)
+
+
+def test_a_worker_that_dies_costs_no_other_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / f"{name}.BIN").write_bytes(name.encode() * 1000)
+    lonely: list[str] = []
+
+    def run_lonely(task: Task) -> Outcome:
+        lonely.append(task.item)
+        return Outcome(task.item, crash=fleet_run.DIED)
+
+    monkeypatch.setattr(fleet_run, "_run_lonely", run_lonely)
+    outcome = run_fleet(tmp_path, tmp_path / "fleet", engine=Dying("b-"))
+    reasons = {Path(row.files[0]).name: row.result.reason for row in outcome.rows}
+    assert [name.partition("-")[0] for name in lonely] == ["b"]
+    assert reasons["b.BIN"] == fleet_run.DIED
+    assert "no reader recognises" in reasons["a.BIN"]
+    assert "no reader recognises" in reasons["c.BIN"]
+
+
+def test_a_fault_of_auvid_is_named_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.BIN").write_bytes(b"a" * 1000)
+
+    def faulty(*_: object) -> None:
+        raise KeyError("nosuch")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(log_work, "survey", faulty)
+        outcome = run_fleet(tmp_path, tmp_path / "fleet")
+    assert outcome.rows[0].result.reason.startswith("a fault of auvid: KeyError")
+    again = run_fleet(tmp_path, tmp_path / "fleet")
+    assert again.surveyed == 1
+    assert "no reader recognises" in again.rows[0].result.reason
+
+
+def test_a_log_that_grows_while_it_is_read_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.BIN"
+    path.write_bytes(b"a" * 1000)
+    survey = log_work.survey
+
+    def growing(paths: Sequence[Path]) -> object:
+        with path.open("ab") as file:
+            file.write(b"more")
+        os.utime(path)
+        return survey(paths)
+
+    monkeypatch.setattr(log_work, "survey", growing)
+    outcome = run_fleet(tmp_path, tmp_path / "fleet")
+    assert outcome.rows[0].result.reason.startswith("still growing")
+
+
+def test_the_fleet_is_a_workspace(disk: Path, first: FleetOutcome) -> None:
+    fleet = FleetFolder(disk.parent / "fleet")
+    assert (fleet.root / "params.yaml").is_file()
+    for row in first.rows:
+        if row.survey.kind and not row.same_as:
+            assert (fleet.campaign(row.log) / "campaign.yaml").is_file()

@@ -1,0 +1,74 @@
+"""Logs of one dive are recognised by clock and motion; dives that look alike are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
+from auvid.pipeline.commands.fleet.same_dives import same_dives
+
+STEP_S = 0.5
+LENGTH_S = 200.0
+
+
+def motion(seed: int, *, noise_seed: int, shift_s: float = 0.0) -> MotionTrace:
+    """Return a smooth random motion, seen by a recorder that starts `shift_s` later."""
+    rng = np.random.default_rng(seed)
+    count = int(LENGTH_S / STEP_S)
+    kernel = np.hanning(12) / np.hanning(12).sum()
+    rate = np.convolve(rng.normal(0.0, 0.5, count), kernel, "same")
+    depth = 10.0 + np.cumsum(np.convolve(rng.normal(0.0, 0.3, count), kernel, "same"))
+    noise = np.random.default_rng(noise_seed)
+    first = int(shift_s / STEP_S)
+    return MotionTrace(
+        step_s=STEP_S,
+        start_s=0.0,
+        depth_m=(depth + noise.normal(0.0, 0.01, count))[first:].tolist(),
+        yaw_rate_rad_s=(rate + noise.normal(0.0, 0.01, count))[first:].tolist(),
+    )
+
+
+def log(name: str, trace: MotionTrace, *, form: str, start: str | None = None) -> LogSurvey:
+    return LogSurvey(
+        key="",
+        id=name,
+        files=[name],
+        hash=name,
+        reason="",
+        kind="identification",
+        formats=[form],
+        duration_s=STEP_S * len(trace.depth_m),
+        start_utc=start,
+        rows=1000 if form == "DataFlash" else 100,
+        motion=trace,
+    )
+
+
+@pytest.mark.parametrize("start", [None, "2026-01-07T10:00:00Z"])
+def test_two_recorders_of_a_dive_are_one_and_the_fuller_is_used(start: str | None) -> None:
+    pairs = same_dives(
+        [
+            log("bin", motion(1, noise_seed=2), form="DataFlash"),
+            log("tlog", motion(1, noise_seed=3, shift_s=20.0), form="telemetry", start=start),
+            log("other", motion(4, noise_seed=5), form="telemetry", start=start),
+        ]
+    )
+    assert [(pair.better, pair.other) for pair in pairs] == [("bin", "tlog")]
+
+
+def test_two_vehicles_at_one_time_are_two_dives() -> None:
+    start = "2026-01-07T10:00:00Z"
+    logs = [
+        log(str(seed), motion(seed, noise_seed=seed), form="DataFlash", start=start)
+        for seed in (1, 2)
+    ]
+    assert same_dives(logs) == []
+
+
+def test_a_clock_that_says_otherwise_keeps_equal_motions_apart() -> None:
+    logs = [
+        log("one", motion(1, noise_seed=2), form="DataFlash", start="2026-01-07T10:00:00Z"),
+        log("two", motion(1, noise_seed=3), form="telemetry", start="2026-01-08T10:00:00Z"),
+    ]
+    assert same_dives(logs) == []
