@@ -17,9 +17,10 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 
 from auvid.data_schemas.errors import LogError
-from auvid.data_schemas.streams import NEEDED, STREAMS
+from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
 from auvid.stages.base import RawFile
+from auvid.stages.columns import POSITION
 from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
 from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
 from auvid.stages.ingest.formats.csv.column_names import (
@@ -29,6 +30,15 @@ from auvid.stages.ingest.formats.csv.column_names import (
     named_columns,
 )
 from auvid.stages.ingest.formats.csv.column_proposal import quoted
+from auvid.stages.ingest.formats.csv.pose_columns import lacking_fields
+from auvid.stages.ingest.formats.csv.pose_draft import (
+    TURNED_AXES,
+    in_upward_axes,
+    is_turned,
+    pose_unit,
+    pose_velocities,
+    with_pose,
+)
 from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, header, iso_microseconds
 
 MOST_BYTES = 1 << 24
@@ -227,7 +237,7 @@ def draft_columns(
     columns = [item for item in named_columns(head.names) if item.name in texts]
     time, time_check = _time(columns, values, texts, file.name)
     rest = [item for item in columns if item.name != time["column"]]
-    rest = _with_pulses(rest, values)
+    rest = _with_pulses(with_pose(rest), values)
     t_s = _seconds(time, values[time["column"]], texts[time["column"]])
     draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
     finite = t_s[np.isfinite(t_s)]
@@ -242,9 +252,35 @@ def draft_columns(
     rest = [_as_command(item, named[item.name]) if item.name in named else item for item in rest]
     if named:
         rest = [item if item.name in named else _without_guess(item) for item in rest]
-    else:
-        rest = _with_commands(rest, values, t_s)
-    return _with_columns(draft, rest, values)
+    velocities = pose_velocities(rest, values, t_s)
+    if not named:
+        rest = _with_commands(rest, values, t_s, velocities)
+    return _with_columns(draft, _in_frame(rest, values, t_s, velocities), values)
+
+
+def _in_frame(
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    t_s: Array,
+    velocities: Mapping[str, Array],
+) -> list[NamedColumn]:
+    """Return the columns with the pose turned to z up where commands show that."""
+    axes = {f"command_{name}": axis for axis, name in AXIS_NAMES.items()}
+    by_axis = {
+        axes[item.place[1]]: values[item.name] * (-1.0 if item.frame == NAMED_REVERSED else 1.0)
+        for item in columns
+        if item.place is not None and item.place[1] in axes
+    }
+    if not velocities or not is_turned(by_axis, velocities, t_s):
+        return list(columns)
+    # Matched commands are reversed because the frame is.
+    turned = {f"command_{AXIS_NAMES[axis]}" for axis in TURNED_AXES}
+    return [
+        replace(item, frame=MATCHED)
+        if item.frame == MATCHED_REVERSED and item.place and item.place[1] in turned
+        else item
+        for item in in_upward_axes(columns)
+    ]
 
 
 def _as_command(item: NamedColumn, axis: str) -> NamedColumn:
@@ -393,11 +429,14 @@ def _seconds(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Ar
 
 
 def _with_commands(
-    columns: Sequence[NamedColumn], values: Mapping[str, Array], t_s: Array
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    t_s: Array,
+    velocities: Mapping[str, Array],
 ) -> list[NamedColumn]:
     """Return the columns with numbered commands at the axes that answer them.
 
-    Only where no name tells a command or an output.
+    Only where no name tells a command or an output. velocities: those of a pose.
     """
     numbered = [
         item
@@ -414,6 +453,7 @@ def _with_commands(
         for item in columns
         if item.place is not None and item.place[1] in fields
     }
+    motions = motions or dict(velocities)
     commands = {item.name: values[item.name] for item in numbered}
     answers = {item.command: item for item in answered_commands(t_s, commands, motions)}
     placed = []
@@ -449,18 +489,25 @@ def _with_columns(
         group = [
             values[other.name]
             for (own, field_name), other in chosen.items()
-            if kind in (own, field_name.split("_")[0]) and not field_name.startswith("quality")
+            if (stream != "pose" or (field_name in POSITION) == (name in POSITION))
+            and kind in (own, field_name.split("_")[0])
+            and not field_name.startswith("quality")
         ]
         unit, check = _unit(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
             check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"
         if stream == "velocity" and WORLD_OR_BODY.search(item.words):
             check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
+        if stream == "pose":
+            words = (
+                "z up: commands answer so" if item.frame else "ned, z down: else frame flu or enu"
+            )
+            check = "; ".join(filter(None, (check, f"frame {words}")))
         sign = -1 if item.frame in REVERSED else 1
         frame = item.frame if item.frame in ("frd", "flu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
     partial = {
-        stream: [name for name in NEEDED[stream] if (stream, name) not in chosen]
+        stream: lacking_fields(stream, [name for own, name in chosen if own == stream])
         for stream, _ in chosen
     }
     for stream, lack in partial.items():
@@ -469,9 +516,10 @@ def _with_columns(
             remarks.append(f"{stream} is left out: nothing looks like {names}.")
     if (
         any(QUATERNION.search(item.words) for item in columns)
-        and ("attitude", "phi_rad") not in chosen
+        and not {("attitude", "q_w"), ("pose", "q_w"), ("attitude", "phi_rad")} & set(chosen)
+        and ("pose", "phi_rad") not in chosen
     ):
-        remarks.append("a quaternion cannot be mapped: export roll, pitch and yaw.")
+        remarks.append("a quaternion is left out: it needs four columns w, x, y and z.")
     kept = tuple(item for item in drafted if not partial[item.stream])
     used = {item.column for item in kept}
     unmatched = [
@@ -568,7 +616,7 @@ def _depth_of_others(
     values: Mapping[str, Array],
 ) -> dict[tuple[str, str], NamedColumn]:
     """Return the columns, with depth from altitude or z where none is named so."""
-    if ("depth", "depth_m") in chosen:
+    if ("depth", "depth_m") in chosen or ("pose", "z_m") in chosen:
         return chosen
     for item in columns:
         if re.search(r"\b(?:altitude|alt|height)\b", item.words) and "amsl" not in item.words:
@@ -598,6 +646,8 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
     size = _percentile(group)
     if stream == "glider":
         return _glider_unit(name, size)
+    if stream == "pose":
+        return pose_unit(name, size)
     if stream == "attitude":
         return ("deg", "") if size > FULL_TURN else ("rad", "no value is beyond a turn in rad")
     if name.startswith("gyro"):

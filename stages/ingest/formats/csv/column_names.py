@@ -181,7 +181,7 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     glides = any(BUOYANCY.search(words) for words in stems)
     result = []
     for name, (words, unit) in zip(names, parts, strict=True):
-        place, frame = place_of(name, words), ""
+        place, frame = place_of(name, words, glides=glides), ""
         if glides:
             place = _place_on_glider(words) or place
         if steered and words in ("yaw", "roll", "pitch") and not unit:
@@ -209,7 +209,7 @@ def split_unit(name: str) -> tuple[str, str]:
     """
     unit = ""
     for stream in STREAMS:
-        spec = schema(stream).columns.get(name)
+        spec = None if name == "pitch_rad" else schema(stream).columns.get(name)
         if spec is not None and spec.dtype.startswith("float") and spec.unit:
             return _words(name), spec.unit
     bracket = BRACKET.search(name)
@@ -236,9 +236,14 @@ def _words(name: str) -> str:
     return " ".join(WORDS.findall(name)).lower()
 
 
-def place_of(name: str, words: str) -> tuple[str, str] | None:
-    """Return stream and field of a column, None if its name tells none."""
+def place_of(name: str, words: str, *, glides: bool = False) -> tuple[str, str] | None:
+    """Return stream and field of a column, None if its name tells none.
+
+    pitch_rad is a glider's only where the file `glides`.
+    """
     for stream in STREAMS:
+        if stream == "glider" and not glides:
+            continue
         spec = None if name == "time_us" else schema(stream).columns.get(name)
         if spec is not None and spec.dtype.startswith("float"):
             return stream, name

@@ -203,3 +203,43 @@ def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None
 def test_commands_that_are_none_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(UsageError, match=message):
         new_campaign("tank", tank_files(tmp_path), commands=text)
+
+
+@pytest.mark.parametrize("upward", [False, True])
+def test_poses_and_commands_alone_give_a_campaign(tmp_path: Path, upward: bool) -> None:
+    motion = ("u_mps", "v_mps", "w_mps", "r_radps")
+    files = []
+    for seed in (1, 2, 3):
+        run = noisy(tank_run(seed), seed)
+        if upward:
+            run |= {name: -run[name] for name in ("y_m", "z_m", "pitch_rad", "yaw_rad")}
+        files.append(
+            write_csv(
+                tmp_path / f"run_{seed}.csv",
+                {name: values for name, values in run.items() if name not in motion},
+            )
+        )
+    written = new_campaign("poses", files)
+    document = read_yaml((written.folder / "columns" / "run_1.yaml").read_text())
+    poses = [item for item in document["columns"] if item["stream"] == "pose"]
+    assert {item["field"] for item in poses} == {
+        "x_m",
+        "y_m",
+        "z_m",
+        "phi_rad",
+        "theta_rad",
+        "psi_rad",
+    }
+    assert {item.get("frame") for item in poses} == ({"flu"} if upward else {None})
+    commands = {
+        item["column"]: (item["field"], item.get("sign", 1))
+        for item in document["columns"]
+        if item["stream"] == "actuators"
+    }
+    assert commands == {
+        "cmd0": ("command_yaw", 1),
+        "cmd1": ("command_heave", 1),
+        "cmd2": ("command_surge", 1),
+        "cmd3": ("command_sway", 1),
+    }
+    assert not written.stop

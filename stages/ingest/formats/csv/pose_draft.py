@@ -1,0 +1,137 @@
+"""Poses in a drafted column map: which columns, which motion, which frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.pose.frames import (
+    continuous_signs,
+    quaternion_of_euler,
+    quaternion_product,
+    rotated,
+)
+from auvid.stages.columns import ATTITUDE, POSITION
+from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.column_names import QUATERNION, NamedColumn
+
+SMOOTHED_S = 0.3
+TURNED_AXES = ("v", "w", "q", "r")
+"""Velocities that change sign between forward-right-down and forward-left-up."""
+FULL_TURN, LARGEST_M = 6.4, 100.0
+"""Angles beyond are in degrees, positions of a tank beyond in mm."""
+
+
+def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
+    """Return the columns with position and attitude as a pose where nothing else moves.
+
+    A file with a velocity or a gyro is that of a vehicle: its attitude stays one.
+    Quaternions take the place of roll, pitch and yaw where there are none.
+    """
+    places = {item.place for item in columns}
+    parts = {item.words[-1]: item for item in columns if QUATERNION.search(item.words)}
+    has_quaternion = set(parts) == set("wxyz")
+    has_angles = {("attitude", name) for name in ATTITUDE} <= places
+    has_position = {("position", name) for name in POSITION} <= places
+    moves = any(place and place[0] in ("velocity", "imu") for place in places)
+    if not (has_angles or has_quaternion):
+        return list(columns)
+    stream = "pose" if has_position and not moves else "attitude"
+    placed = []
+    for item in columns:
+        if has_quaternion and not has_angles and item is parts.get(item.words[-1]):
+            item = replace(item, place=(stream, f"q_{item.words[-1]}"), unit="1")
+        elif (
+            stream == "pose"
+            and item.place is not None
+            and item.place[0]
+            in (
+                "position",
+                "attitude",
+            )
+        ):
+            item = replace(item, place=(stream, item.place[1]))
+        placed.append(item)
+    return placed
+
+
+def pose_unit(name: str, size: float) -> tuple[str, str]:
+    """Return the unit of a column of a pose by its size, and what was assumed."""
+    if name in POSITION:
+        return ("mm", "by its size") if size > LARGEST_M else ("m", "by its size")
+    return (
+        ("deg", "by its size") if size > FULL_TURN else ("rad", "no value is beyond a turn in rad")
+    )
+
+
+def pose_velocities(
+    columns: Sequence[NamedColumn], values: Mapping[str, Array], t_s: Array
+) -> dict[str, Array]:
+    """Return u v w p q r (n,) of a drafted pose by differences; empty without one.
+
+    As if the file were north-east-down: for correlations, not for a fit.
+    """
+    by_field = {item.place[1]: item for item in columns if item.place and item.place[0] == "pose"}
+    angles = [by_field.get(name) for name in ATTITUDE]
+    parts = [by_field.get(f"q_{part}") for part in "wxyz"]
+    place = [by_field.get(name) for name in POSITION]
+    if None in place or (None in angles and None in parts):
+        return {}
+
+    def table(chosen: Sequence[NamedColumn | None], limit: float, factor: float) -> Array:
+        whole = np.column_stack([values[item.name] for item in chosen if item])
+        given = next((item.unit for item in chosen if item and item.unit), "")
+        large = given in ("mm", "deg") or (not given and np.nanmax(np.abs(whole)) > limit)
+        return np.asarray(whole * factor if large else whole)
+
+    position = table(place, LARGEST_M, 1e-3)
+    q = (
+        table(parts, np.inf, 1.0)
+        if None in angles
+        else quaternion_of_euler(table(angles, FULL_TURN, np.pi / 180.0))
+    )
+    good = np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(t_s)
+    good &= np.append(True, np.diff(t_s) > 0.0) & (np.linalg.norm(q, axis=1) > 0.0)
+    if np.count_nonzero(good) < 10:
+        return {}
+    t, position, q = t_s[good], position[good], continuous_signs(q[good])
+    width = max(1, round(SMOOTHED_S / float(np.median(np.diff(t)))))
+    kernel = np.ones(width) / width
+    both = np.column_stack(
+        [
+            np.convolve(np.gradient(column, t), kernel, "same")
+            for column in np.hstack([position, q]).T
+        ]
+    )
+    back = q * np.array([1.0, -1.0, -1.0, -1.0])
+    body = np.hstack(
+        [rotated(back, both[:, :3]), 2.0 * quaternion_product(back, both[:, 3:])[:, 1:]]
+    )
+    return {axis: np.interp(t_s, t, body[:, k]) for k, axis in enumerate("uvwpqr")}
+
+
+def is_turned(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s: Array) -> bool:
+    """Return whether commands by axis show a pose in forward-left-up axes with z up.
+
+    Of sway, heave, pitch and yaw two or more answer reversed and none as it is: two axes
+    at once are a frame, one alone is a command.
+    """
+    signs = []
+    for axis in TURNED_AXES:
+        if axis in commands:
+            one = {axis: motions[axis]}
+            signs += [
+                item.correlation for item in answered_commands(t_s, {axis: commands[axis]}, one)
+            ]
+    return len(signs) > 1 and max(signs) < 0.0
+
+
+def in_upward_axes(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
+    """Return the columns with those of the pose in a frame with z up."""
+    return [
+        replace(item, frame="flu") if item.place and item.place[0] == "pose" else item
+        for item in columns
+    ]
