@@ -28,6 +28,18 @@ def source_stamp(floors: Iterable[str] = FOLDERS) -> str:
     return hashlib.sha256("\n".join(sorted(lines)).encode()).hexdigest()
 
 
+def source_hash() -> str:
+    """Return the hash of the names and contents of all of auvid's own files.
+
+    It is the same wherever they are installed.
+    """
+    files = sorted((path.relative_to(ROOT).as_posix(), path) for path in source_files(PRINTING))
+    digest = hashlib.sha256()
+    for name, path in files:
+        digest.update(name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
 def source_files(floors: Iterable[str]) -> Iterator[Path]:
     """Yield the files of floors, caches left out."""
     for floor in floors:

@@ -9,11 +9,13 @@ import logging
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.pipeline.execution.code_stamp import source_hash
 from auvid.pipeline.execution.dask import pickled
 from auvid.pipeline.execution.dask.exchange import Exchange
 from auvid.pipeline.execution.dask.worker import Terms, Unfit
@@ -21,11 +23,10 @@ from auvid.pipeline.execution.task import Outcome, Task
 from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.store.package_versions import package_versions
 
-if TYPE_CHECKING:
-    from distributed import Client, Future
-
 CONNECT_S = 10.0
 """A scheduler that does not answer for so long is not there."""
+LEAST_BYTES = 200e6
+"""A process with its libraries takes more."""
 DEATHS = 3
 """A task is given up when so many workers died on it: it may be what kills them."""
 
@@ -48,7 +49,7 @@ class Dask:
         self.workers = 1 if scheduler else jobs
         self._scheduler, self._memory = scheduler, memory
         self._exchange = Exchange(exchange) if exchange else None
-        self._client: Client | None = None
+        self._client: Any = None
         self._cluster: Any = None
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
         self._unfit: dict[str, str] = {}
@@ -56,20 +57,18 @@ class Dask:
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         if not tasks:
             return
-        from distributed import as_completed
-
         client = self._connected()
         marker = None if self._exchange else _marker(tasks[0].folder)
-        terms = Terms(package_versions(), marker, self._exchange)
+        terms = Terms(package_versions(), source_hash(), marker, self._exchange)
         try:
             waiting = {self._submitted(client, task, terms): task for task in tasks}
-            completed = as_completed(list(waiting))
+            completed = distributed().as_completed(list(waiting))
             for future in completed:
                 task = waiting.pop(future)
-                result = self._result(client, future, task)
+                result = self._result(future, task)
                 future.release()
                 if isinstance(result, Unfit):
-                    self._leave_out(client, result)
+                    self._leave_out(result)
                     again = self._submitted(client, task, terms)
                     waiting[again] = task
                     completed.add(again)
@@ -81,9 +80,7 @@ class Dask:
             if marker is not None:
                 marker[0].unlink(missing_ok=True)
 
-    def _submitted(self, client: Client, task: Task, terms: Terms) -> Future:
-        import cloudpickle
-
+    def _submitted(self, client: Any, task: Task, terms: Terms) -> Any:
         if self._exchange is not None:
             self._exchange.send_inputs(task)
         fit = None
@@ -96,21 +93,20 @@ class Dask:
                     remedy="Install the same auvid on the workers as here.",
                 )
         name = f"{task.stage.name} {task.item} {uuid4().hex}"
-        work = cloudpickle.dumps((task, terms))
+        work = import_module("cloudpickle").dumps((task, terms))
         return client.submit(pickled.run_pickled, work, key=name, pure=False, workers=fit)
 
-    def _result(self, client: Client, future: Future, task: Task) -> Outcome | Unfit:
-        from distributed import CancelledError, KilledWorker
-
+    def _result(self, future: Any, task: Task) -> Outcome | Unfit:
+        dask = distributed()
         try:
             result = future.result()
             return result if isinstance(result, Outcome | Unfit) else Unfit(*result)
-        except KilledWorker:
+        except dask.KilledWorker:
             return Outcome(
                 task.item,
                 crash=f"{DEATHS} workers died on it, perhaps for lack of memory (--memory)",
             )
-        except (CancelledError, OSError) as fault:
+        except (dask.CancelledError, OSError) as fault:
             raise PipelineError(
                 "the scheduler has gone away",
                 value=self._scheduler or "of this machine",
@@ -119,47 +115,37 @@ class Dask:
         except Exception as crash:
             return Outcome(task.item, crash=f"{type(crash).__name__}: {crash}")
 
-    def _leave_out(self, client: Client, unfit: Unfit) -> None:
+    def _leave_out(self, unfit: Unfit) -> None:
         if unfit.worker not in self._unfit:
             self._unfit[unfit.worker] = unfit.reason
             _say(f"worker {unfit.worker} is left out: {unfit.reason}")
 
-    def _connected(self) -> Client:
+    def _connected(self) -> Any:
         if self._client is not None:
             return self._client
-        try:
-            import cloudpickle
-            import dask
-            from distributed import Client, LocalCluster
-        except ImportError as fault:
-            raise UsageError(
-                "Dask is not installed",
-                field="--engine",
-                value="dask",
-                remedy="pip install 'auvid[dask]'",
-            ) from fault
+        dask = distributed()
         settings = {
             "distributed.comm.timeouts.connect": CONNECT_S,
             "distributed.scheduler.allowed-failures": DEATHS,
         }
-        dask.config.set(settings)
-        cloudpickle.register_pickle_by_value(pickled)
+        import_module("dask.config").set(settings)
+        import_module("cloudpickle").register_pickle_by_value(pickled)
         for name in logging.root.manager.loggerDict:
             if name.partition(".")[0] == "distributed":
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         if self._scheduler is None:
             self._scratch = tempfile.TemporaryDirectory(prefix="auvid-dask-")
-            self._cluster = LocalCluster(
+            self._cluster = dask.LocalCluster(
                 n_workers=self.workers,
                 threads_per_worker=1,
-                memory_limit=self._memory or "auto",
+                memory_limit=_bytes(self._memory),
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 local_directory=self._scratch.name,
                 silence_logs=logging.CRITICAL,
             )
         try:
-            self._client = Client(self._cluster or self._scheduler, timeout=CONNECT_S)
+            self._client = dask.Client(self._cluster or self._scheduler, timeout=CONNECT_S)
         except (OSError, ValueError) as fault:
             raise UsageError(
                 "no Dask scheduler answers",
@@ -168,12 +154,12 @@ class Dask:
                 allowed="an address as tcp://HOST:8786",
                 remedy="dask scheduler starts one, dask worker ADDRESS a worker of it.",
             ) from fault
-        number = len(self._client.scheduler_info(-1)["workers"])
+        cluster = self._client.scheduler_info(-1)
+        number = len(cluster["workers"])
+        dashboard = self._client.dashboard_link if "dashboard" in cluster["services"] else "none"
+        _say(f"Dask: {number} worker{'s' * (number != 1)}, dashboard: {dashboard}")
         if not number:
-            _say(
-                f"the scheduler {self._scheduler} has no worker yet: dask worker {self._scheduler}"
-            )
-        _say(f"Dask: {number} workers, dashboard {self._client.dashboard_link}")
+            _say(f"it waits for a worker: dask worker {self._scheduler} --nthreads 1")
         return self._client
 
     def close(self) -> None:
@@ -184,6 +170,34 @@ class Dask:
         if self._scratch is not None:
             self._scratch.cleanup()
         self._client = self._cluster = self._scratch = None
+
+
+def distributed() -> Any:
+    """Return the module of Dask's workers. Raises `UsageError` without it."""
+    try:
+        return import_module("distributed")
+    except ImportError as fault:
+        raise UsageError(
+            "Dask is not installed",
+            field="--engine",
+            value="dask",
+            remedy="pip install 'auvid[dask]'",
+        ) from fault
+
+
+def _bytes(memory: str | None) -> Any:
+    """Return a memory limit as Dask takes it; None leaves each worker its share."""
+    if memory is None:
+        return "auto"
+    try:
+        limit = import_module("dask.utils").parse_bytes(memory)
+    except ValueError:
+        limit = 0
+    if limit < LEAST_BYTES:
+        raise UsageError(
+            "no memory of a worker", field="--memory", value=memory, allowed="a size as 1.2GB"
+        )
+    return limit
 
 
 def _marker(folder: Path) -> tuple[Path, str]:

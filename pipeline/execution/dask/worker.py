@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from auvid.pipeline.execution.code_stamp import source_hash
 from auvid.pipeline.execution.dask.exchange import Exchange
 from auvid.pipeline.execution.task import Outcome, Task, execute
-from auvid.pipeline.graph import AnyStage
-from auvid.pipeline.store.fingerprints import stage_code
 from auvid.pipeline.store.package_versions import package_versions
 
 
@@ -17,11 +16,12 @@ from auvid.pipeline.store.package_versions import package_versions
 class Terms:
     """What a worker must agree in with the client, and how they share files.
 
-    `marker`: a file of the client that a worker must find, with its content; None with an
-    exchange.
+    `sources`: hash of auvid's own files. `marker`: a file of the client that a worker must
+    find, with its content; None with an exchange.
     """
 
     packages: dict[str, str]
+    sources: str
     marker: tuple[Path, str] | None
     exchange: Exchange | None
 
@@ -39,7 +39,7 @@ def run_task(task: Task, terms: Terms) -> Outcome | Unfit:
     from distributed import get_worker
 
     worker = get_worker()
-    reason = _unfit(task, terms)
+    reason = _unfit(terms)
     if reason:
         return Unfit(worker.address, reason)
     if terms.exchange is None:
@@ -47,13 +47,13 @@ def run_task(task: Task, terms: Terms) -> Outcome | Unfit:
     return terms.exchange.execute(task, Path(worker.local_directory) / "auvid-tasks")
 
 
-def _unfit(task: Task, terms: Terms) -> str:
+def _unfit(terms: Terms) -> str:
     here = package_versions()
     for name, version in terms.packages.items():
         if here[name] != version:
             return f"{name} {here[name]}, and the client has {version}"
-    if _code(task.stage) != task.code:
-        return f"another version of auvid: the code of stage {task.stage.name} differs"
+    if _sources() != terms.sources:
+        return "another version of auvid: its files differ from the client's"
     if terms.marker is not None:
         path, content = terms.marker
         try:
@@ -66,5 +66,5 @@ def _unfit(task: Task, terms: Terms) -> str:
 
 
 @cache
-def _code(stage: AnyStage) -> str:
-    return stage_code(stage)
+def _sources() -> str:
+    return source_hash()
