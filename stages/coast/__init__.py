@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyarrow as pa
 
-from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import FusionRecord, InstallationRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
@@ -71,6 +71,11 @@ class Params:
     thrust_lag_s: float = param(
         "s", 0.1, meaning="time constant of the thrust after it was stopped", low=0.0, high=5.0
     )
+    releases: tuple[str, ...] = param(
+        "1",
+        (),
+        meaning="legs that begin when something else lets go of the body: a tow, a hand, a winch",
+    )
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,12 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Find the coasts of all segments, fit them, and compare with the powered legs."""
     vehicle = inputs.vehicle
+    legs = {segment.leg for segment in inputs.segment.values()}
+    unknown = [name for name in params.releases if name not in legs]
+    if unknown:
+        raise CampaignError(
+            "no such leg", field="stages.coast.releases", value=unknown[0], allowed=sorted(legs)
+        )
     rules = {
         name: CoastRule(
             params.rate_rad_s if name == "r" else params.speed_m_s,
@@ -107,7 +118,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         estimated = inputs.installation if fusion.installation == "estimate" else None
         place = VelocityLogPlacement.of(vehicle, estimated)
-        parts = segment_coasts(tables, vehicle, place, rules, lag_s=params.thrust_lag_s)
+        released = segment.leg in params.releases and key in (segment.leg, f"{segment.leg}.1")
+        parts = segment_coasts(
+            tables, vehicle, place, rules, lag_s=params.thrust_lag_s, released=released
+        )
         for name, part in parts.items():
             axes[name].add(key, float(segment.leg_start_s), part.search, part.records, part.leg)
     for name, axis in axes.items():

@@ -69,8 +69,12 @@ def segment_coasts(
     rules: Mapping[str, CoastRule],
     *,
     lag_s: float,
+    released: bool,
 ) -> dict[str, SegmentCoasts]:
-    """Return the coasts of a segment by velocity; `lag_s`: lag of the thrust."""
+    """Return the coasts of a segment by velocity; `lag_s`: lag of the thrust.
+
+    `released`: something else let go of the body at the start of the segment.
+    """
     fused, residual = tables.fused, tables.residual
     t_s = clock(fused)
     thrust, idle = _drive(tables, vehicle)
@@ -91,7 +95,7 @@ def segment_coasts(
     out = {}
     for name, place_of in DEGREES.items():
         speed = column(fused, VELOCITY[place_of])
-        search = find_coasts(t_s, idle[:, place_of], speed, rules[name])
+        search = find_coasts(t_s, idle[:, place_of], speed, rules[name], released=released)
         times, measured = _samples(tables, place, name)
         shapes = down[:, [place_of]] if place_of < 3 else np.zeros((t_s.size, 0))
         m = diagonal[place_of]

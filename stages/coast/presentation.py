@@ -167,10 +167,12 @@ def scale_words(fitted: Mapping[str, AxisCoasts], common: CommonScale) -> str:
 
 def lacking_words(lacking: Mapping[str, AxisCoasts], vehicle: Vehicle, least_s: float) -> str:
     """Return why there is no drag from coasts on these velocities."""
-    if vehicle.thrusters is None and vehicle.propeller is None:
+    passive = vehicle.thrusters is None and vehicle.propeller is None
+    if passive and not any(axis.records or axis.short or axis.slow for axis in lacking.values()):
         return (
-            "No coasts: the vehicle has no thrust that could end. A decay after a release, or a"
-            " steady tow with a measured force, gives its drag (docs/coasting.md)."
+            "No coasts: the vehicle has no thrust that could end. Drag shows where a tow or a hand"
+            " lets go of it: begin a leg at each release and name the legs in"
+            " stages.coast.releases."
         )
     parts = []
     for name, axis in lacking.items():

@@ -69,15 +69,18 @@ def idle_axes(thrust_N: ArrayLike, allocation: ArrayLike, *, largest_N: float) -
     return np.asarray(~np.any(acts[:, None, :] & pushes, axis=2))
 
 
-def find_coasts(t_s: Array, idle: Mask, speed: Array, rule: CoastRule) -> CoastSearch:
+def find_coasts(
+    t_s: Array, idle: Mask, speed: Array, rule: CoastRule, *, released: bool = False
+) -> CoastSearch:
     """Return the coasts on one axis; t_s, idle and speed (n,) on a uniform clock.
 
-    A rest that holds already at the first sample is none: nobody knows when the thrust
-    ended.
+    A rest that holds already at the first sample is none, since nobody knows when the
+    thrust ended; unless the body was `released` then.
     """
-    edges = np.diff(np.concatenate([[True], idle, [False]]).astype(np.int8))
+    edges = np.diff(np.concatenate([[not released], idle, [False]]).astype(np.int8))
+    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
     # The first end is that of what holds before the first sample.
-    begins, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)[1:]
+    ends = ends if released else ends[1:]
     step = float(t_s[1] - t_s[0]) if t_s.size > 1 else 0.0
     coasts, short, slow = [], [], 0
     for begin, end in zip(begins, ends, strict=True):

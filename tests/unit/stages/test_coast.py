@@ -6,12 +6,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
@@ -139,3 +141,54 @@ def test_coasts_of_less_than_a_second_are_too_few_in_plain_words() -> None:
     assert "shorter than 1 s" in note
     assert not remarks(outputs, "warning")
     assert "thrust curve was not checked" in note
+
+
+def test_a_body_without_thrust_coasts_where_it_is_released() -> None:
+    """The dive as if its vehicle had no thrusters, cut where they stop."""
+    twin = inputs(VEHICLE, sticks=surge(3.5, 4.0))
+    bare = replace(twin, vehicle=replace(VEHICLE, thrusters=None))
+    outputs = coast.run(bare, coast.Params())
+    assert "the vehicle has no thrust that could end" in remarks(outputs, "note")
+    with pytest.raises(CampaignError, match="no such leg"):
+        coast.run(bare, coast.Params(releases=("b",)))
+    driven = coast.run(twin, coast.Params()).coasts.to_pylist()
+    stops = [item["stop_s"] - 2.0 for item in driven if item["use"] == "taken"]
+    released = coast.run(released_at(bare, stops), coast.Params(releases=tuple(names(stops))))
+    row = released.coast_drag.to_pylist()[0]
+    true = (8.0 + 90.0 * row["speed"]) / float(VEHICLE.mass_matrix[0, 0])
+    assert row["coasts"] >= 6
+    # The thrust that still fades is not seen as thrust: it takes up to a fifth of the drag.
+    assert row["rate"] == pytest.approx(true, rel=0.2)
+
+
+def names(stops: list[float]) -> list[str]:
+    return [f"drop{index}" for index in range(len(stops))]
+
+
+def released_at(twin: coast.Inputs, stops: list[float]) -> coast.Inputs:
+    """Return the dive as legs of 3.8 s that begin 0.3 s after each stop."""
+    ((key, segment),) = twin.segment.items()
+    parts = {}
+    for name, stop in zip(names(stops), stops, strict=True):
+        first = stop + 0.3
+
+        def cut(table: pa.Table, first: float = first) -> pa.Table:
+            t = table["t_s"].to_numpy()
+            rows = (t >= first - 1e-9) & (t <= first + 3.5)
+            return table.filter(pa.array(rows))
+
+        parts[name] = cut
+    assert twin.samples_imu is not None
+    assert twin.samples_velocity is not None
+    tables = {
+        field: collection({name: cut(getattr(twin, field)[key]) for name, cut in parts.items()})
+        for field in ("fused", "residual", "resampled", "samples_imu", "samples_velocity")
+    }
+    return replace(
+        twin,
+        segment=collection(
+            {name: segment.model_copy(update={"id": name, "leg": name}) for name in parts}
+        ),
+        fusion=collection(dict.fromkeys(parts, twin.fusion[key])),
+        **tables,
+    )

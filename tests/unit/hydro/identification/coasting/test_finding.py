@@ -31,6 +31,18 @@ def test_rests_that_are_short_or_slow_or_hold_from_the_start_are_no_coasts() -> 
     np.testing.assert_allclose(search.short, [(5.0, 5.75)])
 
 
+def test_a_body_that_is_let_go_of_at_the_start_coasts_from_there() -> None:
+    idle = rests((0.0, 3.0))
+    search = find_coasts(T_S, idle, np.full(T_S.size, 0.4), RULE, released=True)
+    times = [(item.stop_s, item.start_s, item.end_s) for item in search.coasts]
+    np.testing.assert_allclose(times, [(0.0, 0.2, 2.95)], atol=1e-9)
+    everywhere = np.ones(T_S.size, dtype=np.bool_)
+    assert (
+        len(find_coasts(T_S, everywhere, np.full(T_S.size, 0.4), RULE, released=True).coasts) == 1
+    )
+    assert not find_coasts(T_S, everywhere, np.full(T_S.size, 0.4), RULE).coasts
+
+
 def test_thrust_that_never_stops_leaves_nothing() -> None:
     search = find_coasts(T_S, np.zeros(T_S.size, dtype=np.bool_), np.ones(T_S.size), RULE)
     assert (search.coasts, search.short, search.slow, search.idle_s) == ((), (), 0, 0.0)
