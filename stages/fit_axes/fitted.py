@@ -96,6 +96,8 @@ class FittedAxis:
     per_leg: Mapping[str, tuple[float, int]] = field(default_factory=dict)
     """Leg -> fit [%] on it by the pooled model, and its windows."""
     motion: tuple[AxisMotion, ...] = ()
+    whole_legs: Mapping[str, float] = field(default_factory=dict)
+    """Validation leg -> fit [%] of one free run from its first window to its last."""
 
     @property
     def axis(self) -> str:

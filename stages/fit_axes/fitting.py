@@ -24,6 +24,7 @@ from auvid.hydro.identification.axes.single_axis import (
     refusal,
 )
 from auvid.hydro.identification.axes.windows import (
+    MotionWindow,
     depth_rate,
     low_passed,
     turn_of,
@@ -209,6 +210,11 @@ def _fit(
         notes=tuple(f"{word}: {words}." for words in fit.notes),
         per_leg={part.leg: (motion_percent([part]), len(part.windows)) for part in every},
         motion=tuple(every),
+        whole_legs={
+            key: percent
+            for key, leg in checked.items()
+            if np.isfinite(percent := _whole_leg(fit, leg.record, judged[key].windows))
+        },
     )
 
 
@@ -251,6 +257,28 @@ def _flown(fit: SingleAxisFit, key: str, leg: LegData) -> AxisMotion:
     own = replace(fit, pool=pool)
     rows = loop_rows(pool, fit.fit.drive)
     return _simulated(own, key, leg, 0, rows[0], [(w.first, w.end) for w in windows])
+
+
+def _whole_leg(fit: SingleAxisFit, record: AxisRecord, windows: Sequence[tuple[int, int]]) -> float:
+    """Return the fit [%] of one free run over all windows and what lies between them."""
+    whole = MotionWindow(0, windows[0][0], windows[-1][1])
+    pool = make_pool(
+        fit.pool.structure,
+        [record],
+        [whole],
+        constant_sd=fit.pool.constant_sd,
+        drive=fit.fit.drive,
+    )
+    start = np.append(pool.prepared[0].start[whole.first], 0.0)
+    theta = fit.fit.values[: len(pool.structure.terms)]
+    rate = motion(pool, loop_rows(pool, fit.fit.drive)[0], theta, whole, start)[:, 0, 0]
+    if not np.isfinite(rate).all():
+        return float("nan")
+    if not fit.by_depth:
+        return percent_of(record.rate[fit.velocity][whole.nodes], rate)
+    step = float(record.t_s[1] - record.t_s[0])
+    simulated = low_passed(rate * turn_of(record)[whole.nodes], step)
+    return percent_of(depth_rate(record)[whole.nodes], simulated)
 
 
 def _simulated(

@@ -89,12 +89,19 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
     note = "Held out is the least of what was held out; the lag is fixed where it has no error."
     blocks = [table("Fit of the rate, axis by axis", heads, rows, note=note)]
     legs = [
-        [words_of(item.axis), leg, percent, windows]
+        [words_of(item.axis), leg, percent, windows, item.whole_legs.get(leg)]
         for item in fits.fitted
         for leg, (percent, windows) in item.per_leg.items()
     ]
     if len({row[1] for row in legs}) > 1:
-        blocks.append(table("Leg by leg", ["axis", "leg", ("fit", "%"), "windows"], legs))
+        blocks.append(
+            table(
+                "Leg by leg",
+                ["axis", "leg", ("fit", "%"), "windows", ("one free run over it", "%")],
+                legs,
+                note="A leg for validation is also flown once from its start to its end.",
+            )
+        )
     return blocks
 
 

@@ -86,6 +86,7 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
     held = {item.axis: item.held_out_percent for item in fitted.fitted}
     assert min(filter(None, held.values())) > 90.0
     assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)
+    assert all(item.whole_legs["check"] > 85.0 for item in fitted.fitted)
 
 
 def test_what_is_lacking_has_its_reason() -> None:
