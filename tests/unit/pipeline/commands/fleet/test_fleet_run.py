@@ -122,7 +122,7 @@ def test_a_worker_that_dies_costs_no_other_log(
         lonely.append(task.item)
         return Outcome(task.item, crash=fleet_run.DIED)
 
-    monkeypatch.setattr(fleet_run, "_run_lonely", run_lonely)
+    monkeypatch.setattr(fleet_run, "_run_alone", run_lonely)
     outcome = run_fleet(tmp_path, tmp_path / "fleet", engine=Dying("b-"))
     reasons = {Path(row.files[0]).name: row.result.reason for row in outcome.rows}
     assert [name.partition("-")[0] for name in lonely] == ["b"]
