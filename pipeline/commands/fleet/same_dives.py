@@ -159,7 +159,7 @@ def _agreement(first: LogSurvey, second: LogSurvey) -> str:
 
 def _samples(motion: MotionTrace, values: Sequence[float | None]) -> tuple[Array, Array]:
     samples = np.array([np.nan if item is None else item for item in values], dtype=np.float64)
-    times: Array = motion.start_s + motion.step_s * np.arange(samples.size)
+    times = np.asarray(motion.start_s + motion.step_s * np.arange(samples.size), np.float64)
     finite = np.isfinite(samples)
     return times[finite], samples[finite]
 
