@@ -9,15 +9,18 @@ from pydantic import Field, ValidatorFunctionWrapHandler, field_validator
 
 from auvid.data_schemas.documents.model import Model, Range, part_of_kind
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.plans.glide_plan import GlidePlanDocument
 from auvid.data_schemas.documents.plans.plan import PlanDocument
 
-Plan = PlanDocument | DivePlanDocument
+Plan = PlanDocument | DivePlanDocument | GlidePlanDocument
 
 
 def plan_model(document: object) -> type[Plan]:
-    """Return the model of a plan: one of dives says so by its key `kind`."""
-    dives = isinstance(document, Mapping) and document.get("kind") == "dives"
-    return DivePlanDocument if dives else PlanDocument
+    """Return the model of a plan: dives and glides say so by their key `kind`."""
+    kind = document.get("kind") if isinstance(document, Mapping) else None
+    if kind == "glides":
+        return GlidePlanDocument
+    return DivePlanDocument if kind == "dives" else PlanDocument
 
 
 class TruthEntry(Model):
@@ -39,8 +42,8 @@ class TwinDocument(Model):
     It is read from the files that the manifest names.
     """
 
-    plan: PlanDocument | DivePlanDocument
-    """The plan: with `kind: dives` one of dives."""
+    plan: PlanDocument | DivePlanDocument | GlidePlanDocument
+    """The plan: with `kind: dives` one of dives, with `kind: glides` of a glider."""
     truth: TruthEntry
     """The viscous force of the twin."""
     seed: Annotated[int, Range(0)]

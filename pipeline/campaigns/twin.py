@@ -8,15 +8,17 @@ from typing import Any
 
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
-from auvid.data_schemas.documents.plans.plan import PlanDocument
-from auvid.data_schemas.documents.twin import TruthEntry, TwinDocument, plan_model
+from auvid.data_schemas.documents.plans.glide_plan import GlidePlanDocument
+from auvid.data_schemas.documents.twin import Plan, TruthEntry, TwinDocument, plan_model
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.data_schemas.records.models import ModelCard
+from auvid.hydro.dynamics.vehicle.glider_body import glider_body
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_coefficients
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.stages.simulate.bench_plans import bench_entries, bench_plan
 from auvid.stages.simulate.flights import FORMS
+from auvid.stages.simulate.glides import glide_entries
 from auvid.stages.simulate.plans import Entries, manifest_entries, plan_from_document
 from auvid.stages.simulate.rov.dive_plans import dive_entries, dive_plan
 
@@ -61,13 +63,15 @@ def load_twin(
     return parse(TwinDocument, document, file=file)
 
 
-def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> PlanDocument | DivePlanDocument:
+def load_plan(path: Path, vehicle: Vehicle, *, file: object) -> Plan:
     """Return a plan that this vehicle can fly, checked."""
     plan_file = load_yaml(path, named_in=file, what="plan")
     plan = plan_file.parse(plan_model(plan_file.value))
     try:
         if isinstance(plan, DivePlanDocument):
             dive_plan(plan, vehicle, file=path)
+        elif isinstance(plan, GlidePlanDocument):
+            glider_body(vehicle)
         elif plan.bench is not None:
             bench_plan(plan, vehicle, file=path)
         else:
@@ -127,10 +131,12 @@ def _of_card(path: Path, file: object) -> TruthEntry:
     )
 
 
-def entries_of(plan: PlanDocument | DivePlanDocument, *, format: str) -> Entries:
+def entries_of(plan: Plan, *, format: str) -> Entries:
     """Return the logs and legs of a plan, as a manifest has them."""
     if isinstance(plan, DivePlanDocument):
         return dive_entries(plan, format=format)
+    if isinstance(plan, GlidePlanDocument):
+        return glide_entries(plan)
     return (bench_entries if plan.bench is not None else manifest_entries)(plan, format=format)
 
 

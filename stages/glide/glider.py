@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
+from auvid.hydro.dynamics.vehicle.glider_body import glider_body, glider_part
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.glide.fit import FileFigure
 
@@ -47,34 +47,14 @@ class Glider:
 
 def glider_of(vehicle: Vehicle) -> Glider:
     """Return the glider of a vehicle; raise `CampaignError` without part `glider`."""
-    part = vehicle.document.glider
-    if part is None:
-        raise CampaignError(
-            "the vehicle file has no part 'glider'",
-            field="glider",
-            value=vehicle.name,
-            remedy=(
-                "Give reference_area, lift_slope and induced_drag under `glider`"
-                " (docs/glide.md has values of a Slocum)."
-            ),
-        )
+    part = glider_part(vehicle)
     slope, induced = part.lift_slope.si, part.induced_drag.si
-    body = GliderBody(
-        mass_kg=vehicle.mass_kg,
-        area_m2=part.reference_area.si,
-        gravity=vehicle.gravity,
-        neutral_kg_m3=vehicle.water_density,
-        added_kg=-float(vehicle.added_mass[0, 0]),
-        compressibility_1_pa=part.compressibility.si if part.compressibility else 0.0,
-        expansion_1_k=part.thermal_expansion.si if part.thermal_expansion else 0.0,
-        temperature_K=part.temperature.si if part.temperature else 283.15,
-    )
     stops = None
     if part.drive_stops is not None:
         low, high = (float(value) for value in part.drive_stops.array)
         stops = (low, high)
     return Glider(
-        body,
+        glider_body(vehicle),
         stops,
         FileFigure(slope, part.lift_slope_sd.si if part.lift_slope_sd else LIFT_SHARE * slope),
         FileFigure(

@@ -42,9 +42,9 @@ def glide_section(
             f"{estimate.glides} settled glides ({_counts(glides)}), {estimate.rows} means over"
             f" {significant(_stretch_s(glides), 2)} s. Coefficients are referred to S ="
             f" {significant(body.area_m2, 3)} m². Depth rate is the slope of a smoothing spline of"
-            " the pressure over rho g. Intervals are clustered by glide: what disturbs a glide"
-            " disturbs all of it. What stands as `from the prior` is the vehicle file's; its"
-            " spread is in the intervals of the others."
+            " the pressure over rho g. Intervals are clustered by yo: what disturbs a dive"
+            " and the climb after it disturbs all of both. What stands as `from the prior` is the"
+            " vehicle file's; its spread is in the intervals of the others."
         ),
         equation(
             r"F=g\{\rho[(m/\rho_0+\delta V)(1-\epsilon p+\alpha_T\Delta T)+V_d]-m\},\quad"

@@ -11,10 +11,12 @@ import pyarrow as pa
 
 from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
+from auvid.data_schemas.documents.plans.glide_plan import GlidePlanDocument
 from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.vehicle.glider_body import glider_body
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.base import Document, Stage, port
@@ -26,6 +28,7 @@ from auvid.stages.simulate.bench_report import bench_document, bench_section
 from auvid.stages.simulate.csv_writer import write_csv
 from auvid.stages.simulate.dataflash_writer import write_dataflash
 from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
+from auvid.stages.simulate.glides import fly_glides
 from auvid.stages.simulate.plans import log_name, plan_from_document
 from auvid.stages.simulate.rov.dive_report import dive_section, dive_views
 from auvid.stages.simulate.rov.dives import fly_plan
@@ -71,6 +74,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     vehicle, twin = inputs.vehicle, inputs.twin
     if isinstance(twin.plan, DivePlanDocument):
         return _dives(vehicle, twin)
+    if isinstance(twin.plan, GlidePlanDocument):
+        glides = fly_glides(vehicle, twin, glider_body(vehicle))
+        return Outputs(glides.logs, {}, glides.document, glides.section, _views(()))
     if twin.plan.bench is not None:
         return _bench(vehicle, twin, inputs.apparatus)
     plan = plan_from_document(twin.plan, vehicle, file="the plan")

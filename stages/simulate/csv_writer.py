@@ -27,11 +27,28 @@ PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
     "imu": (("imu", (*GYRO, *ACCEL)),),
     "attitude": (("attitude", POSE[3:]),),
     "battery": (("battery", ("voltage_v", "current_a")),),
+    "glider": (
+        (
+            "glider",
+            (
+                "pressure_pa",
+                "pitch_rad",
+                "buoyancy_drive_m3",
+                "density_kg_m3",
+                "temperature_K",
+                "speed_m_s",
+            ),
+        ),
+    ),
     "outputs": (("actuators", tuple(f"pwm_{number}_us" for number in range(1, OUTPUTS + 1))),),
 }
 """File -> the streams in it with their fields; columns have the names of the fields."""
 UNIT_OF_SUFFIX = (
     ("_us", "us"),
+    ("_pa", "Pa"),
+    ("_kg_m3", "kg/m^3"),
+    ("_m3", "m^3"),
+    ("_K", "K"),
     ("_rad_s", "rad/s"),
     ("_m_s2", "m/s^2"),
     ("_rev_s", "1/s"),
@@ -72,7 +89,7 @@ def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> di
                 gravity=vehicle.gravity,
             )
             columns |= dict(zip(ACCEL, accel.T, strict=True))
-        files[csv_name(recorded.leg, part)] = _text(columns)
+        files[csv_name(recorded.leg, part)] = csv_text(columns)
     return files
 
 
@@ -93,10 +110,11 @@ def _attitude_at(recorded: Recorded, time_us: Any) -> Array:
     return np.column_stack([np.interp(time_us, attitude["time_us"], values) for values in angles])
 
 
-def _text(columns: Mapping[str, Array]) -> bytes:
+def csv_text(columns: Mapping[str, Array]) -> bytes:
+    """Return columns as a CSV file; what is not finite is an empty cell."""
     lines = [",".join(columns)]
     lines += [
-        ",".join(map(repr, row))
+        ",".join("" if cell != cell else repr(cell) for cell in row)
         for row in zip(*(values.tolist() for values in columns.values()), strict=True)
     ]
     return ("\n".join(lines) + "\n").encode()

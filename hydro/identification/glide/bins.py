@@ -95,6 +95,18 @@ def glide_rows(settled: SettledGlides, *, stretch_s: float) -> GlideRows:
     )
 
 
+def yos_of(rows: GlideRows) -> Index:
+    """Return the yo (m,) of each row: a climb belongs to the dive before it.
+
+    Water that rises or sinks for half an hour disturbs both.
+    """
+    numbers, first = np.unique(rows.glide, return_index=True)
+    up = rows.state.pitch_rad[first] > 0.0
+    follows = np.append(False, up[1:] & ~up[:-1])
+    yo = np.cumsum(~follows) - 1
+    return np.asarray(yo[np.searchsorted(numbers, rows.glide)], dtype=np.intp)
+
+
 def joined(parts: Sequence[GlideRows]) -> tuple[GlideRows, tuple[int, ...]]:
     """Return the rows of several records with glides numbered on.
 

@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.gliding.steady_glide import (
     slow_change,
     steady_glide,
 )
-from auvid.hydro.identification.glide.bins import GlideRows
+from auvid.hydro.identification.glide.bins import GlideRows, yos_of
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
 UNKNOWNS = ("C_D0", "C_D1", "C_L_alpha", "alpha_0", "trim", "mass")
@@ -121,7 +121,7 @@ def fit_glides(
     depth rate w and speed U of `steady_glide`, s_w and s_U from the residuals. With J_f
     and J_h the slopes by free and fixed unknowns, H = J_f' J_f, S = -H^-1 J_f' J_h and the
     spread P of the fixed ones: covariance H^-1 (sum_g s_g s_g') H^-1 + S P S', where
-    s_g = J_g' (I - J_g H^-1 J_g')^-1 r_g of glide g (as if it had been left out:
+    s_g = J_g' (I - J_g H^-1 J_g')^-1 r_g of yo g (as if it had been left out:
     MacKinnon and White 1985, HC3, by clusters). Free are drag and, with dives and climbs,
     trim; lift where speed was measured; induced drag and zero-lift angle where the
     record alone knows them better than FREED of the prior. Raises `DataError` for too few
@@ -167,9 +167,10 @@ class _Problem:
     noise: Array
 
     @property
-    def glide(self) -> Index:
-        """Return the glide of every residual."""
-        return np.concatenate([self.rows.glide, self.rows.glide[self.measured]])
+    def yo(self) -> Index:
+        """Return the yo of every residual."""
+        yos = yos_of(self.rows)
+        return np.concatenate([yos, yos[self.measured]])
 
     def residuals(self, values: Array) -> Array:
         """Return the residuals of depth rate and measured speed over their noise."""
@@ -220,7 +221,7 @@ class _Problem:
     def standard_errors(self, values: Array, free: list[str]) -> Array:
         """Return the standard errors of free unknowns by the record."""
         jacobian = self.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
-        return np.sqrt(np.diag(_clustered(jacobian, self.residuals(values), self.glide)))
+        return np.sqrt(np.diag(_clustered(jacobian, self.residuals(values), self.yo)))
 
 
 def _rms(values: Array) -> float:
@@ -281,14 +282,14 @@ def _glide_figures(values: Array, pitch_rad: float) -> Array:
     return np.array([float(alpha), float(polar.drag_coefficient(alpha)), float(lift)])
 
 
-def _clustered(jacobian: Array, residual: Array, glide: Index) -> Array:
+def _clustered(jacobian: Array, residual: Array, yo: Index) -> Array:
     """Return H^-1 (sum_g s_g s_g') H^-1 (k, k), H = J' J, s_g as in `fit_glides`."""
     scale = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / scale
     inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14)
     meat = np.zeros_like(inverse)
-    for number in np.unique(glide):
-        part, left = scaled[glide == number], residual[glide == number]
+    for number in np.unique(yo):
+        part, left = scaled[yo == number], residual[yo == number]
         score = part.T @ np.linalg.solve(np.eye(left.size) - part @ inverse @ part.T, left)
         meat += np.outer(score, score)
     return np.asarray(inverse @ meat @ inverse / np.outer(scale, scale))
@@ -302,7 +303,7 @@ def _estimate(
     fixed = [index for index in range(values.size) if index not in inside]
     spread = np.array([prior[UNKNOWNS[index]].sd for index in fixed])
     noise = np.zeros((values.size, values.size))
-    noise[np.ix_(inside, inside)] = _clustered(jacobian[:, inside], residual, problem.glide)
+    noise[np.ix_(inside, inside)] = _clustered(jacobian[:, inside], residual, problem.yo)
     # The fixed unknowns move the free ones by S, and themselves by their spread.
     moves = np.zeros((values.size, len(fixed)))
     moves[fixed, range(len(fixed))] = spread
@@ -312,15 +313,15 @@ def _estimate(
     covariance = noise + moves @ moves.T
     split = problem.rows.t_s.size
     parts = [_rms(residual[:split]) * problem.noise[0], _rms(residual[split:]) * problem.noise[1]]
-    count = int(np.unique(problem.glide).size)
+    yos = int(np.unique(problem.yo).size)
     return GlideEstimate(
         values,
         covariance,
         noise,
         tuple(free),
         (float(parts[0]), float(parts[1]) if problem.measured.any() else float("nan")),
-        count - 1,
-        count,
+        max(yos - 1, 1),
+        int(np.unique(problem.rows.glide).size),
         split,
         _verdicts(values, covariance, free),
         problem.body,

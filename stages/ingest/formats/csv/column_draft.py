@@ -664,7 +664,7 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
 
 
 def _glider_unit(name: str, size: float) -> tuple[str, str]:
-    """Return the unit of a glider's column by the size of its values, and how it is known."""
+    """Return the unit of a glider's column by the size of its values."""
     small, large, limit = GLIDER_UNITS[name]
     return (large if size > limit else small), "by its size"
 
