@@ -106,7 +106,7 @@ def _explained(design: Array, body: Array) -> float:
     rest = y - x @ np.linalg.lstsq(x, y, rcond=1e-8)[0]
     free = max(len(y) - x.shape[1] - 1, 1)
     share = float(np.sum(rest**2) / max(float(np.sum(y**2)), 1e-300))
-    return 1.0 - share * (len(y) - 1) / free
+    return float(1.0 - share * (len(y) - 1) / free)
 
 
 def command_clock(

@@ -82,10 +82,10 @@ def pose_velocities(
         return {}
 
     def table(chosen: Sequence[NamedColumn | None], limit: float, factor: float) -> Array:
-        whole = np.column_stack([values[item.name] for item in chosen if item])
-        given = next((item.unit for item in chosen if item and item.unit), "")
-        large = given in ("mm", "deg") or (not given and np.nanmax(np.abs(whole)) > limit)
-        return np.asarray(whole * factor if large else whole)
+        rows = np.column_stack([values[item.name] for item in chosen if item])
+        unit = next((item.unit for item in chosen if item and item.unit), "")
+        large = unit in ("mm", "deg") or (not unit and np.nanmax(np.abs(rows)) > limit)
+        return np.asarray(rows * factor if large else rows)
 
     position = table(place, LARGEST_M, 1e-3)
     q = (
