@@ -26,6 +26,7 @@ STREAMS = (
     "mode",
     "events",
     "water_velocity",
+    "sticks",
     "glider",
     "pose",
 )
@@ -41,6 +42,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "mode": ("mode",),
     "events": ("text",),
     "water_velocity": ("u_m_s", "v_m_s", "w_m_s"),
+    "sticks": ("stick_surge", "stick_sway", "stick_heave", "stick_yaw"),
     "glider": (),
     "pose": ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad"),
 }

@@ -41,6 +41,7 @@ class Inputs:
     actuators: pa.Table | None = port("actuators", optional=True)
     battery: pa.Table | None = port("battery", optional=True)
     mode: pa.Table | None = port("mode", optional=True)
+    sticks: pa.Table | None = port("sticks", optional=True)
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,11 @@ class Params:
     )
     use_commands: bool = param(
         "1", False, meaning="take normalised commands for the force even where pulses are logged"
+    )
+    rebuild_outputs: bool = param(
+        "1",
+        True,
+        meaning="rebuild outputs below 5 Hz from sticks, gyro and attitude, where that is better",
     )
     lag_s: Mapping[str, float] = param(
         "s", {}, meaning="stream -> how late its stamps are, beside the lags of the vehicle file"
@@ -85,7 +91,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     info = inputs.log_info
     start_us = int(info.start_us)
     streams = Streams(
-        {name: getattr(inputs, name) for name in STREAMS if name in Inputs.__dataclass_fields__},
+        {name: getattr(inputs, name) for name in STREAMS},
         start_us,
         leg_window(inputs.leg, start_us, int(info.end_us)),
         inputs.vehicle,
@@ -96,6 +102,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         max_gap_s=params.max_gap_s,
         window_s=params.window_s,
         commands=params.use_commands,
+        rebuild=params.rebuild_outputs,
     )
     result = leg_record(streams, info, inputs.leg.id, options)
     windows = _document(inputs, result)

@@ -92,6 +92,7 @@ class Outputs:
     mode: pa.Table | None = port("mode", optional=True)
     events: pa.Table | None = port("events", optional=True)
     water_velocity: pa.Table | None = port("water_velocity", optional=True)
+    sticks: pa.Table | None = port("sticks", optional=True)
     glider: pa.Table | None = port("glider", optional=True)
     pose: pa.Table | None = port("pose", optional=True)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
@@ -24,6 +25,11 @@ from auvid.hydro.dynamics.actuators.commands import (
     px4_thrusters,
 )
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
+from auvid.hydro.dynamics.actuators.slow_outputs import (
+    LEAST_SAMPLES,
+    RebuiltOutputs,
+    rebuild_outputs,
+)
 from auvid.hydro.dynamics.actuators.thrusters import (
     NEUTRAL_US,
     NO_PULSE_US,
@@ -33,10 +39,17 @@ from auvid.hydro.dynamics.actuators.thrusters import (
 )
 from auvid.hydro.dynamics.vehicle.logged_directions import turned_as_logged
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.stages.columns import Samples
-from auvid.stages.leg_record.motion import enough, on_clock
+from auvid.hydro.identification.signals.resampling import linear
+from auvid.stages.columns import ATTITUDE, Samples
+from auvid.stages.leg_record.motion import enough, on_clock, pause_s, step_s
 from auvid.stages.leg_streams import Streams
 
+SLOW_HZ = 5.0
+"""Outputs at a lower rate are rebuilt between their samples."""
+PULSE_RANGE_US = (1100.0, 1900.0)
+STICK_LAGS_S = (0.0, 0.05, 0.1, 0.15, 0.2)
+"""How late sticks of the ground station act; the best of these is taken."""
+STICKS = ("stick_surge", "stick_sway", "stick_heave", "stick_yaw")
 DEAD_BAND_US, DEAD_COMMAND = 28.0, 0.02
 """Within so much of neutral an output, or a command, does not act."""
 FRAME_REMEDY = (
@@ -87,11 +100,13 @@ def drive_of(
     surge: Array,
     max_gap_s: float,
     commands: bool = False,
+    rebuild: bool = True,
 ) -> LegDrive:
     """Return what drives a leg on a uniform clock (n,) [s].
 
     surge (n,): u [m/s], which the thrust of a propeller depends on. commands: take
-    normalised commands even where pulses are logged. Raises `DataError` where nothing
+    normalised commands even where pulses are logged. rebuild: slow outputs between their
+    samples. Raises `DataError` where nothing
     drives the vehicle that is logged, or nothing says how its outputs mix.
     """
     table, vehicle = actuator_table(streams), streams.vehicle
@@ -99,12 +114,12 @@ def drive_of(
     pulses = any(name.startswith("pwm_") for name in table.column_names)
     if not (commands and logged):
         if vehicle.thrusters is not None and has_columns(table, output_columns(vehicle.thrusters)):
-            return _newtons(streams, vehicle.thrusters, info, t_s, max_gap_s)
+            return _newtons(streams, vehicle.thrusters, info, t_s, max_gap_s, rebuild)
         if vehicle.propeller is not None and has_columns(table, ("propeller_rev_s",)):
             return _propeller(streams, vehicle, t_s, surge, max_gap_s)
         if pulses and not logged:
             thrusters, source = _layout(vehicle, info, table)
-            return _full_commands(streams, thrusters, source, info, t_s, max_gap_s)
+            return _full_commands(streams, thrusters, source, info, t_s, max_gap_s, rebuild)
     if logged:
         return _commands(streams, logged, t_s, max_gap_s)
     raise DataError(
@@ -115,15 +130,98 @@ def drive_of(
     )
 
 
-def pulses_of(streams: Streams, thrusters: Thrusters, t_s: Array, max_gap_s: float) -> Array:
-    """Return the pulses (n, k) of thrusters on a clock; no pulse counts as neutral.
+def pulses_of(
+    streams: Streams, thrusters: Thrusters, t_s: Array, max_gap_s: float, rebuild: bool
+) -> tuple[Array, str]:
+    """Return the pulses (n, k) of thrusters on a clock, and how slow ones were rebuilt.
 
-    Between samples they are linear: held outputs of a slow log would lag by half a step.
+    No pulse counts as neutral. Between samples they are linear: held outputs of a slow
+    log would lag by half a step.
     """
     samples = _samples(streams, output_columns(thrusters))
     # Between no pulse (0) and a neutral one there is no pulse of full reverse.
-    width = np.where(samples.values < NO_PULSE_US, NEUTRAL_US, samples.values)
-    return on_clock(Samples(samples.t_s, width), t_s, max_gap_s)
+    pulses = np.where(samples.values < NO_PULSE_US, NEUTRAL_US, samples.values)
+    width = on_clock(Samples(samples.t_s, pulses), t_s, max_gap_s)
+    if not rebuild or step_s(samples) <= 1.0 / SLOW_HZ:
+        return width, ""
+    results = [
+        result
+        for lag_s in STICK_LAGS_S
+        if (result := _rebuilt(streams, Samples(samples.t_s, pulses), t_s, width, lag_s, max_gap_s))
+    ]
+    if not results:
+        return width, ""
+    result, good = max(
+        results, key=lambda item: float(np.maximum(item[0].rebuilt, item[0].interpolated).mean())
+    )
+    width = width.copy()
+    width[good] = np.clip(result.values, *PULSE_RANGE_US)
+    return width, (
+        f"Outputs come at {1.0 / step_s(samples):.1f} Hz: {np.count_nonzero(result.used)} of"
+        f" {result.used.size} are rebuilt between their samples from sticks, gyro and attitude,"
+        f" mode by mode; of samples left out that explains {_percent(result.rebuilt)} %,"
+        f" interpolation {_percent(result.interpolated)} %."
+    )
+
+
+def _rebuilt(
+    streams: Streams, outputs: Samples, t_s: Array, width: Array, lag_s: float, max_gap_s: float
+) -> tuple[RebuiltOutputs, Mask] | None:
+    """Return outputs rebuilt with sticks `lag_s` late, and where on the clock."""
+    both = np.concatenate([outputs.t_s, t_s])
+    causes = causes_of(streams, both, lag_s, max_gap_s)
+    if causes is None:
+        return None
+    mode, n = modes_at(streams, both), outputs.t_s.size
+    there, good = np.isfinite(causes[:n]).all(axis=1), np.isfinite(causes[n:]).all(axis=1)
+    good &= np.isfinite(width).all(axis=1)
+    if np.count_nonzero(there) < 2 * LEAST_SAMPLES:
+        return None
+    result = rebuild_outputs(
+        outputs.t_s[there],
+        outputs.values[there],
+        causes[:n][there],
+        mode[:n][there],
+        clock_s=t_s[good],
+        clock_causes=causes[n:][good],
+        clock_mode=mode[n:][good],
+    )
+    return result, good
+
+
+def _percent(shares: Array) -> str:
+    return f"{100.0 * shares.min():.0f} to {100.0 * shares.max():.0f}"
+
+
+def causes_of(streams: Streams, t_s: Array, lag_s: float, max_gap_s: float) -> Array | None:
+    """Return sticks, gyro, attitude: what an autopilot makes outputs of (n, c).
+
+    lag_s: how late sticks act; nan where one pauses; None without sticks or a gyro.
+    """
+    sticks = enough(streams.samples("sticks", STICKS, -lag_s))
+    gyro = enough(streams.gyro())
+    if sticks is None or gyro is None:
+        return None
+    columns = [
+        linear(item.t_s, item.values, t_s, max_gap_s=pause_s(item, max_gap_s))
+        for item in (sticks, gyro)
+    ]
+    euler = enough(streams.samples("attitude", ATTITUDE[:2]))
+    if euler is not None:
+        gap = pause_s(euler, max_gap_s)
+        columns.append(linear(euler.t_s, euler.values, t_s, max_gap_s=gap))
+    return np.concatenate(columns, axis=1)
+
+
+def modes_at(streams: Streams, t_s: Array) -> npt.NDArray[np.intp]:
+    """Return a number for the autopilot's mode at times (n,); 0 without any."""
+    table = streams.tables.get("mode")
+    if table is None or not table.num_rows:
+        return np.zeros(t_s.size, dtype=np.intp)
+    names = [str(name) for name in table["mode"].to_pylist()]
+    number = np.array([names.index(name) for name in names], dtype=np.intp)
+    at = np.searchsorted(streams.times("mode"), t_s, side="right") - 1
+    return number[np.maximum(at, 0)]
 
 
 def _samples(streams: Streams, names: tuple[str, ...]) -> Samples:
@@ -146,14 +244,19 @@ def _turned(thrusters: Thrusters, info: LogInfo) -> tuple[Thrusters, str]:
 
 
 def _newtons(
-    streams: Streams, thrusters: Thrusters, info: LogInfo, t_s: Array, max_gap_s: float
+    streams: Streams,
+    thrusters: Thrusters,
+    info: LogInfo,
+    t_s: Array,
+    max_gap_s: float,
+    rebuild: bool,
 ) -> LegDrive:
     """Return the force by thrust curve, layout and voltage, in N and N m."""
     thrusters, note = _turned(thrusters, info)
-    width = pulses_of(streams, thrusters, t_s, max_gap_s)
+    width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
     voltage = streams.voltage(t_s)
     values = thruster_force(thrusters, thruster_forces(thrusters, width, voltage))
-    notes = [note] if note else []
+    notes = [item for item in (note, words) if item]
     if voltage is None and thrusters.curve.voltage_exponent != 0.0:
         notes.append(
             f"No battery voltage is logged: thrust is taken at {thrusters.curve.voltage_v:g} V."
@@ -177,10 +280,11 @@ def _full_commands(
     info: LogInfo,
     t_s: Array,
     max_gap_s: float,
+    rebuild: bool,
 ) -> LegDrive:
     """Return the force of thrusters without a curve, in full commands."""
     thrusters, note = _turned(thrusters, info)
-    width = pulses_of(streams, thrusters, t_s, max_gap_s)
+    width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
     full = full_commands(thrusters)
     axes = tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0)
     return LegDrive(
@@ -191,7 +295,7 @@ def _full_commands(
         f"pulses of the thrusters in full commands, mixed by {source}",
         axes,
         {axis: float(full[AXES.index(axis)]) for axis in axes},
-        (note,) if note else (),
+        tuple(item for item in (note, words) if item),
     )
 
 

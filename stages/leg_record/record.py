@@ -10,15 +10,15 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
-from auvid.hydro.identification.axes.choice import (
+from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.regression.excitation import THRESHOLDS
+from auvid.hydro.identification.selection.axis_windows import (
     WINDOW_S,
     driven,
     force_without_motion,
     runs,
     windows_of_axis,
 )
-from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
-from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.hydro.identification.signals.signal_checks import response_lag
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, VELOCITY
@@ -32,6 +32,8 @@ IDLE_SHARE, IDLE_COMMAND = 0.005, 0.02
 """A force within this part of what the actuators can give does not act; with a thrust
 curve its dead band is taken off already.
 """
+TETHER_SHARE = 0.05
+"""A steady force up to this part of what the actuators can give may be the tether's."""
 FREE_AXES = "XYZN"
 """Axes without a restoring moment, in which a steady force must move the body."""
 DEPTH_RATE_S = 1.0
@@ -60,11 +62,15 @@ class RecordOptions:
 
 @dataclass(frozen=True)
 class RecordedLeg:
-    """The record of a leg, what drives it, the rate of its clock, and sentences."""
+    """The record of a leg, what drives it, the rate of its clock, and sentences.
+
+    `speed`: axis X .. N -> measured velocity (n,), the rate of depth for heave without one.
+    """
 
     record: AxisRecord
     drive: LegDrive
     rate_hz: float
+    speed: Mapping[str, Array]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -91,6 +97,7 @@ def leg_record(
         surge=motion.rate["u"],
         max_gap_s=options.max_gap_s,
         commands=options.commands,
+        rebuild=options.rebuild,
     )
     shared: list[tuple[str, Mask]] = [
         ("gap of the outputs", _not_finite(drive.values)),
@@ -102,23 +109,26 @@ def leg_record(
     warnings: list[str] = []
     speeds = {axis: _speed(motion, axis, rate_hz) for axis in AXES}
     from_surface = _depth_of_surface(streams, info)
-    for at, axis in enumerate(AXES):
-        force, speed = drive.values[:, at], speeds[axis]
-        reasons = _reasons(axis, motion, drive, rate_hz, [*shared], from_surface)
-        usable = ~np.any([mask for _, mask in reasons], axis=0)
-        stuck = np.zeros(t_s.size, dtype=bool)
-        if axis in FREE_AXES:
-            stuck = usable & force_without_motion(t_s, force, speed, usable)
-        warnings += _stuck_words(axis, t_s, force, stuck, _unit(axis, drive.normalised))
-        reasons.append((STUCK, stuck))
-        windows[axis], own = windows_of_axis(axis, t_s, reasons, window_s=options.window_s)
-        left_out += own
+    reasons = {axis: _reasons(axis, motion, drive, rate_hz, shared, from_surface) for axis in AXES}
+    stuck = np.zeros(t_s.size, dtype=bool)
+    for axis in FREE_AXES:
+        force, usable = drive.values[:, AXES.index(axis)], ~_any(reasons[axis])
+        least = _tether(drive, axis)
+        own = usable & force_without_motion(t_s, force, speeds[axis], usable, least=least)
+        warnings += _stuck_words(axis, t_s, force, own, _unit(axis, drive.normalised))
+        stuck |= own
+    for axis in AXES:
+        # What holds the vehicle in one axis holds it in the others.
+        windows[axis], own_left_out = windows_of_axis(
+            axis, t_s, [*reasons[axis], (STUCK, stuck)], window_s=options.window_s
+        )
+        left_out += own_left_out
     record = AxisRecord(
         t_s,
         motion.rate,
-        motion.depth_m,
-        motion.attitude_rad,
-        {axis: drive.values[:, at] for at, axis in enumerate(AXES)},
+        None if motion.depth_m is None else _bridged(motion.depth_m),
+        np.stack([_bridged(angle) for angle in motion.attitude_rad.T], axis=1),
+        {axis: _bridged(drive.values[:, at]) for at, axis in enumerate(AXES)},
         drive.normalised,
         {axis: own for axis, own in windows.items() if own},
         tuple(left_out),
@@ -126,7 +136,9 @@ def leg_record(
     )
     warnings += _clock_words(record, speeds, rate_hz)
     warnings += _one_way_words(record, speeds)
-    return RecordedLeg(record, drive, rate_hz, (*motion.notes, *drive.notes), tuple(warnings))
+    return RecordedLeg(
+        record, drive, rate_hz, speeds, (*motion.notes, *drive.notes), tuple(warnings)
+    )
 
 
 def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:
@@ -158,6 +170,22 @@ def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:
             allowed=f"{first:.1f} to {last:.1f} s, where motion is measured",
         )
     return uniform_clock(span[0], span[1], rate_hz), rate_hz
+
+
+def _bridged(values: Array) -> Array:
+    """Return values (n,) with gaps bridged, for filters that run over a whole leg.
+
+    No window has a gap; a leg without any value is 0.
+    """
+    good = np.isfinite(values)
+    if good.all():
+        return values
+    at = np.arange(values.size)
+    return np.interp(at, at[good], values[good]) if good.any() else np.zeros(values.size)
+
+
+def _any(reasons: list[tuple[str, Mask]]) -> Mask:
+    return np.asarray(np.any([mask for _, mask in reasons], axis=0))
 
 
 def _not_finite(values: Array) -> Mask:
@@ -222,8 +250,13 @@ def _reasons(
     step = 1.0 / rate_hz
     reasons.append(("the attitude jumps", motion.jumps))
     reasons.append(("no actuator acts", ~driven(drive.acting.astype(float), step, 0.5)))
-    reasons.append(("not driven", ~driven(force, step, idle)))
     return reasons
+
+
+def _tether(drive: LegDrive, axis: str) -> float:
+    """Return a force that a tether may hold steadily."""
+    full = float(drive.full[AXES.index(axis)])
+    return TETHER_SHARE * full if np.isfinite(full) else 0.0
 
 
 def _unit(axis: str, normalised: bool) -> str:

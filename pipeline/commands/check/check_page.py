@@ -13,9 +13,11 @@ import jinja2
 from rich.table import Table
 from rich.text import Text
 
+from auvid.pipeline.commands.check.axes_route import axes_fed
 from auvid.pipeline.commands.check.clock_alignment import ClockAlignment
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.terminal import plain, plain_lines, show, table
+from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
 from auvid.stages.number_format import fixed, percent, significant
 
@@ -35,7 +37,7 @@ def print_pages(pages: Sequence[LogPage]) -> None:
             show(_header(page.health), "")
             _print_streams(page.health["streams"])
             show(Text.assemble(("all run together: ", "dim"), shared_spans(page.health)))
-            show("", *_findings(page.health["findings"]), "", *_uses(page.health))
+            show("", *_findings(page.health["findings"]), "", *_uses(page.health), *_axes(page))
             _print_legs(page.legs)
         print()
 
@@ -93,6 +95,19 @@ def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
             text.append(f"\n{plain(item['remedy'])}", style="dim italic")
         grid.add_row(Text(symbol, style=style), text)
     yield grid
+
+
+def _axes(page: LogPage) -> Iterator[Text]:
+    """Yield what axes can be fitted one by one, where no force model can."""
+    assert page.health is not None
+    assert page.outputs is not None
+    uses = {item["name"]: item["possible"] for item in page.health["capabilities"]}
+    if any(good for name, good in uses.items() if name.startswith("synthesise")):
+        return
+    fed = axes_fed(CheckedLog(page.streams, page.outputs.log_info, page.outputs.dropped))
+    mark = ("✓ ", "bold green") if fed.axes else ("✗ ", "bold red")
+    yield Text.assemble(mark, (plain(fed.words), "bold"))
+    yield from (Text.assemble(("! ", "bold yellow"), plain(words)) for words in fed.warnings)
 
 
 def _uses(health: Mapping[str, Any]) -> Iterator[Text]:

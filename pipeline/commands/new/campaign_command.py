@@ -48,6 +48,8 @@ FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
 SAME_DIVE = 0.5
 """Logs that share so much of the UTC time of the shorter one are of one dive."""
+KINDS_BY_WORTH = ("identification", "axes", "bench")
+"""Where logs feed several kinds the first is written."""
 MOST_DROPPED = 0.5
 """Default of stages.ingest.max_dropped_share."""
 
@@ -141,7 +143,9 @@ def write_campaign(
         legs,
         _stages(feed, checks, choice),
         left_out and [f"Left out: {item}." for item in left_out],
-        shelf=choice.name if choice.name.startswith("bluerov2") and not feed.channels else "",
+        shelf=choice.name
+        if choice.name.startswith("bluerov2") and feed.kind == "identification"
+        else "",
     )
     texts["campaign.yaml"] = campaign_text(content)
     _write(folder, texts, sources, link=link)
@@ -225,8 +229,8 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedL
             + "".join(f"\n{item}" for item in refused),
             remedy=f"auvid check {surveyed[0].files[0].path} shows what is there.",
         )
-    kinds = [feed.kind for _, feed in feeds]
-    kind = "identification" if "identification" in kinds else kinds[0]
+    kinds = {feed.kind for _, feed in feeds}
+    kind = next(name for name in KINDS_BY_WORTH if name in kinds)
     kept = [(log, feed) for log, feed in feeds if feed.kind == kind]
     left_out = [" ".join(item.split()) for item in refused]
     left_out += [
@@ -237,7 +241,8 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedL
     channels = tuple(dict.fromkeys(axis for _, feed in kept for axis in feed.channels))
     streams = tuple(dict.fromkeys(name for _, feed in kept for name in feed.streams))
     pause = max(feed.max_gap_s for _, feed in kept)
-    merged = CampaignFeed(kind, streams, pause, channels, first.normalised)
+    axes = tuple(dict.fromkeys(axis for _, feed in kept for axis in feed.axes))
+    merged = CampaignFeed(kind, streams, pause, channels, first.normalised, axes)
     return merged, [log for log, _ in kept], left_out
 
 
@@ -289,6 +294,8 @@ def _stages(
     )
     if dropped > MOST_DROPPED:
         stages["ingest"] = f"{{max_dropped_share: {min(dropped + 0.02, 1.0):.2f}}}"
+    if feed.axes:
+        return stages
     rates = [
         clock.rate_hz
         for log in logs.values()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.leg_proposal import (
@@ -17,6 +18,7 @@ from auvid.hydro.identification.selection.leg_proposal import (
     propose_channel_legs,
     propose_legs,
 )
+from auvid.pipeline.commands.check.axes_route import axes_fed
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
@@ -26,6 +28,7 @@ from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
 CHANNELS = ("u", "v", "w", "r")
 """Channels of which one alone can be told; roll and pitch need the restoring moment."""
 LEAST_SAMPLES = 50
+STREAMS_OF_AXES = ("imu", "attitude", "depth", "velocity", "actuators")
 NOT_UNDER_WATER = "not an underwater vehicle"
 STEPS_PER_GAP = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
@@ -35,7 +38,8 @@ STEPS_PER_GAP = 4.0
 class CampaignFeed:
     """What a log feeds: kind of campaign, streams of its legs, longest pause [s].
 
-    `channels`: velocities of a campaign of single channels. `normalised`: they are driven
+    `channels`: velocities of a campaign of single channels, `axes` of one of axes.
+    `normalised`: they are driven
     by commands without a unit of force, so that the vehicle file gives no force.
     """
 
@@ -44,6 +48,7 @@ class CampaignFeed:
     max_gap_s: float = 1.0
     channels: tuple[str, ...] = ()
     normalised: bool = False
+    axes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -125,6 +130,16 @@ def glides(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
     return lacking if lacking is not None else CampaignFeed("glide", ("glider",))
 
 
+def single_axes(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
+    """Return how a log feeds fits of single axes, or why it does not."""
+    fed = axes_fed(log)
+    if not fed.axes:
+        return fed.why
+    streams = tuple(name for name in STREAMS_OF_AXES if log.has(name))
+    axes = tuple(VELOCITIES[AXES.index(axis)] for axis in fed.axes)
+    return CampaignFeed("axes", streams, axes=axes, normalised=fed.normalised)
+
+
 ROUTES = (
     Route("a force model (kind: identification)", force_model),
     Route("single channels (kind: bench)", single_channels),
@@ -188,7 +203,7 @@ def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
 
 def proposal(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
     """Return the legs that are proposed in logs of one kind of campaign."""
-    if feed.kind == "glide":
+    if feed.kind in ("glide", "axes"):
         spans = [(int(log.info.end_us) - int(log.info.start_us)) / 1e6 for log in logs]
         legs = (ProposedLeg(n, 0.0, end, "training", (), ()) for n, end in enumerate(spans))
         return LegProposal(tuple(legs), (), {})

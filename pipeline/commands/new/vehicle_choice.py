@@ -16,11 +16,13 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES, vehicle_file_of
-from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
-from auvid.stages.ingest.health.vehicle import NEUTRAL_US
+from auvid.pipeline.commands.check.axes_route import (
+    FRAMES,
+    MOTORS_OF_VEHICLE,
+    driven_outputs,
+)
+from auvid.stages.ingest.health.finding import CheckedLog, listed
 
-FRAMES = {1: "bluerov2", 2: "bluerov2_heavy"}
-"""ArduSub's FRAME_CONFIG -> vehicle: 1 vectored, 2 vectored 6-DOF."""
 FRAME_NAMES = {
     0: "BlueROV1",
     3: "vectored 6-DOF, 90 degrees",
@@ -30,8 +32,6 @@ FRAME_NAMES = {
     7: "custom",
 }
 """Frames without a bundled vehicle."""
-MOTORS_OF_VEHICLE = {6: "bluerov2", 8: "bluerov2_heavy"}
-"""What an ROV with so many driven outputs most often is."""
 REMEDIES: Mapping[str, str] = {
     "water_density": "1000 in fresh water; 1025 at sea, less in brackish water",
     "mass": "weigh the vehicle as it dived, with payload and flooded parts full of water",
@@ -150,17 +150,6 @@ def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> Veh
     return VehicleChoice(
         "vehicle", why, _skeleton(log, block), "position and axis of each thruster"
     )
-
-
-def driven_outputs(log: CheckedLog) -> list[int]:
-    """Return the outputs whose pulse leaves the dead band while the log runs."""
-    numbers = []
-    for name in log.thrusters():
-        pulses = log.column("actuators", name)
-        beyond = (np.abs(pulses - NEUTRAL_US) > limit("no_actuation")) & (pulses > 0.0)
-        if beyond.any():
-            numbers.append(int(name.split("_")[1]))
-    return numbers
 
 
 def _skeleton(log: CheckedLog, actuators: str) -> str:

@@ -25,6 +25,7 @@ from auvid.stages.ingest.streams.flight_modes import SUB_MODES
 from auvid.stages.ingest.streams.mapping import Rules
 
 PAIR_US = 20_000
+STICK_NEUTRAL_US, STICK_RANGE_US = 1500.0, 400.0
 ARMED, DISARMED = 10, 11  # identifiers of the EV message
 FIX_3D = 3
 GPS_EPOCH_US = 315_964_800_000_000  # 6 January 1980
@@ -80,6 +81,16 @@ def aided(messages: Messages, log: DecodedLog) -> str | None:
     ):
         return None
     return f"{NO_SENSOR} (no VISO, no beacon, no GPS fix)"
+
+
+def receiver_sticks(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return the sticks of RCIN as ArduSub numbers its channels; throttle is upward."""
+    channels = {"surge": ("C5", 1.0), "sway": ("C6", 1.0), "heave": ("C3", -1.0)}
+    channels["yaw"] = ("C4", 1.0)
+    return {
+        f"stick_{axis}": sign * (messages.floats(name) - STICK_NEUTRAL_US) / STICK_RANGE_US
+        for axis, (name, sign) in channels.items()
+    }
 
 
 def servo_outputs(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
@@ -215,6 +226,7 @@ RULES = Rules(
     compute={
         "displacement_over_interval": displacement_over_interval,
         "navigation_velocity": navigation_velocity,
+        "receiver_sticks": receiver_sticks,
         "servo_outputs": servo_outputs,
         "battery": battery,
         "modes": modes,

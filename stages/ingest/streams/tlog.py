@@ -232,6 +232,16 @@ def pressure_depth(messages: Messages, time_us: Ints, log: DecodedLog) -> Column
     return {"depth_m": depth_m(messages.floats("press_abs") * 100.0, surface, specific)}
 
 
+def manual_sticks(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return the sticks of MANUAL_CONTROL; z is upward from 0 to 1000, 500 at rest."""
+    return {
+        "stick_surge": messages.floats("x") / 1000.0,
+        "stick_sway": messages.floats("y") / 1000.0,
+        "stick_heave": (500.0 - messages.floats("z")) / 500.0,
+        "stick_yaw": messages.floats("r") / 1000.0,
+    }
+
+
 def servo_outputs(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     """Return pulse widths of outputs 1 to 16 of the main port.
 
@@ -316,6 +326,7 @@ RULES = Rules(
         "pose_of_quaternion": pose_of_quaternion,
         "odometry_pose": odometry_pose,
         "pressure_depth": pressure_depth,
+        "manual_sticks": manual_sticks,
         "servo_outputs": servo_outputs,
         "propeller_and_fins": propeller_and_fins,
         "battery_cells": battery_cells,

@@ -82,14 +82,16 @@ def driven(force: Array, step_s: float, least: float) -> Mask:
     return near(acting, round(BEFORE_S / step_s), round(AFTER_S / step_s))
 
 
-def force_without_motion(t_s: Array, force: Array, rate: Array, usable: Mask) -> Mask:
+def force_without_motion(
+    t_s: Array, force: Array, rate: Array, usable: Mask, *, least: float = 0.0
+) -> Mask:
     """Return where a force (n,) does not move what it usually moves (n,).
 
     On means over STUCK_S of force F and velocity x: the constant F0 is the median, and
     a large force F90 = p90 |F - F0| usually gives x90 = p90 |x|. Quadratic drag then
     gives x = x90 sqrt(|F - F0| / F90); a body that is held moves by less than
     STUCK_SHARE of it for HELD_S and longer. Uniform t_s (n,) [s]; usable (n,): what F0,
-    F90 and x90 are taken from.
+    F90 and x90 are taken from. A force up to `least` may be that of the tether.
     """
     step = float(t_s[1] - t_s[0])
     width = max(1, round(STUCK_S / step))
@@ -104,7 +106,9 @@ def force_without_motion(t_s: Array, force: Array, rate: Array, usable: Mask) ->
     if large <= 0.0 or usual <= 0.0:
         return np.zeros(t_s.size, dtype=bool)
     expected = usual * np.sqrt(push / large)
-    resting = valid & (push > STRONG_SHARE * large) & (np.abs(speed) < STUCK_SHARE * expected)
+    resting = (
+        valid & (push > max(least, STRONG_SHARE * large)) & (np.abs(speed) < STUCK_SHARE * expected)
+    )
     slow = valid & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
     stuck = np.zeros(t_s.size, dtype=bool)
     for first, last in runs(resting):

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from auvid.hydro.identification.axes.choice import (
+from auvid.hydro.identification.selection.axis_windows import (
     driven,
     force_without_motion,
     runs,
