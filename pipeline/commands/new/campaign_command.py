@@ -48,7 +48,7 @@ FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
 SAME_DIVE = 0.5
 """Logs that share so much of the UTC time of the shorter one are of one dive."""
-KINDS_BY_WORTH = ("identification", "axes", "bench")
+KINDS_BY_WORTH = ("identification", "axes", "bench", "glide")
 """Where logs feed several kinds the first is written."""
 MOST_DROPPED = 0.5
 """Default of stages.ingest.max_dropped_share."""

@@ -108,6 +108,8 @@ def _leg_comment(content: CampaignContent) -> list[str]:
         " every sensor there. Take out what the model does not hold: a taut tether, walls, the"
         " bottom, cargo."
     )
+    if content.kind == "axes":
+        text = "check: whole logs; stage axis_record takes windows and says what it leaves out."
     if content.kind == "glide":
         text = "check: whole logs; stage glide takes settled glides and says what it leaves out."
     if content.kind == "bench":

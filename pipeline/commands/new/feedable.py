@@ -142,6 +142,7 @@ def single_axes(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | st
 
 ROUTES = (
     Route("a force model (kind: identification)", force_model),
+    Route("axes by themselves (kind: axes)", single_axes),
     Route("single channels (kind: bench)", single_channels),
     Route("drag and lift of a glider (kind: glide)", glides),
 )
