@@ -177,7 +177,8 @@ def fit_coupled(
 
     inertia (6,): apparent inertia of u v w p q r; its ratios give the Coriolis force, and
     where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. couplings:
-    linear ones that port-starboard symmetry allows. free: parameters of the drive that
+    linear ones that port-starboard symmetry allows, between the velocities that are
+    fitted (the noise of measured ones would enter). free: parameters of the drive that
     are fitted. restoring: roll and pitch by angles of their own. Raises `DataError`
     without shared windows.
     """
@@ -243,7 +244,7 @@ def coupled_pool(
             inputs=axes,
             inverse=inverse,
             restoring=restoring and velocity in "pq",
-            couplings=SYMMETRIC[axis] if couplings else "",
+            couplings=[other for other in SYMMETRIC[axis] if couplings and other in velocities],
         )
     sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
     structure = Structure(tuple(velocities), tuple(terms), axes, inertia)

@@ -12,7 +12,7 @@ Covariance: windows are left out in turn (jackknife of clusters, CR3: Bell and M
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -215,15 +215,28 @@ def loop_rows(pool: Pool, drive: ForceDrive) -> list[Array]:
     Columns: measured velocities (6), turn (k), inputs (m), their derivatives by the
     free parameters of the drive (m e).
     """
-    names, out = pool.structure.inputs, []
+    out = []
     for record, data, extra in zip(pool.records, pool.prepared, pool.extra, strict=True):
-        inputs = inputs_of(record, names, drive, extra=extra)
-        slopes = input_derivatives(record, names, drive, pool.free)
-        columns = np.hstack([data.nu, data.turn, inputs, slopes.reshape(len(inputs), -1)])
-        node = np.arange(len(columns))
-        fine = np.linspace(0.0, node[-1], 2 * parts_of(data.step_s) * int(node[-1]) + 1)
+        node = np.arange(len(record.t_s), dtype=np.float64)
+        fine = np.linspace(0.0, node[-1], 2 * parts_of(data.step_s) * (len(node) - 1) + 1)
+
+        def between(column: Array, fine: Array = fine, node: Array = node) -> Array:
+            return np.asarray(np.interp(fine, node, column))
+
+        # The force is linear between nodes, its lagged value is not: lag at half steps.
+        finer = replace(
+            record,
+            t_s=between(record.t_s),
+            force={name: between(np.nan_to_num(force)) for name, force in record.force.items()},
+        )
+        more = {name: between(values) for name, values in extra.items()}
+        inputs = inputs_of(finer, pool.structure.inputs, drive, extra=more)
+        slopes = input_derivatives(finer, pool.structure.inputs, drive, pool.free)
+        motion_rows = [between(column) for column in (*data.nu.T, *data.turn.T)]
         out.append(
-            np.ascontiguousarray(np.column_stack([np.interp(fine, node, c) for c in columns.T]))
+            np.ascontiguousarray(
+                np.hstack([np.array(motion_rows).T, inputs, slopes.reshape(len(fine), -1)])
+            )
         )
     return out
 
@@ -349,20 +362,32 @@ class PoolWork:
         return evaluation
 
     def window(
-        self, common: Array, local: Array, number: int, sigma: Array, colour: Array
+        self,
+        common: Array,
+        local: Array,
+        number: int,
+        sigma: Array,
+        colour: Array,
+        *,
+        curvature: bool = False,
     ) -> tuple[float, Array, Array]:
-        """Return cost, normal matrix (P, P) and minus gradient (P,) of one window."""
+        """Return cost, normal matrix (P, P) and minus gradient (P,) of one window.
+
+        The matrix of a search has weights rho'(e) / e, and is never too flat; with
+        `curvature` it has rho''(e), as the covariance needs it.
+        """
         pool, k = self.pool, len(self.pool.structure.velocities)
         error, jacobian, channel = self.errors(common, local, number, sigma)
         root = np.sqrt(1.0 + error**2)
         if pool.loss == "soft_l1":
-            cost, weight = root - 1.0, 1.0 / root
+            cost, weight, bend = root - 1.0, 1.0 / root, root**-3.0
         else:
-            cost, weight = 0.5 * error**2, np.ones_like(error)
+            cost, weight, bend = 0.5 * error**2, np.ones_like(error), np.ones_like(error)
         at = jacobian.shape[1] - k + np.arange(k)
         jacobian[:, at[pool.constant_sd == 0.0]] = 0.0
-        weighted = jacobian * (weight / colour[channel])[:, None]
-        normal, right = weighted.T @ jacobian, -(weighted.T @ error)
+        scaled = jacobian / colour[channel][:, None]
+        right = -(scaled.T @ (weight * error))
+        normal = scaled.T @ (jacobian * (bend if curvature else weight)[:, None])
         constant = local[number, 2 * k :]
         own = np.where(pool.constant_sd > 0.0, np.maximum(pool.constant_sd, 1e-9) ** -2.0, 0.0)
         normal[at, at] += own
@@ -417,7 +442,9 @@ def _covariances(
     free = np.flatnonzero(~at_bound)
     parts, scores = [], []
     for number in range(count):
-        _, normal, right = work.window(best.common, best.local, number, sigma, colour)
+        _, normal, right = work.window(
+            best.common, best.local, number, sigma, colour, curvature=True
+        )
         solved = solve_scaled(normal[g:, g:], np.column_stack([normal[g:, :g], right[g:]]))
         parts.append((normal[:g, :g] - normal[:g, g:] @ solved[:, :-1])[np.ix_(free, free)])
         scores.append((right[:g] - normal[:g, g:] @ solved[:, -1])[free])

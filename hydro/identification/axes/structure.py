@@ -112,7 +112,7 @@ def axis_terms(
     constant: bool = True,
     sides: bool = False,
     restoring: bool = False,
-    couplings: str = "",
+    couplings: Sequence[str] = (),
     extra: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[AxisTerm, ...]:
     """Return the terms of one axis: damping not above 0, force, constant, couplings.

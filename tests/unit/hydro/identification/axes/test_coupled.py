@@ -1,0 +1,75 @@
+"""Several axes: known truth with Coriolis force, legs left out, sensitivities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.axes.coupled import coupled_pool, fit_coupled
+from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.pooled_fit import PoolWork
+from auvid.hydro.identification.axes.quantities import Scale
+from auvid.hydro.identification.axes.record import AxisRecord
+from tests.support.axis_legs import axis_leg
+
+INERTIA = np.array([20.0, 26.0, 32.0, 0.5, 0.5, 3.0])
+TRUTH = {
+    "u": (-0.25, -1.2, 2.0, 0.02),
+    "v": (-0.3, -1.6, 2.0, -0.02),
+    "r": (-1.0, -0.8, 3.0, 0.03),
+}
+
+
+def legs() -> list[AxisRecord]:
+    """Return two legs; the second does not command yaw."""
+    return [
+        axis_leg(seed, TRUTH, seconds=80.0, step_s=0.1, inertia=INERTIA, normalised=True, idle=idle)
+        for seed, idle in ((1, ()), (2, ("r",)))
+    ]
+
+
+def test_truth_comes_back_and_legs_left_out_run_free() -> None:
+    fit = fit_coupled(legs(), ("u", "v", "r"), inertia=INERTIA, free=())
+    for velocity, truth in TRUTH.items():
+        values, covariance = fit.block(velocity)
+        assert np.all(np.abs(values - truth) < 5.0 * np.sqrt(np.diag(covariance)) + 1e-3)
+        assert values[2] == pytest.approx(truth[2], rel=0.02)
+    first, second = fit.left_out
+    assert second.not_commanded == ("r",)
+    assert "r" not in second.percent
+    assert min(second.percent.values()) > 90.0
+    assert first.percent["u"] > 85.0
+    # One pull in surge, 40 N: M_u = 20 kg, and yaw by the ratio of inertia: 3 kg m^2.
+    inertia = fit.physical("r", Scale(pull_N=40.0, standard_error=2.0))[0]
+    assert inertia.value == pytest.approx(3.0, rel=0.02)
+    assert inertia.standard_error == pytest.approx(0.05 * inertia.value, rel=0.1)
+
+
+def test_sensitivities_are_differences() -> None:
+    records = legs()
+    pool = coupled_pool(
+        records, ("u", "v", "r"), inertia=INERTIA, relative_sd=0.0, couplings=True,
+        drive=ForceDrive(0.1), free=("lag",), constant_sd=None, restoring=False,
+        loss="squares", window_s=10.0,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    count, k = len(pool.structure.terms), 3
+    common = np.append(rng.normal(size=count) * 0.3 - 0.5, 0.1)
+    local = np.append(pool.prepared[0].start[0], 0.01 * np.ones(k))[None, :]
+    work = PoolWork(pool, count)
+
+    def states(common: Array, local: Array) -> Array:
+        return work.run(common, local, 0)
+
+    here = states(common, local)
+    for i in range(count):
+        step = np.zeros_like(common)
+        step[i] = 1e-5
+        difference = (states(common + step, local) - states(common - step, local))[:, :, 0] / 2e-5
+        assert difference == pytest.approx(here[:, :, 1 + i], abs=1e-6)
+    for i in range(3 * k):
+        move = np.zeros_like(local)
+        move[0, i] = 1e-5
+        difference = (states(common, local + move) - states(common, local - move))[:, :, 0] / 2e-5
+        assert difference == pytest.approx(here[:, :, 2 + count + i], abs=1e-6)

@@ -1,0 +1,149 @@
+"""One axis: known truth, an oracle of another origin, refusals, what is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.axes.drive import ForceDrive, lagged_columns
+from auvid.hydro.identification.axes.pooled_fit import fit_pool, make_pool
+from auvid.hydro.identification.axes.quantities import Scale
+from auvid.hydro.identification.axes.record import LeftOut
+from auvid.hydro.identification.axes.single_axis import InertiaPrior, fit_axis, refusal
+from auvid.hydro.identification.axes.structure import Structure, axis_terms
+from auvid.hydro.identification.axes.windows import windows_of
+from tests.support.axis_legs import axis_leg, scaled_force
+
+YAW = {"r": (-1.0, -0.8, 3.0, 0.03)}
+HEAVE = {"w": (-0.6, -2.0, 1.5, -0.05)}
+
+
+def test_pooled_fit_equals_scipy() -> None:
+    """One window, no prior, squares: least_squares over solve_ivp, its own derivatives."""
+    leg = axis_leg(1, YAW, seconds=4.0)
+    pool = make_pool(
+        Structure(("r",), axis_terms("N", inputs=("N",)), ("N",)),
+        [leg], windows_of([leg], ("r",)), constant_sd=np.zeros(1), drive=ForceDrive(0.08),
+        loss="squares",
+    )  # fmt: skip
+    fit = fit_pool(pool, np.array([-0.5, -0.5, 2.0, 0.0]))
+    fine = np.linspace(0.0, leg.t_s[-1], 4 * (len(leg.t_s) - 1) + 1)
+    force = np.interp(fine, leg.t_s, leg.force["N"])
+    late = lagged_columns(fine[1], force[:, None], 0.08)[:, 0]
+
+    def error(p: Array) -> Array:
+        a, b, c, d, start = p * [1.0, 1.0, 1.0, 0.1, 0.1]
+        run = solve_ivp(
+            lambda t, x: a * x + b * x * abs(x) + c * np.interp(t, fine, late) + d,
+            (0.0, leg.t_s[-1]), [start], t_eval=leg.t_s, rtol=1e-8, atol=1e-10, max_step=0.05,
+        )  # fmt: skip
+        return np.asarray(run.y[0] - leg.rate["r"])
+
+    oracle = least_squares(error, [-0.9, -0.9, 2.8, 0.2, 0.1], diff_step=1e-3, ftol=1e-12)
+    estimate = oracle.x[:4] * [1.0, 1.0, 1.0, 0.1]
+    # Both searches stop within a hundredth of a standard error (0.01 of a and b).
+    assert np.all(np.abs(fit.values - estimate) < 3e-4)
+
+
+def test_truth_comes_back_from_gyro_and_from_depth() -> None:
+    yaw = fit_axis([axis_leg(2, YAW), axis_leg(3, YAW)], "N")
+    assert yaw.values[:3] == pytest.approx(YAW["r"][:3], rel=0.02)
+    assert {item.word for item in yaw.verdicts.values()} == {"identified"}
+    assert all(part.percent["r"] > 90.0 for part in yaw.held_out)
+    assert [part.what for part in yaw.held_out[2:]] == ["leg 0", "leg 1"]
+    heave = fit_axis([axis_leg(4, HEAVE, by_depth=True)], "Z", try_lag=False)
+    assert heave.by_depth
+    assert heave.values[2] == pytest.approx(1.5, rel=0.03)
+    assert all(part.percent["w"] > 85.0 for part in heave.held_out)
+
+
+def test_a_longer_lag_is_determined_and_a_short_one_assumed() -> None:
+    late = fit_axis([axis_leg(5, YAW, lag_s=0.4)], "N")
+    assert late.lag.determined
+    assert late.lag.value_s == pytest.approx(0.4, abs=4.0 * late.lag.standard_error + 0.01)
+    usual = fit_axis([axis_leg(5, YAW)], "N")
+    assert not usual.lag.determined
+    assert any("lag not determined" in note for note in usual.notes)
+
+
+def test_commands_give_no_newtons_before_a_pull_or_a_mass() -> None:
+    legs = [axis_leg(6, YAW, normalised=True)]
+    fit = fit_axis(legs, "N", try_lag=False)
+    with pytest.raises(DataError, match="no newtons"):
+        fit.physical()
+    names = {item.name: item for item in fit.without_newtons()}
+    assert all("N*m" not in item.unit and "kg" not in item.unit for item in names.values())
+    assert names["time constant from rest"].value == pytest.approx(1.0, rel=0.05)
+    steady = (-1.0 + np.sqrt(1.0 + 4 * 0.8 * 3.0)) / 1.6
+    assert names["steady speed of full command"].value == pytest.approx(steady, rel=0.02)
+    # A pull of 6 N m with 5 %: the inertia is 6 / 3 kg m^2, and its error mostly that of the pull.
+    pulled = {item.name: item for item in fit.physical(Scale(pull_N=6.0, standard_error=0.3))}
+    newtons = fit_axis([replace(scaled_force(legs[0], 6.0), normalised=False)], "N", try_lag=False)
+    direct = {item.name: item for item in newtons.physical()}
+    for name in ("M", "N_r", "N_r|r|", "N constant"):
+        assert pulled[name].value == pytest.approx(direct[name].value, rel=0.01)
+        assert pulled[name].standard_error >= 0.0499 * abs(pulled[name].value)
+    weighed = {item.name: item for item in fit.physical(Scale(mass=2.0))}
+    assert weighed["full command"].value == pytest.approx(6.0, rel=0.02)
+
+
+def test_roll_surge_and_empty_windows_are_refused_with_the_reason() -> None:
+    leg = axis_leg(7, YAW)
+    moving = replace(leg, rate={**leg.rate, "p": 0.2 * np.sin(leg.t_s)})
+    driven = replace(moving, force={**leg.force, "K": np.sin(3.0 * leg.t_s) + 2.0})
+    assert refusal([leg], "N") == ""
+    assert "not observable" in refusal([leg], "X")
+    assert "free decay" in refusal([driven], "K")
+    assert refusal([moving], "K") == ""
+    idle = replace(leg, force={**leg.force, "N": np.zeros(len(leg.t_s))})
+    assert "nothing drives it" in refusal([idle], "N")
+    reason = LeftOut("N", 0.0, 120.0, "never armed")
+    empty = replace(leg, windows={}, left_out=(reason,))
+    with pytest.raises(DataError, match="never armed"):
+        fit_axis([empty], "N")
+
+
+def test_dives_that_differ_and_a_tether_are_said() -> None:
+    other = {"r": (-3.0, -0.8, 3.0, 0.03)}
+    fit = fit_axis([axis_leg(8, YAW), axis_leg(9, other)], "N", try_lag=False)
+    drag = next(item for item in fit.legs if item.quantity.startswith("drag"))
+    assert drag.differ
+    assert drag.ratio > 1.5
+    assert any("legs differ in drag" in note for note in fit.notes)
+    # Drag back four times that ahead: two legs of one sign each make one dive.
+    up = axis_leg(10, {"r": (-1.0, 0.0, 3.0, 0.8)}, seconds=60.0)
+    down = axis_leg(11, {"r": (-4.0, 0.0, 3.0, -0.8)}, seconds=60.0)
+    up, down = (replace(leg, force={**leg.force, "N": leg.force["N"] + sign * 0.8 / 3.0})
+                for leg, sign in ((up, 1.0), (down, -1.0)))  # fmt: skip
+    pulled = fit_axis([up, down], "N", try_lag=False)
+    assert pulled.sides is not None
+    assert pulled.sides.differ
+    assert any("tether" in note for note in pulled.notes)
+
+
+def test_an_absurd_inertia_is_not_determined_and_a_given_one_is_kept() -> None:
+    leg = axis_leg(12, HEAVE, by_depth=True)
+    kept = fit_axis([leg], "Z", inertia=InertiaPrior(1.0 / 1.5), try_lag=False)
+    assert kept.inertia.word == "given"
+    assert kept.values[2] == pytest.approx(1.5)
+    assert kept.verdicts["Z force"].word == "from the prior"
+    absurd = fit_axis([leg], "Z", inertia=InertiaPrior(10.0 / 1.5, 50.0), try_lag=False)
+    assert absurd.inertia.word == "not determined"
+
+
+def test_a_snag_hardly_moves_the_fit() -> None:
+    """Force without motion for a tenth of the dive."""
+    leg = axis_leg(13, YAW, seconds=200.0)
+    rate = leg.rate["r"].copy()
+    rate[3600:] = 0.0
+    snagged = replace(leg, rate={**leg.rate, "r": rate})
+    robust = fit_axis([snagged], "N", try_lag=False).values[2]
+    squares = fit_axis([snagged], "N", try_lag=False, loss="squares").values[2]
+    assert abs(robust - 3.0) < 0.5 * abs(squares - 3.0)
+    assert robust == pytest.approx(3.0, rel=0.05)
