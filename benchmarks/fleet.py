@@ -67,7 +67,7 @@ Row = dict[str, object]
 
 
 def drawn(i2: float, dives: int, seed: int) -> tuple[Array, Array, Array]:
-    """Return true figures, estimates and errors (FLEETS, dives) of variance 1 about 0."""
+    """Return true figures, estimates and errors (FLEETS, dives), variance 1."""
     random = np.random.default_rng([seed, dives, round(100 * i2)])
     errors = np.exp(0.4 * random.standard_normal((FLEETS, dives)))
     errors *= np.sqrt(1.0 - i2) / np.sqrt(np.mean(errors**2))
@@ -419,12 +419,15 @@ def of_twins(rows: Sequence[Mapping[str, str]]) -> list[str]:
             (float(row["value"] or "nan"), float(row["standard_error"] or "nan"))
         )
     for figure in drags:
-        healthy, changed = (np.array(by[kind, figure]) for kind in ("healthy", "drag"))
+        count = min(len(by["healthy", figure]), len(by["drag", figure]))
+        healthy, changed = (np.array(by[kind, figure][:count]) for kind in ("healthy", "drag"))
+        if count < 9:
+            continue
         pooled = pool(healthy[:, 0], healthy[:, 1])
         inside = alarm = quiet = 0
         draws = 200
         for _ in range(draws):
-            order = random.permutation(len(healthy))[:11]
+            order = random.permutation(count)[:10]
             y, s = healthy[order].T
             share = float(between_dives(y[:7], s[:7]).next_dive_share(y[7], s[7]))
             inside += 0.025 < share < 0.975

@@ -116,7 +116,7 @@ def alarm_limit(false_alarms: float) -> float:
 
 
 def _contrast(scatter: BetweenDives, y: Array, s: Array) -> tuple[Array, Array]:
-    """Return mean after less mean before (..., g, c) and its variance, by first dive."""
+    """Return mean after less mean before (..., g, c), and its variance."""
     weight = 1.0 / (s[..., None, :] ** 2 + scatter.tau[..., None] ** 2)
     total = np.cumsum(weight, axis=-1)
     moment = np.cumsum(weight * y[..., None, :], axis=-1)

@@ -36,7 +36,7 @@ class DragAtSpeed:
 
     @property
     def terms_trade(self) -> bool:
-        """Return whether the linear and quadratic term should not be read one by one."""
+        """Return whether linear and quadratic term are one figure."""
         return abs(self.trade) >= TRADING
 
 

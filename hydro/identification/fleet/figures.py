@@ -1,4 +1,4 @@
-"""The figures of one dive that a fleet pools and watches, from what its stages wrote."""
+"""The figures of one dive that a fleet pools and watches, from its records."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def drag_of_axis(part: AxisCard, axis: str, speed: float) -> DragAtSpeed | None:
 
 
 def covariance_of(part: AxisCard) -> Array:
-    """Return the covariance (k, k) of an axis, in the order of its terms with a number."""
+    """Return the covariance (k, k) of the terms of an axis that have a number."""
     rows = part.covariance.lower
     full = np.zeros((len(rows), len(rows)))
     for i, row in enumerate(rows):

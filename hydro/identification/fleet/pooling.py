@@ -8,7 +8,7 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import chi2
+from scipy.special import gammaincc
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.models import FactorRecord
@@ -84,7 +84,7 @@ def pool(
         tau_interval=(low[1], high[1]) if enough else None,
         i2=tau**2 / (tau**2 + float(typical_error(s)) ** 2),
         q=q,
-        q_p=float(chi2.sf(q, len(y) - 1)),
+        q_p=float(gammaincc(0.5 * (len(y) - 1), 0.5 * q)),
         next_error=next_error,
         next_dive=(low[2], high[2]) if enough else None,
         refusal=""

@@ -99,7 +99,7 @@ class BetweenDives:
 
 
 def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
-    """Return the scatter between dives of values (..., k) with standard errors (..., k).
+    """Return the scatter between dives of values and standard errors (..., k).
 
     With w_i = 1 / (s_i^2 + tau^2), mu = sum w y / sum w, Q = sum w (y - mu)^2:
         2 log L = sum log w - log sum w - Q,   weight ~ L / (s + tau) d tau.

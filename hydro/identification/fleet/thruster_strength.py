@@ -32,9 +32,9 @@ BLOCK_S = 5.0
 """Pieces of a dive that count as independent for standard errors."""
 PASSES = 3
 """Regressions, each weighed by the residuals of the one before."""
-WEAK, SURELY_BELOW = 0.75, 0.9
+WEAK, SURELY_BELOW = 0.7, 0.9
 """A thruster is weak below so much of the others, and two standard errors below the
-second: healthy thrusters of twins reach .86.
+second: on gentle dives of twins healthy ones reach .76, those at half strength .65.
 """
 DEAD = 0.2
 """A thruster is dead where two standard errors above its share are below this."""
@@ -80,7 +80,7 @@ class ThrusterStrength:
 def thruster_strengths(
     legs: Sequence[ThrusterLeg], allocation: Array
 ) -> tuple[ThrusterStrength, ...]:
-    """Return the strength of each thruster of `allocation` (6, m) on the legs of a dive.
+    """Return the strength of each thruster of `allocation` (6, m) on a dive.
 
     Thrusters are alike where their forces point along the same body axes. Raises
     `DataError` for no leg or one shorter than four blocks of `BLOCK_S`.
@@ -99,7 +99,11 @@ def thruster_strengths(
     fits = [_fit(legs, allocation[:, runs], runs, lag_s) for lag_s in LAGS_S]
     _, gain[runs], covariance[np.ix_(runs, runs)] = min(fits, key=lambda fit: fit[0])
     sure = np.flatnonzero(np.diag(covariance) < MOST_ERROR**2)
-    return tuple(_strength(i, gain, covariance, _alike(allocation, i, sure)) for i in range(count))
+    result = []
+    for i in range(count):
+        alike = _alike(allocation, i)
+        result.append(_strength(i, gain, covariance, np.intersect1d(alike, sure), len(alike)))
+    return tuple(result)
 
 
 def _fit(
@@ -142,18 +146,25 @@ def _fit(
     return float(np.log(deviation).sum()), gain, covariance * np.outer(least, least)
 
 
-def _alike(allocation: Array, thruster: int, sure: Ints) -> Ints:
-    """Return the separable thrusters whose force has the same body components."""
+def _alike(allocation: Array, thruster: int) -> Ints:
+    """Return the other thrusters whose force has the same body components."""
     direction = np.abs(allocation[:3]) > 0.1 * np.linalg.norm(allocation[:3], axis=0)
     same = np.all(direction == direction[:, [thruster]], axis=0)
-    return np.array([i for i in sure if same[i] and i != thruster], dtype=np.int64)
+    same[thruster] = False
+    return np.flatnonzero(same).astype(np.int64)
 
 
-def _strength(thruster: int, gain: Array, covariance: Array, others: Ints) -> ThrusterStrength:
-    """Return the gain of one thruster over the median of those like it, with a verdict."""
+def _strength(
+    thruster: int, gain: Array, covariance: Array, others: Ints, alike: int
+) -> ThrusterStrength:
+    """Return the gain of a thruster over the median of those like it.
+
+    Of `alike` such thrusters the separable `others` have to agree, two of them at least.
+    """
     names = tuple(int(i) + 1 for i in others)
     middle = float(np.median(gain[others])) if len(others) else np.nan
-    if not (np.isfinite(gain[thruster]) and middle > 0.0):
+    agree = np.sum((gain[others] > WEAK * middle) & (gain[others] < middle / WEAK))
+    if not (np.isfinite(gain[thruster]) and middle > 0.0 and agree >= min(2, alike)):
         return ThrusterStrength(thruster + 1, np.nan, np.nan, "not separable", names)
     share = float(gain[thruster]) / middle
     slope = np.zeros(len(gain))

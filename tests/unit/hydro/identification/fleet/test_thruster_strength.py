@@ -71,9 +71,9 @@ def dive(strength: list[float], *, seed: int) -> ThrusterLeg:
 
 
 def test_gains_of_the_equation_come_out() -> None:
-    gains = [1.0, 0.8, 0.4, 1.2, 1.0, 1.0, 0.9, 0.05]
+    gains = [1.0, 0.9, 0.4, 1.1, 1.0, 1.0, 0.9, 0.05]
     result = thruster_strengths([drawn(gains, noise=1e-6)], B)
-    expected = [1.25, 0.8, 0.4, 1.5, 1.0 / 0.9, 1.0 / 0.9, 0.9, 0.05]
+    expected = [1.0 / 0.9, 0.9, 0.4, 1.1 / 0.9, 1.0 / 0.9, 1.0 / 0.9, 0.9, 0.05]
     assert_allclose([item.strength for item in result], expected, rtol=1e-5)
     assert [item.thruster for item in result if item.verdict == "weak"] == [3]
     assert result[7].verdict == "dead"
@@ -102,6 +102,17 @@ def test_half_a_thruster_is_named_within_one_dive(weak: int) -> None:
 def test_healthy_thrusters_are_left_alone() -> None:
     result = thruster_strengths([dive([1.0] * 8, seed=3)], B)
     assert {item.verdict for item in result} == {"as the others"}
+
+
+def test_thrusters_that_do_not_agree_name_none() -> None:
+    result = thruster_strengths([drawn([1.0, 2, 0.5, 0.25, 1, 1, 1, 1], noise=0.1)], B)
+    assert {item.verdict for item in result[:4]} == {"not separable"}
+    assert {item.verdict for item in result[4:]} == {"as the others"}
+
+
+def test_two_weak_thrusters_of_four() -> None:
+    result = thruster_strengths([drawn([0.5, 1, 1, 0.5, 1, 1, 1, 1], noise=0.1)], B)
+    assert [item.thruster for item in result if item.verdict == "weak"] == [1, 4]
 
 
 def test_a_reversed_thruster() -> None:
