@@ -190,7 +190,8 @@ def _refuse_partial(model: ModelFile, to: Target) -> None:
             allowed=[name for name in TARGETS if load_target(name).any_unit_of_mass],
             remedy="Measure one bollard pull and write it into the vehicle file, as `actuators:"
             " {commands: {full_force: {surge: {value: 60, unit: N, source: a scale}}}}`, or name"
-            " its measured mass with `fit_axes: {newtons_from: mass}` under `stages`, and run again.",
+            " its measured mass with `fit_axes: {newtons_from: mass}` under `stages`, and run"
+            " again.",
         )
 
 
