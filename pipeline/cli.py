@@ -785,8 +785,9 @@ class _New(Commands):
     """`auvid new DIR` is `auvid new workspace DIR`."""
 
     def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
-        """Put the word workspace before a folder."""
-        if args and args[0] not in self.commands and not args[0].startswith("-"):
+        """Put the word workspace before a folder, also before one of that name."""
+        named = args == ["workspace"]
+        if named or (args and args[0] not in self.commands and not args[0].startswith("-")):
             args = ["workspace", *args]
         return super().parse_args(ctx, args)
 

@@ -182,8 +182,8 @@ def test_modules_are_loaded_under_one_name() -> None:
 
 NAMES = {"pyyaml": "yaml", "rerun-sdk": "rerun", "pillow": "PIL"}
 """Distribution -> the package that is imported, where the two differ."""
-BROUGHT = {"pydantic_core", "markupsafe"}
-"""Packages that pydantic and jinja2 cannot be without."""
+BROUGHT = {"pydantic_core", "markupsafe", "fsspec"}
+"""Packages that pydantic, jinja2 and s3fs cannot be without."""
 
 
 def test_what_is_imported_is_declared() -> None:
@@ -192,7 +192,7 @@ def test_what_is_imported_is_declared() -> None:
     extras = project["optional-dependencies"]
     declared = {
         re.split(r"[<>=]", item)[0]
-        for item in [*project["dependencies"], *extras["view"], *extras["plots"]]
+        for item in [*project["dependencies"], *extras["view"], *extras["plots"], *extras["dask"]]
     }
     allowed = {NAMES.get(name, name) for name in declared} | BROUGHT | {"auvid"}
     imported: set[str] = set()
