@@ -135,7 +135,7 @@ def _finding_rows(row: FleetRow) -> Rows:
 
 
 def _verdict_rows(row: FleetRow) -> Rows:
-    return [{**_head(row), **dict(item)} for item in row.result.verdicts]
+    return [{**_head(row), **vars(item)} for item in row.result.verdicts]
 
 
 def _coefficient_rows(row: FleetRow) -> Rows:
@@ -147,7 +147,7 @@ def _coefficient_rows(row: FleetRow) -> Rows:
             "low": None if half is None or value is None else value - half,
             "high": None if half is None or value is None else value + half,
         }
-        rows.append({**_head(row), "kind": row.survey.kind, **dict(item), **interval})
+        rows.append({**_head(row), "kind": row.survey.kind, **vars(item), **interval})
     return rows
 
 
