@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +12,10 @@ from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.axes.drive import ForceDrive, lagged_columns
-from auvid.hydro.identification.axes.pooled_fit import fit_pool, make_pool
+from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
-from auvid.hydro.identification.axes.record import LeftOut
+from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
 from auvid.hydro.identification.axes.single_axis import InertiaPrior, fit_axis, refusal
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
@@ -24,31 +25,95 @@ YAW = {"r": (-1.0, -0.8, 3.0, 0.03)}
 HEAVE = {"w": (-0.6, -2.0, 1.5, -0.05)}
 
 
-def test_pooled_fit_equals_scipy() -> None:
-    """One window, no prior, squares: least_squares over solve_ivp, its own derivatives."""
-    leg = axis_leg(1, YAW, seconds=4.0)
+def simulated_by_scipy(leg: AxisRecord, axis: str, p: Array) -> Array:
+    """Return x and its integral (2, m, n), a run per column of p (6, m): DOP853, lag a state.
+
+    p: a, b, c, d, x(0), s(0). The force is linear between nodes; each call ends where its
+    slope changes, so that what it integrates is smooth.
+    """
+    a, b, c, d = p[:4]
+    t, force = leg.t_s, leg.force[axis]
+    bends = np.flatnonzero(np.abs(np.diff(force, 2)) > 0.0) + 1
+    y, out = np.vstack([p[4:], np.full((1, p.shape[1]), force[0])]).ravel(), []
+    for first, end in itertools.pairwise([0, *bends.tolist(), len(t) - 1]):
+        slope = (force[end] - force[first]) / (t[end] - t[first])
+
+        def rate(at: float, y: Array, first: int = first, slope: float = slope) -> Array:
+            x, _, late = y.reshape(3, -1)
+            command = force[first] + slope * (at - t[first])
+            return np.concatenate(
+                [a * x + b * x * np.abs(x) + c * late + d, x, (command - late) / 0.08]
+            )
+
+        run = solve_ivp(
+            rate, (t[first], t[end]), y, method="DOP853", t_eval=t[first : end + 1],
+            rtol=1e-8, atol=1e-10,
+        )  # fmt: skip
+        y = run.y[:, -1]
+        out.append(run.y[:, : None if end == len(t) - 1 else -1])
+    return np.hstack(out).reshape(3, p.shape[1], -1)[:2]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "truth", "by_depth", "loss"),
+    [
+        (4.0, YAW["r"], False, "squares"), (6.0, YAW["r"], False, "squares"),
+        (8.0, YAW["r"], False, "squares"), (4.0, YAW["r"], False, "soft_l1"),
+        (8.0, YAW["r"], False, "soft_l1"), (6.0, (-1.0, 0.3, 3.0, 0.03), False, "soft_l1"),
+        (8.0, HEAVE["w"], True, "soft_l1"),
+    ],
+)  # fmt: skip
+def test_pooled_fit_equals_scipy(
+    seconds: float, truth: tuple[float, float, float, float], by_depth: bool, loss: Loss
+) -> None:
+    """One window, no prior: least_squares over solve_ivp, derivatives by differences.
+
+    Damping that the truth has above 0 ends at its bound in both.
+    """
+    velocity, axis = ("w", "Z") if by_depth else ("r", "N")
+    leg = axis_leg(1, {velocity: truth}, seconds=seconds, by_depth=by_depth)
     pool = make_pool(
-        Structure(("r",), axis_terms("N", inputs=("N",)), ("N",)),
-        [leg], windows_of([leg], ("r",)), constant_sd=np.zeros(1), drive=ForceDrive(0.08),
-        loss="squares",
+        Structure((velocity,), axis_terms(axis, inputs=(axis,)), (axis,)),
+        [leg], windows_of([leg], (velocity,)), constant_sd=np.zeros(1),
+        drive=ForceDrive(0.08), loss=loss,
     )  # fmt: skip
     fit = fit_pool(pool, np.array([-0.5, -0.5, 2.0, 0.0]))
-    fine = np.linspace(0.0, leg.t_s[-1], 4 * (len(leg.t_s) - 1) + 1)
-    force = np.interp(fine, leg.t_s, leg.force["N"])
-    late = lagged_columns(fine[1], force[:, None], 0.08)[:, 0]
+    assert fit.windows == 1
+    channel = int(by_depth)
+    sigma, measured = fit.sigma[channel], leg.depth_m if by_depth else leg.rate[velocity]
+    # A rate does not see where its integral starts.
+    count = 6 if by_depth else 5
 
-    def error(p: Array) -> Array:
-        a, b, c, d, start = p * [1.0, 1.0, 1.0, 0.1, 0.1]
-        run = solve_ivp(
-            lambda t, x: a * x + b * x * abs(x) + c * np.interp(t, fine, late) + d,
-            (0.0, leg.t_s[-1]), [start], t_eval=leg.t_s, rtol=1e-8, atol=1e-10, max_step=0.05,
-        )  # fmt: skip
-        return np.asarray(run.y[0] - leg.rate["r"])
+    def errors(p: Array) -> Array:
+        every = np.vstack([p, np.zeros((6 - count, p.shape[1]))])
+        return np.asarray(simulated_by_scipy(leg, axis, every)[channel] - measured) / sigma
 
-    oracle = least_squares(error, [-0.9, -0.9, 2.8, 0.2, 0.1], diff_step=1e-3, ftol=1e-12)
-    estimate = oracle.x[:4] * [1.0, 1.0, 1.0, 0.1]
-    # Both searches stop within a hundredth of a standard error (0.01 of a and b).
-    assert np.all(np.abs(fit.values - estimate) < 3e-4)
+    def jacobian(p: Array) -> Array:
+        ends = errors(p[:, None] + 1e-4 * np.hstack([np.eye(count), -np.eye(count)]))
+        return np.asarray(ends[:count] - ends[count:]).T / 2e-4
+
+    start = np.array([*truth, 0.0, 5.0])[:count]
+    start[:2] -= 0.5
+    oracle = least_squares(
+        lambda p: errors(p[:, None])[0], start, jac=jacobian, x_scale="jac",
+        bounds=(-np.inf, np.array([0.0, 0.0, *(count - 2) * [np.inf]])),
+        loss="linear" if loss == "squares" else "soft_l1", xtol=1e-10, ftol=1e-10, gtol=1e-8,
+    )  # fmt: skip
+    # Our unknowns in the cost of the other; both stop where steps change no conclusion.
+    squares = errors(np.concatenate([fit.values, fit.local[0, :2]])[:count, None])[0] ** 2
+    cost = float(np.sum(0.5 * squares if loss == "squares" else np.sqrt(1.0 + squares) - 1.0))
+    assert cost == pytest.approx(oracle.cost, abs=1e-3)
+    free = np.flatnonzero(~fit.at_bound)
+    assert oracle.x[:4] == pytest.approx(np.where(fit.at_bound, 0.0, oracle.x[:4]), abs=1e-6)
+    # The least_squares Jacobian has the curvature of the loss, as our information has.
+    seen = np.append(free, np.arange(4, count))
+    curvature = np.linalg.inv(oracle.jac[:, seen].T @ oracle.jac[:, seen])[: free.size, : free.size]
+    covariance = fit.colour[channel] * curvature
+    spread = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(fit.values - oracle.x[:4])[free] < 0.02 * spread)
+    assert fit.information[np.ix_(free, free)] / np.outer(spread, spread) == pytest.approx(
+        covariance / np.outer(spread, spread), abs=0.01
+    )
 
 
 def test_truth_comes_back_from_gyro_and_from_depth() -> None:
