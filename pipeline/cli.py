@@ -1004,7 +1004,7 @@ def catalog(
     ] = "",
     port: Annotated[int, typer.Option(metavar="N", help="Port. (default: a free one)")] = 0,
 ) -> None:
-    """Serve the recordings of all runs to the Rerun viewer of this machine, as a catalogue.
+    """Serve the recordings of all runs to the Rerun viewer of this machine.
 
     Each has typed properties: vehicle, best model, J/J0, verdicts by axis.
     """

@@ -182,7 +182,7 @@ def damping_of(card: ModelCard, axis: str) -> str:
 
 
 def damping_verdict(card: ModelCard, axis: str) -> str:
-    """Return the verdict on the damping of an axis that says most; empty for no term."""
+    """Return the strongest verdict on the damping of an axis; empty for no term."""
     verdicts = _damping_verdicts(card, axis)
     return next((verdict for verdict in TELLING if verdict in verdicts), "")
 

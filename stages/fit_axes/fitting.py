@@ -260,25 +260,25 @@ def _flown(fit: SingleAxisFit, key: str, leg: LegData) -> AxisMotion:
 
 
 def _whole_leg(fit: SingleAxisFit, record: AxisRecord, windows: Sequence[tuple[int, int]]) -> float:
-    """Return the fit [%] of one free run over all windows and what lies between them."""
-    whole = MotionWindow(0, windows[0][0], windows[-1][1])
+    """Return the fit [%] of one free run from the first window to the last."""
+    span = MotionWindow(0, windows[0][0], windows[-1][1])
     pool = make_pool(
         fit.pool.structure,
         [record],
-        [whole],
+        [span],
         constant_sd=fit.pool.constant_sd,
         drive=fit.fit.drive,
     )
-    start = np.append(pool.prepared[0].start[whole.first], 0.0)
+    start = np.append(pool.prepared[0].start[span.first], 0.0)
     theta = fit.fit.values[: len(pool.structure.terms)]
-    rate = motion(pool, loop_rows(pool, fit.fit.drive)[0], theta, whole, start)[:, 0, 0]
+    rate = motion(pool, loop_rows(pool, fit.fit.drive)[0], theta, span, start)[:, 0, 0]
     if not np.isfinite(rate).all():
         return float("nan")
     if not fit.by_depth:
-        return percent_of(record.rate[fit.velocity][whole.nodes], rate)
+        return percent_of(record.rate[fit.velocity][span.nodes], rate)
     step = float(record.t_s[1] - record.t_s[0])
-    simulated = low_passed(rate * turn_of(record)[whole.nodes], step)
-    return percent_of(depth_rate(record)[whole.nodes], simulated)
+    simulated = low_passed(rate * turn_of(record)[span.nodes], step)
+    return percent_of(depth_rate(record)[span.nodes], simulated)
 
 
 def _simulated(

@@ -144,11 +144,9 @@ def pulses_of(
     width = on_clock(Samples(samples.t_s, pulses), t_s, max_gap_s)
     if not rebuild or step_s(samples) <= 1.0 / SLOW_HZ:
         return width, ""
-    results = [
-        result
-        for lag_s in STICK_LAGS_S
-        if (result := _rebuilt(streams, Samples(samples.t_s, pulses), t_s, width, lag_s, max_gap_s))
-    ]
+    outputs = Samples(samples.t_s, pulses)
+    tries = (_rebuilt(streams, outputs, t_s, width, lag_s, max_gap_s) for lag_s in STICK_LAGS_S)
+    results = [result for result in tries if result is not None]
     if not results:
         return width, ""
     result, good = max(
@@ -174,7 +172,7 @@ def _rebuilt(
         return None
     mode, n = modes_at(streams, both), outputs.t_s.size
     there, good = np.isfinite(causes[:n]).all(axis=1), np.isfinite(causes[n:]).all(axis=1)
-    good &= np.isfinite(width).all(axis=1)
+    good = good & np.asarray(np.isfinite(width).all(axis=1))
     if np.count_nonzero(there) < 2 * LEAST_SAMPLES:
         return None
     result = rebuild_outputs(

@@ -67,7 +67,7 @@ def fly_glides(vehicle: Vehicle, twin: TwinDocument, body: GliderBody) -> FlownG
         flown[leg.id] = _flight(glider, plan, leg)
         rng = np.random.default_rng([twin.seed, number])
         logs[csv_name(leg.id, PART)] = csv_text(_recorded(flown[leg.id], plan, body, rng))
-    legs = [
+    legs: list[dict[str, Any]] = [
         {"id": name, "start_s": 0.0, "end_s": float(flight.t_s[-1]), "stopped": None, "biases": {}}
         for name, flight in flown.items()
     ]
@@ -108,7 +108,8 @@ def _recorded(
     every = max(round(sensors.period_s / float(flight.t_s[1] - flight.t_s[0])), 1)
     at, state = slice(None, None, every), flight.state
     t = flight.t_s[at]
-    periods = np.exp(rng.uniform(*np.log(WAVE_PERIODS_S), WAVES))
+    shortest, longest = np.log(WAVE_PERIODS_S)
+    periods = np.exp(rng.uniform(shortest, longest, WAVES))
     turns = 2.0 * np.pi / periods
     phases = rng.uniform(0.0, 2.0 * np.pi, WAVES)
     # Each wave has the same share of the vertical velocity; layers move with the water.

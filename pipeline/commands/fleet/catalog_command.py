@@ -92,7 +92,7 @@ def segments(server: Server, name: str) -> int | None:
 
 
 def _blueprint(path: Path) -> Path:
-    """Write how a recording of the catalogue opens: its answer, then all that it has."""
+    """Write how a recording of the catalogue opens."""
     import rerun.blueprint as rrb
 
     answer_view = rrb.TextDocumentView(origin="answer/text", name="Answer")

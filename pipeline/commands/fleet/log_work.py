@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -242,7 +243,7 @@ def _motion(page: LogPage) -> MotionTrace | None:
 
 
 def _clock_s(table: object) -> Array:
-    times: Array = column(table, "time_us") / 1e6  # type: ignore[arg-type]
+    times: Array = column(table, "time_us") / 1e6
     return times
 
 
@@ -292,7 +293,9 @@ def unfinished(log: str, key: str, reason: str) -> FleetRun:
     )
 
 
-def _item(name: str, summary: str, outputs: type, run: Callable[[Inputs, Params], object]) -> Stage:
+def _item(
+    name: str, summary: str, outputs: type, run: Callable[[Inputs, Params], Any]
+) -> Stage[Inputs, Params, Any]:
     return Stage(name, summary, "log", Inputs, Params, outputs, run)
 
 

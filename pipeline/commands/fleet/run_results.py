@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.records.fleet import FleetCoefficient, FleetRun, FleetVerdict
-from auvid.data_schemas.records.models import ModelCard, RankingRecord
+from auvid.data_schemas.records.models import ModelCard, RankingRecord, VelocityRange
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE
@@ -37,7 +37,9 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
     headline = answer.partition("\n")[0]
     if not reason and not usable:
         reason = headline or "nothing that it fits is determined"
-    speeds = next((card.conditions for card in cards if card.name == choice), {})
+    speeds: dict[str, VelocityRange] = next(
+        (card.conditions for card in cards if card.name == choice), {}
+    )
     return FleetRun(
         key=key,
         id=run.campaign.name,
