@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.models import VelocityRange
 from auvid.hydro.arrays import AXES, Array
@@ -18,13 +19,16 @@ from auvid.hydro.identification.axes.held_out import percent_of
 from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.single_axis import (
+    SURGE,
     InertiaPrior,
     SingleAxisFit,
     fit_axis,
     refusal,
+    surge_input,
 )
 from auvid.hydro.identification.axes.windows import (
     MotionWindow,
+    depth_measures,
     depth_rate,
     low_passed,
     turn_of,
@@ -42,6 +46,11 @@ from auvid.stages.fit_axes.fitted import (
 )
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
+
+AGAINST = (
+    "it does not move the way that its force pushes: check the directions of the thrusters, the"
+    " frame, and the signs of commands and motion"
+)
 
 
 @dataclass(frozen=True)
@@ -75,6 +84,10 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     windows and legs are left out in turn too.
     """
     first = next(iter(legs.values())).windows
+    _check_units(legs)
+    ties = first.full_thrust
+    if any(leg.windows.full_thrust != ties for leg in legs.values()):
+        ties = {}  # what a full command means differs between the legs
     fitted: list[FittedAxis] = []
     lacking: list[Lacking] = []
     for step, axis in enumerate(AXES):
@@ -88,16 +101,35 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         if why is not None:
             lacking.append(why)
         else:
-            fitted.append(_fit(axis, using, legs, vehicle, options))
+            fit = _fit(axis, using, legs, vehicle, options)
+            if fit.equation.value(FORCE) > 0.0:
+                fitted.append(fit)
+            else:
+                lacking.append(Lacking(axis, "not excited", AGAINST))
     return AxisFits(
         fitted=tuple(fitted),
         lacking=tuple(lacking),
         normalised=first.normalised,
         full_force=dict(first.full_force.items()),
-        full_thrust=dict(first.full_thrust.items()),
+        full_thrust=dict(ties.items()),
         force=first.force,
         legs=tuple(legs),
     )
+
+
+def _check_units(legs: Mapping[str, LegData]) -> None:
+    """Raise `DataError` where some legs have newtons and others full commands."""
+    commands = [key for key, leg in legs.items() if leg.windows.normalised]
+    if commands and len(commands) < len(legs):
+        raise DataError(
+            "some legs have forces in newtons, others in full commands",
+            field="legs",
+            value=f"full commands in {', '.join(commands)}",
+            remedy=(
+                "Put them in two campaigns; or set stages.axis_record.use_commands: true, where"
+                " all logs have normalised commands."
+            ),
+        )
 
 
 def _idle(record: AxisRecord, axis: str) -> bool:
@@ -253,10 +285,16 @@ def _flown(fit: SingleAxisFit, key: str, leg: LegData) -> AxisMotion:
         windows,
         constant_sd=fit.pool.constant_sd,
         drive=fit.fit.drive,
+        extra=_extra(fit, leg.record),
     )
     own = replace(fit, pool=pool)
     rows = loop_rows(pool, fit.fit.drive)
     return _simulated(own, key, leg, 0, rows[0], [(w.first, w.end) for w in windows])
+
+
+def _extra(fit: SingleAxisFit, record: AxisRecord) -> tuple[dict[str, Array], ...]:
+    """Return the inputs of a record beside its forces."""
+    return ({SURGE: surge_input(record)},) if SURGE in fit.pool.structure.inputs else ()
 
 
 def _whole_leg(fit: SingleAxisFit, record: AxisRecord, windows: Sequence[tuple[int, int]]) -> float:
@@ -268,13 +306,14 @@ def _whole_leg(fit: SingleAxisFit, record: AxisRecord, windows: Sequence[tuple[i
         [span],
         constant_sd=fit.pool.constant_sd,
         drive=fit.fit.drive,
+        extra=_extra(fit, record),
     )
     start = np.append(pool.prepared[0].start[span.first], 0.0)
     theta = fit.fit.values[: len(pool.structure.terms)]
     rate = motion(pool, loop_rows(pool, fit.fit.drive)[0], theta, span, start)[:, 0, 0]
     if not np.isfinite(rate).all():
         return float("nan")
-    if not fit.by_depth:
+    if not depth_measures(record, fit.velocity):
         return percent_of(record.rate[fit.velocity][span.nodes], rate)
     step = float(record.t_s[1] - record.t_s[0])
     simulated = low_passed(rate * turn_of(record)[span.nodes], step)
@@ -299,7 +338,7 @@ def _simulated(
         states = motion(pool, rows, theta, window, start)[:, :, 0]
         rate[window.nodes], depth[window.nodes] = states[:, 0], states[:, 1]
     measured = record.rate[fit.velocity]
-    if not fit.by_depth:
+    if not depth_measures(record, fit.velocity):
         return AxisMotion(fit.axis, key, record.t_s, _only(measured, rate), rate, tuple(windows))
     turn = turn_of(record)
     step = float(record.t_s[1] - record.t_s[0])

@@ -118,8 +118,10 @@ def drive_of(
         if vehicle.propeller is not None and has_columns(table, ("propeller_rev_s",)):
             return _propeller(streams, vehicle, t_s, surge, max_gap_s)
         if pulses and not logged:
-            thrusters, source = _layout(vehicle, info, table)
-            return _full_commands(streams, thrusters, source, info, t_s, max_gap_s, rebuild)
+            thrusters, source, sized = _layout(vehicle, info, table)
+            return _full_commands(
+                streams, thrusters, source, info, t_s, max_gap_s, rebuild, sized=sized
+            )
     if logged:
         return _commands(streams, logged, t_s, max_gap_s)
     raise DataError(
@@ -279,8 +281,13 @@ def _full_commands(
     t_s: Array,
     max_gap_s: float,
     rebuild: bool,
+    *,
+    sized: bool,
 ) -> LegDrive:
-    """Return the force of thrusters without a curve, in full commands."""
+    """Return the force of thrusters without a curve, in full commands.
+
+    sized: the layout has lengths, so that the pull of one axis tells that of another.
+    """
     thrusters, note = _turned(thrusters, info)
     width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
     full = full_commands(thrusters)
@@ -292,7 +299,7 @@ def _full_commands(
         np.where(full > 0.0, 1.0, np.nan),
         f"pulses of the thrusters in full commands, mixed by {source}",
         axes,
-        {axis: float(full[AXES.index(axis)]) for axis in axes},
+        {axis: float(full[AXES.index(axis)]) for axis in axes if sized},
         tuple(item for item in (note, words) if item),
     )
 
@@ -301,9 +308,10 @@ def _acting(width: Array) -> Mask:
     return np.asarray((np.abs(width - NEUTRAL_US) > DEAD_BAND_US).any(axis=1))
 
 
-def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters, str]:
-    """Return how outputs become forces, and who says so.
+def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters, str, bool]:
+    """Return how outputs become forces, who says so, and whether its sizes count.
 
+    The factors of a frame mix commands: only their signs are those of the body.
     The vehicle file's thrusters, its frame, FRAME_CONFIG of the log, or PX4's geometry.
     """
     config = info.parameters.get("FRAME_CONFIG")
@@ -333,7 +341,7 @@ def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters
             allowed=", ".join(output_columns(choice)),
             remedy=FRAME_REMEDY,
         )
-    return choice, source
+    return choice, source, vehicle.commands.thrusters is not None or frame is None
 
 
 def _propeller(

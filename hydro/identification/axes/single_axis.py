@@ -56,6 +56,8 @@ ABSURD = 3.0
 """An apparent inertia so many times more or less than expected is none."""
 DETERMINED_WITHIN = 0.5
 """Relative standard error up to which a free inertia is determined."""
+LEAST_WINDOWS = 2
+"""Intervals come from how windows differ, and one is fitted while the other judges."""
 FEWEST_WINDOWS = 4
 """Least windows of a leg for a fit of its own; of the pool for drag ahead and back."""
 SIDES_DIFFER = 2.0
@@ -184,6 +186,8 @@ def refusal(records: Sequence[AxisRecord], axis: str) -> str:
             {item.reason for r in measured for item in r.left_out if item.axis == axis}
         )
         return f"no usable stretch: {'; '.join(reasons)}" if reasons else "no usable stretch"
+    if len(windows) < LEAST_WINDOWS:
+        return "no usable stretch: one window only, nothing is left to judge its fit by"
     driven = np.concatenate([measured[w.leg].force[axis][w.nodes] for w in windows])
     if velocity in "pq" and not any(free_decays(record, axis) for record in measured):
         return "not excited: the autopilot holds it, and no free decay is in the log"

@@ -110,8 +110,17 @@ def test_pulses_become_full_commands_by_a_frame(dive, source):
     assert record.normalised
     assert np.abs(record.force["N"]).max() == pytest.approx(70.0 / 400.0, rel=0.01)
     assert np.abs(record.force["Z"]).max() == pytest.approx(110.0 / 400.0, rel=0.01)
-    assert result.axis_windows.full_thrust["N"] == 4.0
+    # No pull ahead tells a moment by the factors of a frame: they have no length.
+    assert result.axis_windows.full_thrust == {}
     assert set(record.windows) == {"Z", "N"}
+
+
+def test_a_layout_with_lengths_ties_the_full_commands(dive):
+    document = copy.deepcopy(vehicle_document())
+    del document["actuators"]["thrusters"]["thrust_curve"]
+    ties = outputs(dive, vehicle_from_document(document)).axis_windows.full_thrust
+    lengths = np.abs(THRUSTERS.allocation).sum(axis=1)
+    assert ties["N"] / ties["X"] == pytest.approx(lengths[5] / lengths[0])
 
 
 def test_an_unknown_frame_is_refused_with_those_there_are(dive):

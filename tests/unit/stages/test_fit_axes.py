@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import auvid
-from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -20,7 +20,7 @@ from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.stages.fit_axes.card import model_card, ranking
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
 from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit
-from auvid.stages.fit_axes.fitting import FitOptions, fit_all
+from auvid.stages.fit_axes.fitting import FitOptions, LegData, fit_all
 from auvid.stages.fit_axes.presentation import fit_section
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.model_file.contents import model_document, use_entry
@@ -219,3 +219,47 @@ def test_what_does_not_predict_is_weak_and_for_nothing() -> None:
     file = file_of(card, fitted, body)
     assert not file.use.recommended
     assert "use it for nothing" in file.use.sentence
+
+
+def test_a_force_of_the_wrong_sign_gives_no_axis() -> None:
+    """1 / c has no value where c is at its bound of 0."""
+    right = leg(seconds=40.0)
+    turned = {axis: -force for axis, force in right.record.force.items()}
+    wrong = LegData(replace(right.record, force=turned), right.windows)
+    fitted = fit_all({"one": wrong}, vehicle("bluerov2_heavy"), FREE)
+    assert not fitted.fitted
+    assert "the way that its force pushes" in {i.axis: i.words for i in fitted.lacking}["N"]
+
+
+def test_newtons_and_full_commands_are_not_pooled() -> None:
+    legs = {"one": leg(seconds=40.0), "two": leg(seconds=40.0, seed=2, normalised=True)}
+    with pytest.raises(DataError, match=r"some legs have forces in newtons.*full commands in two"):
+        fit_all(legs, vehicle("bluerov2_heavy"), FREE)
+
+
+def test_full_commands_that_differ_between_legs_tie_no_axes() -> None:
+    one, two = (leg(seconds=40.0, seed=seed, normalised=True) for seed in (1, 2))
+    tied = replace(one, windows=one.windows.model_copy(update={"full_thrust": {"Z": 2, "N": 1}}))
+    options = replace(FREE, axes=("N",))
+    assert fit_all({"one": tied}, vehicle("bluerov2_heavy"), options).full_thrust
+    assert not fit_all({"one": tied, "two": two}, vehicle("bluerov2_heavy"), options).full_thrust
+
+
+def test_the_surge_term_flies_validation_legs_too() -> None:
+    legs = {"one": leg(seconds=40.0), "check": leg(seconds=40.0, seed=3, use="validation")}
+    options = replace(FREE, axes=("Z",), surge_in_heave=True)
+    (heave,) = fit_all(legs, vehicle("bluerov2_heavy"), options).fitted
+    assert heave.whole_legs["check"] > 60.0
+
+
+@pytest.mark.parametrize("first", ["depth", "velocity"])
+def test_legs_with_and_without_a_velocity_log_are_judged_by_what_each_has(first: str) -> None:
+    one, two = leg(seconds=40.0), leg(seconds=40.0, seed=2)
+    assert two.record.depth_m is not None
+    w = np.gradient(two.record.depth_m, two.record.t_s)
+    record = replace(two.record, rate={**two.record.rate, "w": w}, depth_m=None)
+    legs = {"depth": one, "velocity": LegData(record, two.windows)}
+    ordered = {key: legs[key] for key in sorted(legs, reverse=first == "velocity")}
+    (heave,) = fit_all(ordered, vehicle("bluerov2_heavy"), replace(FREE, axes=("Z",))).fitted
+    assert heave.per_leg["depth"][0] > 80.0
+    assert np.isfinite(heave.per_leg["velocity"][0])

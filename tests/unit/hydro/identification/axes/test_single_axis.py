@@ -212,3 +212,9 @@ def test_a_snag_hardly_moves_the_fit() -> None:
     squares = fit_axis([snagged], "N", try_lag=False, loss="squares").values[2]
     assert abs(robust - 3.0) < 0.5 * abs(squares - 3.0)
     assert robust == pytest.approx(3.0, rel=0.05)
+
+
+def test_one_window_is_no_fit() -> None:
+    """Nothing judges it, and intervals by how windows differ would have no width."""
+    assert "one window only" in refusal([axis_leg(2, YAW, seconds=10.0)], "N")
+    assert not refusal([axis_leg(2, YAW, seconds=20.0)], "N")
