@@ -34,7 +34,7 @@ PASSES = 3
 """Regressions, each weighed by the residuals of the one before."""
 WEAK, SURELY_BELOW = 0.7, 0.9
 """A thruster is weak below so much of the others, and two standard errors below the
-second: on gentle dives of twins healthy ones reach .76, those at half strength .65.
+second: on gentle dives of twins healthy ones reach .74, those at half strength .65.
 """
 DEAD = 0.2
 """A thruster is dead where two standard errors above its share are below this."""

@@ -27,6 +27,7 @@ TABLE_SUFFIXES = (".csv", ".tsv")
 HEADER_BYTES = 4096
 GROUPS = ".csv_files.json"
 READING_THREADS = 4
+NO_TEXT = "its path is not UTF-8, so that no campaign can name it: rename the file or folder"
 STEM_LETTERS, HASH_DIGITS = 60, 8
 
 
@@ -47,6 +48,11 @@ class FleetLog:
     copy_of: str = ""
 
     @property
+    def paths(self) -> tuple[str, ...]:
+        """Its files in full, in letters that can be written."""
+        return tuple(readable_name(path.absolute()) for path in self.files)
+
+    @property
     def unchanged(self) -> bool:
         """Whether its files have the size and time of when they were hashed."""
         try:
@@ -61,6 +67,11 @@ class Discovery:
 
     logs: tuple[FleetLog, ...]
     others: Mapping[str, int]
+
+
+def readable_name(path: Path | str) -> str:
+    """Return a path with a sign of doubt for each byte of it that is no UTF-8."""
+    return os.fsencode(path).decode("utf-8", "replace")
 
 
 def stamp_of(path: Path) -> tuple[int, int]:
@@ -115,7 +126,7 @@ def _below(folder: Path, fleet: Path, others: Counter[str]) -> Iterator[Path]:
             if _is_log(path):
                 yield path
             else:
-                others[path.suffix.lower() or "no suffix"] += 1
+                others[readable_name(path.suffix.lower()) or "no suffix"] += 1
 
 
 def _is_log(path: Path) -> bool:
@@ -197,6 +208,9 @@ def _log(
     first = files[0].relative_to(folder) if files[0].is_relative_to(folder) else files[0]
     vehicle = next((file for rule, file in named if rule != "*" and _fits(first, rule)), None)
     vehicle = vehicle or next((file for rule, file in named if rule == "*"), None)
+    if any(readable_name(path) != str(path) for path in files):
+        name = _id(files[0], hash_value(str(files[0].absolute())))
+        return FleetLog(name, files, "", (), vehicle, NO_TEXT)
     try:
         stamps = tuple(map(stamp_of, files))
         content = [hashes.of(path) for path in files]

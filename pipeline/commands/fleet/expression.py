@@ -34,6 +34,8 @@ OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge,
     "~": lambda text, part: str(part) in str(text),
 }
+ORDERS = (operator.lt, operator.le, operator.gt, operator.ge)
+"""Between a word and a number they say nothing, between a day and a year they do."""
 JOINTS = ("and", "or", "not")
 DEEPEST = 50
 EXAMPLE = "surge = identified and J/J0 < .5"
@@ -108,12 +110,12 @@ class _Reader:
         sign = self._next("a comparison is missing")
         if sign.kind != "operator" or sign.text not in OPERATORS:
             raise self._fault("no comparison", sign.text, tuple(OPERATORS))
-        value = self._value()
+        text, number = self._value()
         compare = OPERATORS[sign.text]
         if COEFFICIENT.fullmatch(field):
-            part = field if isinstance(value, float) else f"{field} verdict"
-            return lambda row: _holds(compare, row.get(part), value)
-        return lambda row: _holds(compare, row.get(field), value)
+            part = f"{field} verdict" if number is None else field
+            return lambda row: _holds(compare, row.get(part), text, number)
+        return lambda row: _holds(compare, row.get(field), text, number)
 
     def _field(self, token: Token) -> str:
         name = ALIASES.get(token.text, token.text)
@@ -127,11 +129,11 @@ class _Reader:
             remedy=nearest(token.text, (*ALIASES, *self.fields)),
         )
 
-    def _value(self) -> float | str:
-        """Return the words up to the next joint; a number where they are one."""
+    def _value(self) -> tuple[str, float | None]:
+        """Return the words up to the next joint, and the number where they are one."""
         token = self._next("a value is missing")
         if token.kind == "text":
-            return token.text
+            return token.text, None
         if token.kind == "operator":
             raise self._fault("a value is missing", token.text)
         words = [token.text]
@@ -143,9 +145,9 @@ class _Reader:
             self.place += 1
         text = " ".join(words)
         try:
-            return float(text)
+            return text, float(text)
         except ValueError:
-            return text
+            return text, None
 
     def _take(self, text: str) -> bool:
         token = self.tokens[self.place] if self.place < len(self.tokens) else None
@@ -188,12 +190,14 @@ def _tokens(expression: str) -> Iterator[Token]:
         place = match.end()
 
 
-def _holds(compare: Callable[[Any, Any], bool], cell: Any, value: float | str) -> bool:
-    """Return whether a cell compares so; a number and a word never do."""
+def _holds(compare: Callable[[Any, Any], bool], cell: Any, text: str, number: float | None) -> bool:
+    """Return whether a cell compares so; digits are a text to a text (a name, a day)."""
     if cell is None or cell == "":
-        return compare is operator.eq and value == ""
+        return compare is operator.eq and text == ""
     if isinstance(cell, bool):
         cell = "yes" if cell else "no"
-    if isinstance(cell, int | float) != isinstance(value, float) and compare is not OPERATORS["~"]:
-        return False
-    return bool(compare(cell, value))
+    if isinstance(cell, str) and number is not None and compare in ORDERS:
+        return cell[0].isdigit() and bool(compare(cell, text))
+    if isinstance(cell, str) or compare is OPERATORS["~"]:
+        return bool(compare(cell, text))
+    return number is not None and bool(compare(cell, number))

@@ -102,11 +102,10 @@ def _run_fleet(
             survey = surveys[log.copy_of or log.id]
             reason = reasons.get(log.id, "")
             if log.copy_of:
-                reason = f"the same content as {logs[log.copy_of].files[0]}"
+                reason = f"the same content as {logs[log.copy_of].paths[0]}"
             result = results.get(log.id) or unfinished(log.id, "", one_line(reason))
             used = log.copy_of or better.get(log.id, "")
-            files = tuple(str(path.absolute()) for path in log.files)
-            rows.append(FleetRow(log.id, files, used, survey, result))
+            rows.append(FleetRow(log.id, log.paths, used, survey, result))
         _write_index(fleet, target, disk, rows)
         write_tables(fleet, rows)
     return FleetOutcome(tuple(rows), surveyed, ran, disk.others)

@@ -7,6 +7,7 @@ they write a campaign and its results, all under the folder of the fleet.
 from __future__ import annotations
 
 import datetime
+import json
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.execution.task import Task
 from auvid.pipeline.execution.task_inputs import Value
 from auvid.pipeline.graph import Port
+from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_file, hash_value
 from auvid.stages.base import Stage
 
@@ -42,6 +44,8 @@ FORMAT = 1
 GROWING = "still growing: it changed while it was read; the next auvid fleet run takes it"
 MARK = "at_work"
 """File that stands in the folder of a log while a process works on it."""
+WRITTEN = "written.json"
+"""File in the folder of a log: hashes of its campaign as auvid wrote it, to know edits by."""
 TRACE_STEP_S, MOST_STEPS = 0.5, 2000
 FIRST_YEAR = 2000
 """A clock before this was never set."""
@@ -78,7 +82,7 @@ def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
     key = hash_value(
         {
             "hash": log.hash,
-            "files": [str(path) for path in log.files],
+            "files": log.paths,
             "vehicle": hash_of_file(log.vehicle),
             "auvid": (auvid.__version__, FORMAT),
         }
@@ -88,12 +92,8 @@ def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
 
 def run_task(log: FleetLog, fleet: FleetFolder) -> Task:
     """Return the task that runs the campaign of a log; edits of its files count."""
-    folder = fleet.campaign(log.id)
-    texts = {
-        str(path.relative_to(folder)): hash_file(path) for path in sorted(folder.rglob("*.yaml"))
-    }
     defaults = hash_file(fleet.root / "params.yaml")
-    document = {"texts": texts, "defaults": defaults, "hash": log.hash}
+    document = {"texts": _texts(fleet.campaign(log.id)), "defaults": defaults, "hash": log.hash}
     key = hash_value({**document, "auvid": (auvid.__version__, FORMAT)})
     return _task(RUN, "result", "fleet_run", log, fleet, key)
 
@@ -138,7 +138,7 @@ def refused_survey(log: FleetLog, key: str, reason: str) -> LogSurvey:
     return LogSurvey(
         key=key,
         id=log.id,
-        files=[str(path) for path in log.files],
+        files=list(log.paths),
         hash=log.hash,
         reason=one_line(reason),
     )
@@ -157,17 +157,40 @@ def _survey(inputs: Inputs, _: Params) -> SurveyOutputs:
 
 def _surveyed(inputs: Inputs) -> LogSurvey:
     log, folder = inputs.log, inputs.fleet.campaign(inputs.log.id)
-    shutil.rmtree(folder, ignore_errors=True)
     surveyed = survey(log.files)
     page = surveyed[0].page
     if page.health is None:
         return refused_survey(log, inputs.key, str(page.refused))
+    record = inputs.fleet.logs / log.id / WRITTEN
+    edited = _edited(folder, record)
+    shutil.rmtree(folder, ignore_errors=True)
     try:
         campaign = write_campaign(folder, surveyed, vehicle=log.vehicle, link=True)
+        write_atomically(record, json.dumps(_texts(folder)).encode())
     except PipelineError as fault:
         reason = str(fault).partition("\n")[2].partition(": auvid check")[0] or str(fault)
         return _described(inputs, page, one_line(reason.replace(f"{surveyed[0].name}:", "")))
+    finally:
+        for name, content in edited.items():
+            write_atomically(folder / name, content)
     return _described(inputs, campaign.page, "", campaign)
+
+
+def _texts(folder: Path) -> dict[str, str]:
+    """Return the hash of each text of a campaign."""
+    return {
+        str(path.relative_to(folder)): hash_file(path) for path in sorted(folder.rglob("*.yaml"))
+    }
+
+
+def _edited(folder: Path, record: Path) -> dict[str, bytes]:
+    """Return the texts of a campaign that are not as they were written."""
+    written = json.loads(record.read_bytes()) if record.is_file() else {}
+    return {
+        name: (folder / name).read_bytes()
+        for name, digest in _texts(folder).items()
+        if written.get(name) != digest
+    }
 
 
 def _described(
@@ -182,7 +205,7 @@ def _described(
     return LogSurvey(
         key=inputs.key,
         id=inputs.log.id,
-        files=[str(path) for path in inputs.log.files],
+        files=list(inputs.log.paths),
         hash=inputs.log.hash,
         reason=reason,
         kind="" if campaign is None else campaign.kind,

@@ -7,7 +7,7 @@ import pytest
 from auvid.data_schemas.errors import UsageError
 from auvid.pipeline.commands.fleet.expression import parse
 
-FIELDS = ("state", "surge", "ratio", "vehicle", "start_utc", "log")
+FIELDS = ("state", "surge", "ratio", "vehicle", "start_utc", "log", "file", "model")
 ROW = {
     "state": "done",
     "surge": "not excited",
@@ -15,6 +15,8 @@ ROW = {
     "vehicle": "bluerov2",
     "start_utc": "2026-01-07T10:00:00Z",
     "log": "a b",
+    "file": "/disk/00000012.BIN",
+    "model": "7",
     "X_u": -20.0,
     "X_u verdict": "weak",
     "Y_v": None,
@@ -43,6 +45,14 @@ ROW = {
         ("start > 2026-01-01", True),
         ("ratio = done", False),
         ("state < 3", False),
+        ("state > 3", False),
+        ("start ~ 2026", True),
+        ("start > 2026", True),
+        ("start > 2027", False),
+        ("file ~ 00000012", True),
+        ("model = 7", True),
+        ("model != 7", False),
+        ("X_u ~ 20", True),
     ],
 )
 def test_an_expression_holds_or_not(expression: str, holds: bool) -> None:

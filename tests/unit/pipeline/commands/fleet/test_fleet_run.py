@@ -166,6 +166,43 @@ def test_a_log_that_grows_while_it_is_read_is_refused(
     assert outcome.rows[0].result.reason.startswith("still growing")
 
 
+def test_edits_of_a_campaign_outlive_a_survey(tmp_path: Path) -> None:
+    (tmp_path / "disk").mkdir()
+    shutil.copy(CSV, tmp_path / "disk" / "dive.csv")
+    fleet = FleetFolder(tmp_path / "fleet")
+    (row,) = run_fleet(tmp_path / "disk", fleet.root).rows
+    vehicle, campaign = (
+        fleet.campaign(row.log) / f"{name}.yaml" for name in ("vehicle", "campaign")
+    )
+    edited, written = vehicle.read_text() + "# measured on 3 May\n", campaign.read_text()
+    vehicle.write_text(edited)
+    assert run_fleet(tmp_path / "disk", fleet.root, force=True).surveyed == 1
+    assert vehicle.read_text() == edited
+    assert campaign.read_text() == written
+
+
+def test_one_disk_by_another_path_is_up_to_date(
+    disk: Path, first: FleetOutcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(disk.parent)
+    second = run_fleet(Path("disk"), Path("fleet"))
+    assert (second.surveyed, second.ran) == (0, 0)
+
+
+def test_a_name_that_is_no_utf8_costs_no_other_log(tmp_path: Path) -> None:
+    (tmp_path / "a.BIN").write_bytes(b"a" * 1000)
+    with open(os.fsencode(tmp_path) + b"/b\xff.BIN", "wb") as file:
+        file.write(b"b" * 1000)
+    with open(os.fsencode(tmp_path) + b"/c.\xff", "wb") as file:
+        file.write(b"c" * 1000)
+    outcome = run_fleet(tmp_path, tmp_path / "fleet")
+    reasons = {Path(row.files[0]).name: row.result.reason for row in outcome.rows}
+    assert "not UTF-8" in reasons["b\ufffd.BIN"]
+    assert "no reader recognises" in reasons["a.BIN"]
+    assert len(auvid.fleet(tmp_path / "fleet").runs) == 2
+    assert outcome.others == {".\ufffd": 1}
+
+
 def test_the_fleet_is_a_workspace(disk: Path, first: FleetOutcome) -> None:
     fleet = FleetFolder(disk.parent / "fleet")
     assert (fleet.root / "params.yaml").is_file()
