@@ -70,6 +70,8 @@ def options_of(words: list[str]) -> set[str]:
     tree = tool.command_tree()
     if words[0] == "new":
         words = ["new campaign" if words[1:2] == ["campaign"] else "new workspace"]
+    if words[0] == "fleet":
+        words = [" ".join(words[:2])]
     return {option for item in tree[words[0]].params for option in item.opts} | {"--help"}
 
 

@@ -8,7 +8,6 @@ from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaincc
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.models import FactorRecord
@@ -68,6 +67,8 @@ def pool(
     q = float(w @ (y - w @ y / w.sum()) ** 2)
     scatter = between_dives(y, s)
     tau = float(scatter.tau_reml)
+    from scipy.special import gammaincc
+
     own = 1.0 / (s**2 + tau**2)
     tails = (0.5 * (1.0 - level), 0.5 * (1.0 + level))
     enough = len(y) >= FEWEST_DIVES

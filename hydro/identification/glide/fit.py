@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.stats import t as student
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index, Mask
@@ -80,6 +79,8 @@ class GlideEstimate:
     @property
     def half_95(self) -> float:
         """Return the standard errors from the middle of a 95 % interval to its ends."""
+        from scipy.stats import t as student
+
         return float(student.ppf(0.975, self.degrees))
 
     def value(self, name: str) -> float:

@@ -36,6 +36,8 @@ LOOKING = ("inspect", "diff", "history")
 COMMANDS = (
     "coefficients",
     "schema",
+    "fleet",
+    "catalog",
     "run",
     "report",
     *LOOKING,

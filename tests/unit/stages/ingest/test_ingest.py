@@ -83,6 +83,7 @@ def test_a_real_log_has_the_streams_that_it_should() -> None:
         "depth": "BARO[1]",
         "actuators": "RCOU",
         "battery": "BAT",
+        "sticks": "RCIN",
         "mode": "MODE",
         "events": "MSG",
     }

@@ -16,6 +16,7 @@ from auvid.data_schemas.records.models import (
     VelocityRange,
 )
 from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.report.summary.coefficient_text import findings
 
@@ -28,10 +29,14 @@ def term(
     )
 
 
+def in_units(axis: str, terms: list[TermCard]) -> list[TermCard]:
+    return [item.model_copy(update={"unit": coefficient_unit(axis, item.term)}) for item in terms]
+
+
 def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard]) -> ModelCard:
     parts = {
         axis: AxisCard.model_construct(
-            terms=axes.get(axis, []),
+            terms=in_units(axis, axes.get(axis, [])),
             combinations=[
                 TermCombination(reading="", **item) for item in combinations or [] if axis == "X"
             ],
