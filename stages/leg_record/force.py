@@ -377,16 +377,25 @@ def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float)
             remedy="Name the commands of the log in actuators.commands.axes.",
         )
     table = actuator_table(streams)
-    columns = {name: matrix(table, (f"command_{name}",)) for name in names}
     times = streams.times("actuators")
     inside = (times >= streams.window[0]) & (times <= streams.window[1])
-    values = np.zeros((t_s.size, 6))
-    for name, cells in columns.items():
+    values, empty = np.zeros((t_s.size, 6)), []
+    for name in names:
+        cells = matrix(table, (f"command_{name}",))
         rows = inside & np.isfinite(cells[:, 0])
         samples = enough(Samples(times[rows], cells[rows]))
-        at = AXES.index(axis_of(name))
-        values[:, at] = np.nan if samples is None else on_clock(samples, t_s, max_gap_s)[:, 0]
-    axes = tuple(axis for axis in AXES if axis in map(axis_of, names))
+        if samples is None:
+            empty.append(name)  # no command of that axis; the others have theirs
+        else:
+            values[:, AXES.index(axis_of(name))] = on_clock(samples, t_s, max_gap_s)[:, 0]
+    if len(empty) == len(names):
+        raise DataError(
+            "the commands are empty",
+            field="actuators",
+            value=", ".join(f"command_{name}" for name in names),
+            remedy="Choose a leg in which commands are logged.",
+        )
+    axes = tuple(axis for axis in AXES if axis in (axis_of(n) for n in names if n not in empty))
     return LegDrive(
         values,
         True,
@@ -394,4 +403,5 @@ def _commands(streams: Streams, logged: list[str], t_s: Array, max_gap_s: float)
         np.ones(6),
         "normalised commands of the log, without a unit of force",
         axes,
+        notes=tuple(f"command_{name} is empty: taken as 0." for name in empty),
     )

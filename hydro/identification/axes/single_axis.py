@@ -201,14 +201,22 @@ def refusal(records: Sequence[AxisRecord], axis: str) -> str:
 
 
 def free_decays(record: AxisRecord, axis: str) -> tuple[tuple[int, int], ...]:
-    """Return stretches (first, end) in which an axis moves and nothing drives it."""
-    rate, force = record.rate[VELOCITIES[AXES.index(axis)]], record.force[axis]
-    finite = np.isfinite(rate)
-    largest = float(np.nanmax(np.abs(force))) if np.isfinite(force).any() else 0.0
+    """Return stretches (first, end) of its windows in which an axis swings freely.
+
+    Neither it is driven nor surge, sway or heave: thrust ahead pitches a vehicle too, and
+    nothing says by how much.
+    """
+    rate = record.rate[VELOCITIES[AXES.index(axis)]]
+    free = np.zeros(len(rate), dtype=bool)
+    for first, end in record.windows.get(axis, ()):
+        free[first:end] = np.isfinite(rate[first:end])
+    for driver in (axis, "X", "Y", "Z"):
+        size = np.abs(np.nan_to_num(record.force[driver]))
+        free &= size <= DECAY_FORCE * float(size.max())
     step = float(record.t_s[1] - record.t_s[0])
     return tuple(
         (a, b)
-        for a, b in stretches(finite & (np.abs(force) <= DECAY_FORCE * largest))
+        for a, b in stretches(free)
         if (b - a) * step >= DECAY_S and float(np.sqrt(np.mean(rate[a:b] ** 2))) >= DECAY_RATE
     )
 

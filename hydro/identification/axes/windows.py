@@ -16,6 +16,8 @@ WINDOW_S, SHORTEST_S = 10.0, 3.0
 """Length to which stretches are cut, and the least that is kept."""
 SMOOTHING_HZ = 1.0
 """Low-pass of depth before it is differentiated, for scores and starting values."""
+SMOOTHING_SHARE = 0.4
+"""Of the sample rate: a slow log is low-passed no higher than that."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +68,12 @@ def smooth_depth(record: AxisRecord) -> Array:
 
 
 def low_passed(values: Array, step_s: float) -> Array:
-    """Return values (n,) low-passed at `SMOOTHING_HZ` without delay."""
-    return zero_phase_lowpass(np.arange(len(values)) * step_s, values, cutoff_hz=SMOOTHING_HZ)
+    """Return values (n,) low-passed at `SMOOTHING_HZ` without delay.
+
+    At `SMOOTHING_SHARE` of the sample rate where that is lower.
+    """
+    cutoff_hz = min(SMOOTHING_HZ, SMOOTHING_SHARE / step_s)
+    return zero_phase_lowpass(np.arange(len(values)) * step_s, values, cutoff_hz=cutoff_hz)
 
 
 def turn_of(record: AxisRecord) -> Array:

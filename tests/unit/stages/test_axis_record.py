@@ -189,3 +189,17 @@ def test_commands_alone_are_taken_in_the_axes_of_the_vehicle(dive):
     assert set(record.windows_s) == {"N"}
     with pytest.raises(DataError, match="no logged command acts"):
         outputs(told, without_curve(axes=["surge"]))
+
+
+def test_an_empty_command_leaves_the_others(dive):
+    logged = copy.copy(dive)
+    logged.streams = dict(dive.streams)
+    yaw = (dive.pulses[:, 0] - 1500.0) * THRUSTERS.direction[0] / 400.0
+    nothing = np.full(yaw.size, np.nan)
+    logged.log("actuators", 10.0, {"command_yaw": yaw, "command_roll": nothing})
+    record = outputs(logged, without_curve()).axis_windows
+    assert set(record.windows_s) == {"N"}
+    assert any("command_roll is empty" in item for item in record.notes)
+    logged.log("actuators", 10.0, {"command_yaw": nothing})
+    with pytest.raises(DataError, match="commands are empty"):
+        outputs(logged, without_curve())

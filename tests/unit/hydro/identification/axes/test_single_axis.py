@@ -218,3 +218,19 @@ def test_one_window_is_no_fit() -> None:
     """Nothing judges it, and intervals by how windows differ would have no width."""
     assert "one window only" in refusal([axis_leg(2, YAW, seconds=10.0)], "N")
     assert not refusal([axis_leg(2, YAW, seconds=20.0)], "N")
+
+
+def test_pitch_that_thrust_ahead_swings_is_no_free_decay() -> None:
+    leg = axis_leg(1, {"u": (-1.0, -1.0, 2.0, 0.0)}, hold_s=3.0)
+    swing = 0.3 * np.sin(2.0 * leg.t_s)
+    moment = np.where(leg.t_s < 5.0, 0.2, 0.0)
+    swung = replace(leg, rate={**leg.rate, "q": swing}, force={**leg.force, "M": moment})
+    assert "free decay" in refusal([swung], "M")
+    at_rest = replace(swung, force={**swung.force, "X": np.zeros(len(swing))})
+    assert refusal([at_rest], "M") == ""
+
+
+def test_depth_of_two_samples_a_second_is_fitted() -> None:
+    leg = axis_leg(4, HEAVE, by_depth=True, step_s=0.5, seconds=240.0, hold_s=4.0)
+    fit = fit_axis([leg], "Z", try_lag=False)
+    assert fit.held_out[0].percent["w"] > 70.0
