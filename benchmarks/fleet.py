@@ -4,7 +4,7 @@
     python -m benchmarks.fleet alarms --seeds 4
     python -m benchmarks.fleet twins --seeds 6 --leg survey
 
-`intervals` and `alarms` draw fleets y_i = mu + tau e_i + s_i f_i, `FLEETS` of each kind a
+`intervals` and `alarms` draw fleets y_i = mu + tau e_i + s_i f_i, 1000 or 250 of each kind a
 seed, with unequal errors s_i (standard deviation .4 of their logarithm), and compare
 ways. `twins` dives the BlueROV2 Heavy of campaigns/bluerov2_twin with flow physics and
 tether, each seed once healthy, once with a fifth more drag, once with one thruster at
@@ -57,7 +57,8 @@ from auvid.stages.simulate.rov.truths import in_plan
 
 ROOT = Path(__file__).parents[1]
 BUILD = ROOT / "build"
-FLEETS = 1000
+FLEETS, ALARM_FLEETS = 1000, 250
+"""Of each kind, a seed: four seeds of alarms take 2 minutes."""
 I2 = (0.0, 0.3, 0.5, 0.75, 0.9, 0.98)
 """Share of the variance of estimates that is between dives."""
 SPEEDS = {"X": 0.3, "Y": 0.3, "Z": 0.15, "K": 0.2, "M": 0.2, "N": 0.3}
@@ -66,10 +67,10 @@ SPEEDS = {"X": 0.3, "Y": 0.3, "Z": 0.15, "K": 0.2, "M": 0.2, "N": 0.3}
 Row = dict[str, object]
 
 
-def drawn(i2: float, dives: int, seed: int) -> tuple[Array, Array, Array]:
-    """Return true figures, estimates and errors (FLEETS, dives), variance 1."""
+def drawn(i2: float, dives: int, seed: int, fleets: int = FLEETS) -> tuple[Array, Array, Array]:
+    """Return true figures, estimates and errors (fleets, dives), variance 1."""
     random = np.random.default_rng([seed, dives, round(100 * i2)])
-    errors = np.exp(0.4 * random.standard_normal((FLEETS, dives)))
+    errors = np.exp(0.4 * random.standard_normal((fleets, dives)))
     errors *= np.sqrt(1.0 - i2) / np.sqrt(np.mean(errors**2))
     true = np.sqrt(i2) * random.standard_normal(errors.shape)
     return true, true + errors * random.standard_normal(errors.shape), errors
@@ -222,7 +223,7 @@ def scores(y: Array, s: Array) -> dict[str, Array]:
 def alarms(seed: int) -> Iterator[Row]:
     """Yield limits of each way by the seed's fleets, and what finds a fifth more."""
     levels, kinds = (0.05, 0.01), (0.0, 0.5, 0.9, 0.98)
-    quiet = [scores(*drawn(i2, 10, seed)[1:]) for i2 in kinds]
+    quiet = [scores(*drawn(i2, 10, seed, ALARM_FLEETS)[1:]) for i2 in kinds]
     limits = {
         (way, level): max(float(np.quantile(rows[way][:, -1], 1.0 - level)) for rows in quiet)
         for way in quiet[0]
@@ -235,11 +236,11 @@ def alarms(seed: int) -> Iterator[Row]:
             "way": "limit of the product",
             "i2": i2,
             "share": float(np.mean(rows["largest odds, r = 1"][:, -1] > own)),
-            "of": FLEETS,
+            "of": ALARM_FLEETS,
         }
     for scatter in (0.03, 0.05, 0.07, 0.1):
         for i2 in (0.0, 0.5, 0.9):
-            _, y, s = drawn(i2, 10, seed + 10_000)
+            _, y, s = drawn(i2, 10, seed + 10_000, ALARM_FLEETS)
             y, s = 1.0 + scatter * y, scatter * s
             y[:, 5:] += 0.2
             rows = scores(y, s)
@@ -253,7 +254,7 @@ def alarms(seed: int) -> Iterator[Row]:
                     "i2": i2,
                     "share": float(np.mean(over[:, -1])),
                     "dives": float(dives.mean()) if dives.size else np.nan,
-                    "of": FLEETS,
+                    "of": ALARM_FLEETS,
                 }
 
 

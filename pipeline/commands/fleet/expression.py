@@ -191,7 +191,7 @@ def _tokens(expression: str) -> Iterator[Token]:
 
 
 def _holds(compare: Callable[[Any, Any], bool], cell: Any, text: str, number: float | None) -> bool:
-    """Return whether a cell compares so; digits are a text to a text (a name, a day)."""
+    """Return whether a cell compares so; to a text (a name, a day) digits are text."""
     if cell is None or cell == "":
         return compare is operator.eq and text == ""
     if isinstance(cell, bool):

@@ -25,7 +25,7 @@ from auvid.pipeline.commands.fleet.log_work import (
     survey_task,
     unfinished,
 )
-from auvid.pipeline.commands.fleet.same_dives import refusals, same_dives
+from auvid.pipeline.commands.fleet.same_dives import SameDive, refusals, same_dives
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.lock import locked
@@ -43,6 +43,8 @@ DIED = (
     " perhaps for lack of memory"
 )
 LISTED = 20
+COMPARED = ".compared.json"
+"""File of a fleet: keys of two surveys -> in words how they agree, empty for not."""
 D = TypeVar("D", LogSurvey, FleetRun)
 
 
@@ -92,7 +94,7 @@ def _run_fleet(
         surveys, surveyed = _bring(LogSurvey, "survey", tasks, logs, engine, force=force)
         names = {log.id: log.files[0].name for log in disk.logs}
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
-        same = same_dives(list(surveys.values()))
+        same = _same_dives(fleet, list(surveys.values()))
         reasons |= refusals(same, names)
         tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
         results, ran = _bring(FleetRun, "run", tasks, logs, engine, force=force)
@@ -109,6 +111,22 @@ def _run_fleet(
         _write_index(fleet, target, disk, rows)
         write_tables(fleet, rows)
     return FleetOutcome(tuple(rows), surveyed, ran, disk.others)
+
+
+def _same_dives(fleet: FleetFolder, surveys: Sequence[LogSurvey]) -> list[SameDive]:
+    """Return the pairs of logs of one dive; those of an earlier call are remembered."""
+    memory = fleet.root / COMPARED
+    try:
+        earlier: dict[str, str] = json.loads(memory.read_bytes())
+    except (OSError, ValueError):
+        earlier = {}
+    compared = dict(earlier)
+    pairs = same_dives(surveys, compared)
+    if compared != earlier:
+        keys = {item.key for item in surveys}
+        kept = {pair: words for pair, words in compared.items() if keys.issuperset(pair.split())}
+        write_atomically(memory, json.dumps(kept).encode())
+    return pairs
 
 
 def _bring(

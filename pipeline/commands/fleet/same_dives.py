@@ -23,6 +23,8 @@ LEAST_S = 20.0
 MOST_STD_S = 1.0
 STEP_S = 1.0
 PADDING = 2
+LEAST_ENERGY = 1e-3
+"""Share of a log's turning below which nothing turned."""
 UTC = "%Y-%m-%dT%H:%M:%SZ"
 
 
@@ -35,13 +37,18 @@ class SameDive:
     words: str
 
 
-def same_dives(surveys: Sequence[LogSurvey]) -> list[SameDive]:
+def same_dives(
+    surveys: Sequence[LogSurvey], compared: dict[str, str] | None = None
+) -> list[SameDive]:
     """Return the pairs of logs of one dive; a log is `other` in one pair at most.
+
+    `compared`: what the comparison of earlier pairs gave; new ones are added.
 
     Two logs with a clock are of one dive where half of the shorter one is shared, and
     depth or yaw rate agree. Where a clock is missing, only recorders of different
     formats are compared, at any shift.
     """
+    compared = {} if compared is None else compared
     fit = [item for item in surveys if item.motion is not None and not item.reason]
     candidates = [*_by_clock(fit), *_by_motion(fit)]
     by_id = {item.id: item for item in fit}
@@ -50,8 +57,10 @@ def same_dives(surveys: Sequence[LogSurvey]) -> list[SameDive]:
     for first, second in candidates:
         if {first, second} & gone:
             continue
-        words = _agreement(by_id[first], by_id[second])
-        if words:
+        pair = " ".join(sorted((by_id[first].key, by_id[second].key)))
+        if pair not in compared:
+            compared[pair] = _agreement(by_id[first], by_id[second])
+        if words := compared[pair]:
             better, other = sorted((first, second), key=lambda name: _merit(by_id[name]))[::-1]
             gone.add(other)
             pairs.append(SameDive(better, other, words))
@@ -98,14 +107,24 @@ def _by_clock(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
 def _by_motion(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
     """Return pairs of other formats, one without a clock, whose yaw rates look alike.
 
-    All are compared at once: correlation at every shift is a product of spectra.
+    All are compared at once: correlation at every shift is a product of spectra, over the
+    energy of the longer log within the shorter one, of which it may hold a small part.
     """
     with_yaw = [log for log in logs if log.motion is not None and log.motion.yaw_rate_rad_s]
     if len({tuple(log.formats) for log in with_yaw}) < 2:
         return []
-    signals = [_uniform(log.motion) for log in with_yaw if log.motion is not None]
-    length = PADDING * max(signal.size for signal in signals)
+    uniform = {log.id: _uniform(log.motion) for log in with_yaw if log.motion is not None}
+    with_yaw.sort(key=lambda log: (uniform[log.id].size, log.id))
+    signals = [uniform[log.id] for log in with_yaw]
+    longest = signals[-1].size
+    length = PADDING * longest
     spectra = np.stack([np.fft.rfft(signal, length) for signal in signals])
+    # Energy up to each sample, once more round: a shift may wrap.
+    energy = np.zeros((len(signals), length + longest + 1))
+    for row, signal in zip(energy, signals, strict=True):
+        row[1 : signal.size + 1] = row[length + 1 : length + signal.size + 1] = signal**2
+    np.cumsum(energy, axis=1, out=energy)
+    shifts, sizes = np.arange(length), np.array([signal.size for signal in signals])
     pairs = []
     for place, log in enumerate(with_yaw):
         others = [
@@ -116,7 +135,13 @@ def _by_motion(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
         ]
         if not others:
             continue
-        peaks = np.fft.irfft(spectra[place].conj() * spectra[others], length).max(axis=1)
+        own = signals[place].size
+        within = energy[others, own : own + length] - energy[others, :length]
+        product = np.fft.irfft(spectra[place].conj() * spectra[others], length)
+        scores = product / np.sqrt(np.maximum(within, LEAST_ENERGY))
+        half = own * OVERLAP
+        outside = (shifts < length - half) & (shifts > sizes[others, None] - half)
+        peaks = np.where(outside, 0.0, scores).max(axis=1)
         pairs += [
             (log.id, with_yaw[others[index]].id) for index in np.flatnonzero(peaks >= PROMISING)
         ]

@@ -31,7 +31,7 @@ def motion(seed: int, *, noise_seed: int, shift_s: float = 0.0) -> MotionTrace:
 
 def log(name: str, trace: MotionTrace, *, form: str, start: str | None = None) -> LogSurvey:
     return LogSurvey(
-        key="",
+        key=name,
         id=name,
         files=[name],
         hash=name,
@@ -72,3 +72,26 @@ def test_a_clock_that_says_otherwise_keeps_equal_motions_apart() -> None:
         log("two", motion(1, noise_seed=3), form="telemetry", start="2026-01-08T10:00:00Z"),
     ]
     assert same_dives(logs) == []
+
+
+def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    logs = [
+        log("bin", motion(1, noise_seed=2), form="DataFlash"),
+        log("tlog", motion(1, noise_seed=3, shift_s=20.0), form="telemetry"),
+    ]
+    compared: dict[str, str] = {}
+    first = same_dives(logs, compared)
+    assert len(first) == len(compared) == 1
+    monkeypatch.setattr("auvid.pipeline.commands.fleet.same_dives.clock_offset", None)
+    assert same_dives(logs, compared) == first
+
+
+def test_a_short_log_within_a_long_one_is_recognised() -> None:
+    whole = motion(1, noise_seed=2)
+    part = motion(1, noise_seed=3)
+    steps = slice(120, 180)
+    part = part.model_copy(
+        update={"depth_m": part.depth_m[steps], "yaw_rate_rad_s": part.yaw_rate_rad_s[steps]}
+    )
+    logs = [log("tlog", whole, form="telemetry"), log("bin", part, form="DataFlash")]
+    assert len(same_dives(logs)) == 1
