@@ -154,7 +154,10 @@ def _record(
         at = (column(source, "time_us") - start_us) / 1e6
         return _interpolated(t, at, column(source, name), max_gap_s)
 
-    if has_columns(table, ("pitch_rad",)):
+    def logged(name: str) -> bool:
+        return has_columns(table, (name,)) and bool(np.isfinite(column(table, name)).any())
+
+    if logged("pitch_rad"):
         pitch = on_clock("pitch_rad")
     elif attitude is not None:
         pitch = on_clock("theta_rad", attitude)
@@ -165,7 +168,7 @@ def _record(
             remedy="Map its column to pitch_rad of stream glider, or an attitude log.",
         )
     body = glider.body
-    if has_columns(table, ("density_kg_m3",)):
+    if logged("density_kg_m3"):
         density = on_clock("density_kg_m3")
     elif constant_density:
         density = np.full(t.size, body.neutral_kg_m3)
@@ -184,7 +187,7 @@ def _record(
             ),
         )
     warm = np.full(t.size, body.temperature_K)
-    if has_columns(table, ("temperature_K",)):
+    if logged("temperature_K"):
         warm = on_clock("temperature_K")
     elif body.expansion_1_k:
         notes.append("No temperature is logged: thermal expansion of the hull is left out.")

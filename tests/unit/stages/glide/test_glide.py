@@ -184,3 +184,12 @@ def test_a_vehicle_without_part_glider_is_refused(ingested: ingest.Outputs) -> N
     vehicle = {key: value for key, value in document().items() if key != "glider"}
     with pytest.raises(CampaignError, match="no part 'glider'"):
         run(ingested, vehicle=vehicle)
+
+
+@pytest.mark.parametrize(("name", "words"), [("density_kg_m3", "density"), ("pitch_rad", "pitch")])
+def test_an_empty_column_is_a_missing_one(ingested: ingest.Outputs, name: str, words: str) -> None:
+    def empty(columns: Columns) -> None:
+        columns[name] = np.full(columns[name].size, np.nan)
+
+    with pytest.raises(DataError, match=f"has no {words}"):
+        run(ingested, empty)
