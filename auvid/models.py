@@ -236,7 +236,8 @@ class VehicleModel:
         time : array_like, shape (n,)
             Uniform clock [s].
         tau : array_like, shape (n, 6) or (6,), optional
-            Force of all actuators [N, N m], in place of pulses, fins and voltage.
+            Force of all actuators [N, N m], in place of pulses, fins and voltage; 0 only,
+            for a model without newtons (``file.partial.unit_of_mass``).
         pulses : array_like, shape (n, k), optional
             Pulses of the thrusters [us].
         fins : array_like, shape (n, 4), optional
@@ -263,10 +264,11 @@ class VehicleModel:
         PipelineError
             Neither a force nor commands, the clock is not uniform, shapes do not fit,
             values are not finite, an actuator has no command, a command has no actuator,
-            `tau` stands beside commands.
+            `tau` stands beside commands, or is a force on a model without newtons.
         """
         t_s = _clock(time)
         count, vehicle = len(t_s), self.vehicle
+        partial, in_newtons = self.file.partial, commands is None
         if commands is not None:
             if tau is not None:
                 raise UsageError(
@@ -300,6 +302,12 @@ class VehicleModel:
         speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
         if tau is not None:
             force = _rows_or_one(tau, count, "tau")
+            if in_newtons and partial is not None and partial.unit_of_mass and force.any():
+                raise UsageError(
+                    f"the model has no newtons: the inertia of {partial.unit_of_mass} is its unit",
+                    field="tau",
+                    remedy="Give commands, or make the model with one bollard pull or the mass.",
+                )
             vehicle, control = driven_by_force(vehicle), Control(thruster_force_N=force)
         else:
             control = Control(

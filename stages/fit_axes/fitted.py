@@ -106,8 +106,8 @@ class FittedAxis:
 
     @property
     def held_out_percent(self) -> float | None:
-        """Return the least fit on what was held out, None where nothing was."""
-        values = [item.percent for item in self.held_out]
+        """Return the least fit on what was held out, None where nothing moved there."""
+        values = [item.percent for item in self.held_out if np.isfinite(item.percent)]
         return min(values) if values else None
 
     @property

@@ -151,3 +151,10 @@ def test_the_python_file_computes_what_the_model_does(unit: str | None) -> None:
     if unit is not None:
         pull = scope["command_force"]({"Z": 0.5})  # type: ignore[operator]
         assert pull[2] == pytest.approx(20.0 * scale)
+
+
+def test_newtons_on_a_model_without_newtons_are_refused() -> None:
+    model = auvid.Model(partial_file(unit_of_mass="Z"))
+    with pytest.raises(UsageError, match=r"no newtons.*inertia of Z.*Give commands"):
+        model.simulate(TIME, [0, 0, 20.0, 0, 0, 0])
+    assert model.simulate(TIME, np.zeros(6))["w_m_s"].notna().all()

@@ -263,3 +263,11 @@ def test_legs_with_and_without_a_velocity_log_are_judged_by_what_each_has(first:
     (heave,) = fit_all(ordered, vehicle("bluerov2_heavy"), replace(FREE, axes=("Z",))).fitted
     assert heave.per_leg["depth"][0] > 80.0
     assert np.isfinite(heave.per_leg["velocity"][0])
+
+
+def test_held_out_windows_without_motion_judge_nothing() -> None:
+    item = fits(False).fitted[0]
+    still = HeldOutFit("even windows", float("nan"), 3)
+    both = replace(item, held_out=(still, HeldOutFit("odd windows", 90.0, 3)))
+    assert both.held_out_percent == 90.0
+    assert replace(item, held_out=(still,)).held_out_percent is None
