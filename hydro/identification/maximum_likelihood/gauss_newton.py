@@ -127,10 +127,14 @@ def maximise(
                     np.minimum(upper, common + reach[1]),
                 )
             step, fixed, spread = bounded_step(here.equations, common, low, high, damping)
-            if 0.5 * float(step @ here.equations.vector) < least_gain and damping < FELT_DAMPING:
+            moves = here.equations.local_steps(step, damping)
+            rights = here.equations.right
+            promise = 0.5 * float(step @ here.equations.vector)
+            promise += 0.5 * sum(float(a @ b) for a, b in zip(moves, rights, strict=True))
+            # A step that bounds bend may promise a loss: it is shortened, not the end.
+            if 0.0 <= promise < least_gain and damping < FELT_DAMPING:
                 small = True
                 break
-            moves = here.equations.local_steps(step, damping)
             moved = np.clip(move(common, step), lower, upper)
             shifted = local + moves if len(moves) else local
             small = bool(np.all(np.abs(moved - common) <= tolerance * spread))
@@ -160,7 +164,8 @@ def bounded_step(
     """Return a step (g,), which unknowns a bound holds, and standard errors (g,).
 
     Active set: unknowns that the step would carry past a bound are put on it, one
-    round after the other, and the others are solved again.
+    round after the other, and the others are solved again. The standard error of what
+    ends on a bound is that with all others known: a way to it may be long.
     """
     matrix, vector = equations.reduced(damping)
     fixed = np.zeros(len(common), dtype=bool)
@@ -175,7 +180,8 @@ def bounded_step(
         step[past] = np.clip(common[past] + step[past], lower[past], upper[past]) - common[past]
         fixed |= past
     free = ~fixed
-    spread = np.full(len(common), np.inf)
+    diagonal = np.diag(matrix)
+    spread = np.where(diagonal > 0.0, diagonal, np.inf) ** -0.5
     if free.any():
         inverse = solve_scaled(matrix[np.ix_(free, free)], np.eye(int(free.sum())))
         spread[free] = np.sqrt(np.maximum(np.diag(inverse), 0.0))

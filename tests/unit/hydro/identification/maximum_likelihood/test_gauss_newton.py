@@ -143,3 +143,43 @@ def test_a_start_that_diverges_is_refused() -> None:
             lambda x, y, s: Evaluation(np.inf, None), np.zeros(1), np.zeros((0, 1)),
             lower=-none, upper=none, most_steps=3,
         )  # fmt: skip
+
+
+def test_a_long_way_to_a_bound_is_not_the_end() -> None:
+    """A full step that a bound stops, and that loses, is shortened: -9 is no optimum of y^4."""
+
+    def evaluate(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        # The equations promise too much: of a curvature 100 times too small.
+        return Evaluation(
+            0.5 * (x[0] + 5.0) ** 2 + 1e3 * (x[0] > -1.0),
+            NormalEquations(np.full((1, 1), 1e-2), -(x + 5.0)),
+        )
+
+    optimum = maximise(
+        evaluate, np.array([-9.0]), np.zeros((0, 1)), lower=np.full(1, -np.inf),
+        upper=np.zeros(1), most_steps=60,
+    )  # fmt: skip
+    assert optimum.common[0] == pytest.approx(-5.0, abs=0.5)
+
+
+def test_local_unknowns_count_in_what_a_step_promises() -> None:
+    """y = x + z, z - x near 0 twice: the common part of the step alone promises a loss."""
+    design = np.array([[1.0, 1.0], [0.1, 1.0]])
+    target = np.array([1.0, 2.0])
+
+    def evaluate(x: np.ndarray, local: np.ndarray, sensitive: bool) -> Evaluation:
+        e = target - design @ np.array([x[0], local[0, 0]])
+        N, b = design.T @ design, design.T @ e
+        return Evaluation(
+            0.5 * float(e @ e),
+            NormalEquations(N[:1, :1], b[:1], (N[1:, 1:],), (N[1:, :1],), (b[1:],)),
+        )
+
+    none = np.full(1, np.inf)
+    optimum = maximise(
+        evaluate, np.zeros(1), np.zeros((1, 1)), lower=-none, upper=none, most_steps=30,
+        tolerance=1e-6,
+    )  # fmt: skip
+    assert [optimum.common[0], optimum.local[0, 0]] == pytest.approx(
+        np.linalg.solve(design, target).tolist(), rel=1e-3
+    )
