@@ -25,7 +25,7 @@ from auvid.pipeline.commands.fleet.log_work import (
     survey_task,
     unfinished,
 )
-from auvid.pipeline.commands.fleet.same_dives import SameDive, refusals, same_dives
+from auvid.pipeline.commands.fleet.same_dives import Compared, SameDive, refusals, same_dives
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.lock import locked
@@ -44,7 +44,7 @@ DIED = (
 )
 LISTED = 20
 COMPARED = ".compared.json"
-"""File of a fleet: keys of two surveys -> in words how they agree, empty for not."""
+"""File of a fleet: keys of the surveys compared, and in words which agree."""
 D = TypeVar("D", LogSurvey, FleetRun)
 
 
@@ -117,15 +117,15 @@ def _same_dives(fleet: FleetFolder, surveys: Sequence[LogSurvey]) -> list[SameDi
     """Return the pairs of logs of one dive; those of an earlier call are remembered."""
     memory = fleet.root / COMPARED
     try:
-        earlier: dict[str, str] = json.loads(memory.read_bytes())
+        document = json.loads(memory.read_bytes())
     except (OSError, ValueError):
-        earlier = {}
-    compared = dict(earlier)
+        document = {"keys": [], "words": []}
+    compared = Compared(set(document["keys"]), {(a, b): text for a, b, text in document["words"]})
     pairs = same_dives(surveys, compared)
-    if compared != earlier:
-        keys = {item.key for item in surveys}
-        kept = {pair: words for pair, words in compared.items() if keys.issuperset(pair.split())}
-        write_atomically(memory, json.dumps(kept).encode())
+    words = [[*keys, text] for keys, text in sorted(compared.words.items())]
+    after = {"keys": sorted(compared.keys), "words": words}
+    if after != document:
+        write_atomically(memory, json.dumps(after).encode())
     return pairs
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import datetime
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -37,31 +37,46 @@ class SameDive:
     words: str
 
 
-def same_dives(
-    surveys: Sequence[LogSurvey], compared: dict[str, str] | None = None
-) -> list[SameDive]:
+@dataclass
+class Compared:
+    """What comparisons gave: keys of surveys of which every two were compared.
+
+    words: keys of two logs of one dive -> how they agree.
+    """
+
+    keys: set[str] = field(default_factory=set)
+    words: dict[tuple[str, str], str] = field(default_factory=dict)
+
+
+def same_dives(surveys: Sequence[LogSurvey], compared: Compared | None = None) -> list[SameDive]:
     """Return the pairs of logs of one dive; a log is `other` in one pair at most.
 
-    `compared`: what the comparison of earlier pairs gave; new ones are added.
-
-    Two logs with a clock are of one dive where half of the shorter one is shared, and
-    depth or yaw rate agree. Where a clock is missing, only recorders of different
-    formats are compared, at any shift.
+    `compared`: of an earlier call; it is brought up to date, and only new logs are
+    compared. Two logs with a clock are of one dive where half of the shorter one is
+    shared, and depth or yaw rate agree. Where a clock is missing, only recorders of
+    different formats are compared, at any shift.
     """
-    compared = {} if compared is None else compared
+    compared = Compared() if compared is None else compared
     fit = [item for item in surveys if item.motion is not None and not item.reason]
-    candidates = [*_by_clock(fit), *_by_motion(fit)]
     by_id = {item.id: item for item in fit}
+    fresh = {item.id for item in fit if item.key not in compared.keys}
+    for first, second in _candidates(fit, fresh):
+        words = _agreement(by_id[first], by_id[second])
+        if words:
+            compared.words[by_id[first].key, by_id[second].key] = words
+    of_key = {item.key: item.id for item in fit}
+    compared.keys = set(of_key)
+    compared.words = {
+        keys: words for keys, words in compared.words.items() if compared.keys.issuperset(keys)
+    }
     pairs: list[SameDive] = []
     gone: set[str] = set()
-    for first, second in candidates:
-        if {first, second} & gone:
-            continue
-        pair = " ".join(sorted((by_id[first].key, by_id[second].key)))
-        if pair not in compared:
-            compared[pair] = _agreement(by_id[first], by_id[second])
-        if words := compared[pair]:
-            better, other = sorted((first, second), key=lambda name: _merit(by_id[name]))[::-1]
+    agreeing = {
+        tuple(sorted(of_key[key] for key in keys)): words for keys, words in compared.words.items()
+    }
+    for names, words in sorted(agreeing.items()):
+        if gone.isdisjoint(names):
+            better, other = sorted(names, key=lambda name: _merit(by_id[name]))[::-1]
             gone.add(other)
             pairs.append(SameDive(better, other, words))
     return pairs
@@ -104,15 +119,20 @@ def _by_clock(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
     return pairs
 
 
-def _by_motion(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
-    """Return pairs of other formats, one without a clock, whose yaw rates look alike.
+def _candidates(logs: Sequence[LogSurvey], fresh: Collection[str]) -> list[tuple[str, str]]:
+    """Return the pairs with a fresh log that may be of one dive.
 
-    All are compared at once: correlation at every shift is a product of spectra, over the
-    energy of the longer log within the shorter one, of which it may hold a small part.
+    Those by the clock, and those of other formats of which one has no clock; where both
+    turn, only those whose yaw rates look alike. All are compared at once: correlation at
+    every shift is a product of spectra, over the energy of the longer log within the
+    shorter one, of which it may hold a small part.
     """
-    with_yaw = [log for log in logs if log.motion is not None and log.motion.yaw_rate_rad_s]
-    if len({tuple(log.formats) for log in with_yaw}) < 2:
-        return []
+    by_clock = {frozenset(pair) for pair in _by_clock(logs) if pair[0] in fresh or pair[1] in fresh}
+    with_yaw = [log for log in logs if log.motion is not None and any(log.motion.yaw_rate_rad_s)]
+    turning = {log.id for log in with_yaw}
+    pairs = [(a, b) for a, b in sorted(map(sorted, by_clock)) if not turning.issuperset((a, b))]
+    if len(with_yaw) < 2:
+        return pairs
     uniform = {log.id: _uniform(log.motion) for log in with_yaw if log.motion is not None}
     with_yaw.sort(key=lambda log: (uniform[log.id].size, log.id))
     signals = [uniform[log.id] for log in with_yaw]
@@ -125,13 +145,18 @@ def _by_motion(logs: Sequence[LogSurvey]) -> list[tuple[str, str]]:
         row[1 : signal.size + 1] = row[length + 1 : length + signal.size + 1] = signal**2
     np.cumsum(energy, axis=1, out=energy)
     shifts, sizes = np.arange(length), np.array([signal.size for signal in signals])
-    pairs = []
     for place, log in enumerate(with_yaw):
         others = [
             index
             for index in range(place + 1, len(with_yaw))
-            if with_yaw[index].formats != log.formats
-            and (log.start_utc is None or with_yaw[index].start_utc is None)
+            if (log.id in fresh or with_yaw[index].id in fresh)
+            and (
+                frozenset((log.id, with_yaw[index].id)) in by_clock
+                or (
+                    with_yaw[index].formats != log.formats
+                    and (log.start_utc is None or with_yaw[index].start_utc is None)
+                )
+            )
         ]
         if not others:
             continue

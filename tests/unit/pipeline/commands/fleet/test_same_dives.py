@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
-from auvid.pipeline.commands.fleet.same_dives import same_dives
+from auvid.pipeline.commands.fleet.same_dives import Compared, same_dives
 
 STEP_S = 0.5
 LENGTH_S = 200.0
@@ -79,11 +79,14 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
         log("bin", motion(1, noise_seed=2), form="DataFlash"),
         log("tlog", motion(1, noise_seed=3, shift_s=20.0), form="telemetry"),
     ]
-    compared: dict[str, str] = {}
+    compared = Compared()
     first = same_dives(logs, compared)
-    assert len(first) == len(compared) == 1
+    assert len(first) == len(compared.words) == 1
     monkeypatch.setattr("auvid.pipeline.commands.fleet.same_dives.clock_offset", None)
     assert same_dives(logs, compared) == first
+    assert same_dives(logs[:1], compared) == []
+    with pytest.raises(TypeError):  # a log that comes back is compared again
+        same_dives(logs, compared)
 
 
 def test_a_short_log_within_a_long_one_is_recognised() -> None:
