@@ -18,8 +18,8 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array
 
 STEP = 1e-6
 """Relative step of derivatives by differences."""
-WIDEST = 100.0
-"""Largest half width of an interval of a logarithm."""
+WIDEST = float(np.log(10.0))
+"""Largest half width of an interval of a logarithm: one that is wider says nothing."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,9 @@ def quantity(
     if not (np.isfinite(here) and np.isfinite(error)):
         return FitQuantity(name, unit, float("nan"), float("nan"), float("nan"), float("nan"))
     if positive and here > 0.0:
-        half = min(width * error / here, WIDEST)
+        half = width * error / here
+        if half > WIDEST:
+            return FitQuantity(name, unit, float("nan"), float("nan"), float("nan"), float("nan"))
         return FitQuantity(name, unit, here, error, here * np.exp(-half), here * np.exp(half))
     return FitQuantity(name, unit, here, error, here - width * error, here + width * error)
 
