@@ -34,7 +34,7 @@ def auvid(*words: object) -> str:
 
 @pytest.mark.parametrize(
     ("logs", "kind"),
-    [((CSV,), "bench"), ((TLOG,), "identification")],
+    [((CSV,), "axes"), ((TLOG,), "identification")],
     ids=["csv", "tlog"],
 )
 def test_two_commands_lead_to_a_report(logs: tuple[Path, ...], kind: str) -> None:

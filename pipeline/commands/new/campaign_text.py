@@ -174,7 +174,10 @@ def _about(leg: ProposedLeg, log: CheckedLog) -> str:
     modes = modes_between(log, leg.start_s, leg.end_s)
     if modes:
         words.append(f"mode{'s' * (len(modes) > 1)} {', '.join(modes)}")
-    return "; ".join(words) or ("whole log" if log.has("glider") else "small motion")
+    span_s = (int(log.info.end_us) - int(log.info.start_us)) / 1e6
+    return "; ".join(words) or (
+        "whole log" if leg.end_s - leg.start_s >= span_s else "small motion"
+    )
 
 
 def _text(text: str) -> str:

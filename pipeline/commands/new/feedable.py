@@ -5,7 +5,7 @@ A new route is a function like those below and its place in ROUTES.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +29,8 @@ CHANNELS = ("u", "v", "w", "r")
 """Channels of which one alone can be told; roll and pitch need the restoring moment."""
 LEAST_SAMPLES = 50
 STREAMS_OF_AXES = ("imu", "attitude", "depth", "velocity", "actuators")
+SHORTEST_JUDGING_S = 30.0
+"""A run that is held out whole lasts so long."""
 NOT_UNDER_WATER = "not an underwater vehicle"
 STEPS_PER_GAP = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
@@ -206,10 +208,30 @@ def proposal(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
     """Return the legs that are proposed in logs of one kind of campaign."""
     if feed.kind in ("glide", "axes"):
         spans = [(int(log.info.end_us) - int(log.info.start_us)) / 1e6 for log in logs]
-        legs = (ProposedLeg(n, 0.0, end, "training", (), ()) for n, end in enumerate(spans))
+        judge = judging_log([axes_fed(log).axes for log in logs], spans) if feed.axes else None
+        legs = (
+            ProposedLeg(n, 0.0, end, "validation" if n == judge else "training", (), ())
+            for n, end in enumerate(spans)
+        )
         return LegProposal(tuple(legs), (), {})
     dives = [pieces_of(log, feed.streams, max_gap_s=feed.max_gap_s) for log in logs]
     return propose_channel_legs(dives, feed.channels) if feed.channels else propose_legs(dives)
+
+
+def judging_log(axes: Sequence[Sequence[str]], spans_s: Sequence[float]) -> int | None:
+    """Return the number of the log that judges the others, or None.
+
+    axes: those that each log feeds. It is long enough, the others feed every axis that it
+    feeds, and it feeds as many as any such log; the shortest of those.
+    """
+    able = [
+        n
+        for n, (own, span) in enumerate(zip(axes, spans_s, strict=True))
+        if own
+        and span >= SHORTEST_JUDGING_S
+        and set(own) <= {axis for m, other in enumerate(axes) if m != n for axis in other}
+    ]
+    return min(able, key=lambda n: (-len(axes[n]), spans_s[n]), default=None)
 
 
 def _step_s(log: CheckedLog, stream: str) -> float:
