@@ -36,6 +36,8 @@ class LogSurvey(Model):
     """Hash of their content."""
     reason: str
     """Why nothing can be run on it; empty for a log that feeds a campaign."""
+    routes: list[str] = Field(default_factory=list)
+    """Why each kind of campaign does not take it; empty for a log that feeds one."""
     kind: str = ""
     """Kind of the campaign that it feeds; empty for none."""
     vehicle: str = ""

@@ -286,7 +286,10 @@ def print_fleet_run(
     print(f"{len(outcome.rows)} logs: {words} ({outcome.surveyed} read, {outcome.ran} run now)")
     rest = [row for row in outcome.rows if row.state != "done"]
     printed = rest if OUTPUT.verbose else rest[:LISTED]
-    rows = [(row.state, Path(row.files[0]).name, plain(row.result.reason)) for row in printed]
+    rows = []
+    for row in printed:
+        rows.append((row.state, Path(row.files[0]).name, plain(row.result.reason)))
+        rows += [("", "", plain(words)) for words in row.survey.routes if OUTPUT.verbose]
     if rows:
         print()
     table(("state", "log", "why"), rows)

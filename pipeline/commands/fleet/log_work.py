@@ -9,7 +9,7 @@ from __future__ import annotations
 import datetime
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +30,7 @@ from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.run_results import results_of
 from auvid.pipeline.commands.new.campaign_command import WrittenCampaign, write_campaign
 from auvid.pipeline.commands.new.log_survey import survey
+from auvid.pipeline.commands.new.refusal import NoCampaignError, unreadable
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.execution.task import Task
@@ -39,7 +40,7 @@ from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_file, hash_value
 from auvid.stages.base import Stage
 
-FORMAT = 1
+FORMAT = 2
 """It goes up when documents of an earlier auvid must be made again."""
 GROWING = "still growing: it changed while it was read; the next auvid fleet run takes it"
 MARK = "at_work"
@@ -160,16 +161,19 @@ def _surveyed(inputs: Inputs) -> LogSurvey:
     surveyed = survey(log.files)
     page = surveyed[0].page
     if page.health is None:
-        return refused_survey(log, inputs.key, str(page.refused))
+        return refused_survey(log, inputs.key, unreadable(surveyed[0].name, page).reason)
     record = inputs.fleet.logs / log.id / WRITTEN
     edited = _edited(folder, record)
     shutil.rmtree(folder, ignore_errors=True)
     try:
         campaign = write_campaign(folder, surveyed, vehicle=log.vehicle, link=True)
         write_atomically(record, json.dumps(_texts(folder)).encode())
+    except NoCampaignError as fault:
+        refusal = fault.refusals[0]
+        routes = [one_line(words) for words in refusal.routes]
+        return _described(inputs, page, one_line(refusal.reason), routes=routes)
     except PipelineError as fault:
-        reason = str(fault).partition("\n")[2].partition(": auvid check")[0] or str(fault)
-        return _described(inputs, page, one_line(reason.replace(f"{surveyed[0].name}:", "")))
+        return _described(inputs, page, one_line(fault))
     finally:
         for name, content in edited.items():
             write_atomically(folder / name, content)
@@ -194,9 +198,13 @@ def _edited(folder: Path, record: Path) -> dict[str, bytes]:
 
 
 def _described(
-    inputs: Inputs, page: LogPage, reason: str, campaign: WrittenCampaign | None = None
+    inputs: Inputs,
+    page: LogPage,
+    reason: str,
+    campaign: WrittenCampaign | None = None,
+    routes: Sequence[str] = (),
 ) -> LogSurvey:
-    """Return what a decoded log is."""
+    """Return what a decoded log is; routes: why no kind of campaign takes it."""
     health, outputs = page.health, page.outputs
     assert health is not None
     assert outputs is not None
@@ -208,6 +216,7 @@ def _described(
         files=list(inputs.log.paths),
         hash=inputs.log.hash,
         reason=reason,
+        routes=list(routes),
         kind="" if campaign is None else campaign.kind,
         vehicle=named if named not in ("", "vehicle") else str(health["vehicle"] or UNNAMED),
         vehicle_why="" if campaign is None else campaign.vehicle.why,

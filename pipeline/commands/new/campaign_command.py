@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from auvid.data_schemas.errors import DataError, PipelineError, UsageError
+from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.workspace import find_workspace
@@ -22,7 +22,7 @@ from auvid.pipeline.commands.new.campaign_text import (
     campaign_text,
     dropped_words,
 )
-from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal, way_on
+from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal
 from auvid.pipeline.commands.new.log_survey import (
     SurveyedLog,
     command_lines,
@@ -31,12 +31,18 @@ from auvid.pipeline.commands.new.log_survey import (
     shared,
     survey,
 )
+from auvid.pipeline.commands.new.refusal import (
+    NoCampaignError,
+    Refusal,
+    refusal_of,
+    unreadable,
+)
 from auvid.pipeline.commands.new.vehicle_choice import (
     VehicleChoice,
     choose_vehicle,
     vehicle_of_text,
 )
-from auvid.pipeline.output import FAILED, FINE, answer
+from auvid.pipeline.output import FAILED, FINE, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS
@@ -208,31 +214,26 @@ def _place(name: str) -> Path:
 def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedLog], list[str]]:
     """Return what the logs feed, those that do, and in words why not the others.
 
-    Raises `DataError` where none feeds anything.
+    Raises `NoCampaignError` where none feeds anything.
     """
     feeds: list[tuple[SurveyedLog, CampaignFeed]] = []
-    refused: list[str] = []
+    refused: list[Refusal] = []
     for log in surveyed:
         if log.page.health is None:
-            refused.append(f"{log.page.refused}".rstrip("."))
+            refused.append(unreadable(log.name, log.page))
             continue
-        feed, reasons = feed_of(log.page)
-        if feed is None:
-            lines = [*reasons, *draft_remarks(log), f"way on: {way_on(log.page)}"]
-            refused.append(f"{log.name}:" + "".join(f"\n  {line}" for line in lines))
-        else:
+        feed = feed_of(log.page)
+        if isinstance(feed, CampaignFeed):
             feeds.append((log, feed))
+        else:
+            more = draft_remarks(log)
+            refused.append(refusal_of(log.name, log.page, checked(log.page), feed, more))
     if not feeds:
-        raise DataError(
-            "no campaign can be written from "
-            + ("this log" if len(surveyed) == 1 else "these logs")
-            + "".join(f"\n{item}" for item in refused),
-            remedy=f"auvid check {surveyed[0].files[0].path} shows what is there.",
-        )
+        raise NoCampaignError.of(refused, in_full=OUTPUT.verbose)
     kinds = {feed.kind for _, feed in feeds}
     kind = next(name for name in KINDS_BY_WORTH if name in kinds)
     kept = [(log, feed) for log, feed in feeds if feed.kind == kind]
-    left_out = [" ".join(item.split()) for item in refused]
+    left_out = [item.line.rstrip(".") for item in refused]
     left_out += [
         f"{log.name}: feeds only kind {feed.kind}" for log, feed in feeds if feed.kind != kind
     ]

@@ -20,6 +20,7 @@ from auvid.hydro.identification.selection.leg_proposal import (
 )
 from auvid.pipeline.commands.check.axes_route import axes_fed
 from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.pipeline.commands.new.refusal import NO_ACTUATORS, NOT_UNDER_WATER
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
 from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s, glider_lacks
@@ -31,7 +32,6 @@ LEAST_SAMPLES = 50
 STREAMS_OF_AXES = ("imu", "attitude", "depth", "velocity", "actuators")
 SHORTEST_JUDGING_S = 30.0
 """A run that is held out whole lasts so long."""
-NOT_UNDER_WATER = "not an underwater vehicle"
 STEPS_PER_GAP = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
 
@@ -51,14 +51,6 @@ class CampaignFeed:
     channels: tuple[str, ...] = ()
     normalised: bool = False
     axes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Route:
-    """A kind of campaign in words, why a log cannot feed it (or what it feeds)."""
-
-    title: str
-    feed: Callable[[CheckedLog, Mapping[str, Any]], CampaignFeed | str]
 
 
 def force_model(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
@@ -88,7 +80,7 @@ def single_channels(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed 
     if log.under_water is False:
         return NOT_UNDER_WATER
     if not log.has("actuators"):
-        return "no actuators"
+        return NO_ACTUATORS
     commands = {name.removeprefix("command_") for name in log.commands()}
     if not log.thrusters() and not commands:
         return "no pulses of thrusters and no commands of surge, sway, heave or yaw"
@@ -142,60 +134,26 @@ def single_axes(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | st
     return CampaignFeed("axes", streams, axes=axes, normalised=fed.normalised)
 
 
-ROUTES = (
-    Route("a force model (kind: identification)", force_model),
-    Route("axes by themselves (kind: axes)", single_axes),
-    Route("single channels (kind: bench)", single_channels),
-    Route("drag and lift of a glider (kind: glide)", glides),
-)
-"""The better first."""
+ROUTES: dict[str, Callable[[CheckedLog, Mapping[str, Any]], CampaignFeed | str]] = {
+    "identification": force_model,
+    "axes": single_axes,
+    "bench": single_channels,
+    "glide": glides,
+}
+"""What each kind of campaign is fed, or why a log cannot feed it; the better first."""
 
 
-def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> tuple[CampaignFeed | None, list[str]]:
-    """Return what a log feeds, or None and the reasons of all routes."""
+def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> CampaignFeed | dict[str, str]:
+    """Return what a log feeds, or by kind of campaign why it feeds none."""
     assert page.health is not None
     log = checked(page, vehicle)
-    titles: dict[str, list[str]] = {}
-    for route in ROUTES:
-        feed = route.feed(log, page.health)
+    reasons: dict[str, str] = {}
+    for kind, route in ROUTES.items():
+        feed = route(log, page.health)
         if isinstance(feed, CampaignFeed):
-            return feed, []
-        titles.setdefault(feed, []).append(route.title)
-    return None, [f"{' and '.join(names)}: {why}" for why, names in titles.items()]
-
-
-def way_on(page: LogPage) -> str:
-    """Return what would make a decoded log feed a campaign, for one that feeds none."""
-    log = checked(page)
-    acting = activity(log) if log.has("actuators") else None
-    if log.under_water is False:
-        return (
-            f"auvid models bodies under water; this is the log of {log.info.vehicle or 'another'}"
-        )
-    if log.has("glider"):
-        return (
-            "settled glides need pressure, pitch, buoyancy drive and density of the water in the"
-            " stream glider (docs/glide.md)"
-        )
-    if not log.has("actuators"):
-        return (
-            "without commands nothing tells forces: pulses of each output, or commands of surge,"
-            " sway, heave, yaw. All CSV files of a dive in one call (--from imu.csv dvl.csv"
-            " outputs.csv) become one log"
-            if log.info.files[0].format == "CSV"
-            else "log what drives the vehicle (docs/streams.md): without it nothing tells forces"
-        )
-    if acting is None or not acting.any() or driven_s(log) < SHORTEST_DRIVEN_S:
-        return (
-            f"log a dive in which it is armed and driven for {SHORTEST_DRIVEN_S:g} s and more,"
-            " both ways in every axis of interest"
-        )
-    if not log.has("velocity"):
-        return (
-            "a force model needs a velocity log (DVL) or an aided navigation filter; a single"
-            " channel needs heave driven and seen by depth, or yaw by a gyro (docs/bench.md)"
-        )
-    return "log a dive under water that moves both ways in every axis of interest, for a minute"
+            return feed
+        reasons[kind] = feed
+    return reasons
 
 
 def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:

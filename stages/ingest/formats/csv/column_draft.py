@@ -302,19 +302,22 @@ def _cells(
     data = file.buffer[:MOST_BYTES].tobytes()
     if len(data) == MOST_BYTES:
         data = data[: data.rfind(b"\n") + 1]
-    table = pacsv.read_csv(
-        pa.BufferReader(data),
-        read_options=pacsv.ReadOptions(
-            encoding=encoding, column_names=list(map(str, range(len(names)))), skip_rows=1
-        ),
-        parse_options=pacsv.ParseOptions(
-            delimiter=delimiter, invalid_row_handler=lambda row: "skip"
-        ),
-        convert_options=pacsv.ConvertOptions(
-            column_types={str(index): pa.string() for index in range(len(names))},
-            strings_can_be_null=False,
-        ),
-    )
+    try:
+        table = pacsv.read_csv(
+            pa.BufferReader(data.decode(encoding, errors="replace").encode()),
+            read_options=pacsv.ReadOptions(
+                column_names=list(map(str, range(len(names)))), skip_rows=1
+            ),
+            parse_options=pacsv.ParseOptions(
+                delimiter=delimiter, invalid_row_handler=lambda row: "skip"
+            ),
+            convert_options=pacsv.ConvertOptions(
+                column_types={str(index): pa.string() for index in range(len(names))},
+                strings_can_be_null=False,
+            ),
+        )
+    except pa.ArrowInvalid as fault:
+        raise LogError(f"cannot be read as CSV: {fault}", file=file.name) from None
     once = {name for name in names if list(names).count(name) == 1}
     cells = {
         name: [text.strip() for text in table[str(index)].to_pylist()]

@@ -15,7 +15,9 @@ from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
+from auvid.pipeline.commands.new.refusal import NoCampaignError
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
+from auvid.pipeline.output import OUTPUT
 from auvid.stages import KINDS
 from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.tank_runs import noisy, tank_run, write_csv
@@ -60,14 +62,38 @@ def test_moving_time_in_no_leg_is_in_the_comments_and_the_lines(
     assert f"# In no leg: {words}." in (result.folder / "campaign.yaml").read_text()
 
 
-def test_a_log_that_feeds_nothing_is_refused_with_every_reason(tmp_path: Path) -> None:
-    with pytest.raises(PipelineError) as refusal:
+def test_a_log_that_feeds_nothing_is_refused_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(NoCampaignError) as refusal:
         new_campaign("still", [STILL])
     words = str(refusal.value)
-    assert "force model (kind: identification): no velocity; no actuator acts" in words
-    assert "single channels (kind: bench): no actuator acts" in words
-    assert "auvid check" in words
+    assert "\n" not in words
+    assert "small.BIN: ArduSub V4.1.0 (89639005), 61 s; thrusters idle:" in words
+    assert "Log a dive in which it is armed and driven" in words
+    assert "identification" not in words
+    (item,) = refusal.value.refusals
+    assert "kind: identification: no velocity; no actuator acts" in item.routes
+    assert "kind: bench: no actuator acts" in item.routes
     assert list(tmp_path.iterdir()) == []
+
+
+def test_verbose_gives_the_reason_of_every_route(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(OUTPUT, "verbose", True)
+    with pytest.raises(NoCampaignError, match="\n  kind: bench: no actuator acts"):
+        new_campaign("still", [STILL])
+
+
+def test_each_of_several_refused_logs_has_its_line(tmp_path: Path) -> None:
+    depth = tmp_path / "depth.csv"
+    rows = "".join(f"{0.1 * step},{1 + 0.01 * step}\n" for step in range(200))
+    depth.write_text(f"time_s,depth_m\n{rows}")
+    damaged = tmp_path / "noise.BIN"
+    damaged.write_bytes(bytes(range(7, 250)) * 8)
+    with pytest.raises(NoCampaignError) as refusal:
+        new_campaign("still", [STILL, depth, damaged])
+    _, *lines = str(refusal.value).split("\n")
+    assert [line.partition(":")[0] for line in lines] == ["small.BIN", "depth.csv", "noise.BIN"]
+    assert "20 s of depth; no actuators: nothing in it tells what drives" in lines[1]
+    assert "no column" in lines[2]
 
 
 def test_logs_of_another_kind_are_left_out_and_said() -> None:

@@ -1,0 +1,156 @@
+"""Why a log feeds no campaign: in one line, and route by route."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from auvid.data_schemas.errors import DataError
+from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.stages.ingest.health.finding import CheckedLog, listed
+from auvid.stages.ingest.health.usability import SHORTEST_DRIVEN_S, driven_s
+from auvid.stages.ingest.health.vehicle import activity
+
+FRAMES = {
+    1: "fixed-wing aircraft",
+    2: "quadrotor",
+    3: "coaxial helicopter",
+    4: "helicopter",
+    7: "airship",
+    10: "ground rover",
+    11: "surface boat",
+    13: "hexarotor",
+    14: "octorotor",
+    15: "tricopter",
+    **dict.fromkeys(range(19, 26), "VTOL aircraft"),
+}
+"""MAV_TYPE in words."""
+MEASURED = {
+    "velocity": "velocity",
+    "pose": "pose",
+    "position": "position",
+    "attitude": "attitude",
+    "imu": "gyro",
+    "depth": "depth",
+}
+NOT_UNDER_WATER = "not an underwater vehicle"
+NO_ACTUATORS = "no actuators"
+GCS_CSV = "QGroundControl"
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A log that feeds no campaign: what it is, what it lacks, what to do.
+
+    `routes`: every route's own reason, and what the file has beside.
+    """
+
+    name: str
+    log: str
+    lacks: str
+    remedy: str
+    routes: tuple[str, ...] = ()
+
+    @property
+    def reason(self) -> str:
+        """The refusal in one line, without the name of the log."""
+        parts = (" ".join(part.split()).rstrip(".") for part in (self.log, self.lacks))
+        return f"{'; '.join(filter(None, parts))}. {self.remedy}".rstrip(". ") + "."
+
+    @property
+    def line(self) -> str:
+        """The refusal in one line."""
+        return f"{self.name}: {self.reason}"
+
+
+class NoCampaignError(DataError):
+    """Logs of which none feeds a campaign, each with its refusal."""
+
+    refusals: tuple[Refusal, ...] = ()
+
+    @classmethod
+    def of(cls, refusals: Sequence[Refusal], *, in_full: bool = False) -> NoCampaignError:
+        """Return the fault of refused logs, a line each; in full each kind's reason."""
+        lines = []
+        for item in refusals:
+            lines += [item.line, *(f"  {words}" for words in item.routes if in_full)]
+        head = "no campaign can be written: "
+        if len(lines) > 1:
+            head = "no campaign can be written\n"
+        more = "" if in_full else "--verbose tells why of every kind of campaign."
+        fault = cls(head + "\n".join(lines).rstrip("."), remedy=more or None)
+        fault.refusals = tuple(refusals)
+        return fault
+
+
+def unreadable(name: str, page: LogPage) -> Refusal:
+    """Return the refusal of a log that cannot be read, or that fills no stream."""
+    return Refusal(name, "", str(page.refused).removeprefix(f"{name}: "), "")
+
+
+def refusal_of(
+    name: str, page: LogPage, log: CheckedLog, routes: Mapping[str, str], more: Sequence[str]
+) -> Refusal:
+    """Return the refusal of a decoded log.
+
+    routes: kind -> why not. What counts is the reason of the route that the log comes
+    furthest on: it goes by what drives it, a buoyancy drive or thrusters. more: what else
+    its file has to say.
+    """
+    if log.under_water is False:
+        lacks = NOT_UNDER_WATER
+    elif log.has("glider"):
+        lacks = routes["glide"]
+    elif not log.has("actuators"):
+        lacks = f"{NO_ACTUATORS}: nothing in it tells what drives the vehicle"
+    else:
+        lacks = routes["axes"]
+    alike: dict[str, list[str]] = {}
+    for kind, why in routes.items():
+        alike.setdefault(why, []).append(f"kind: {kind}")
+    reasons = tuple(f"{', '.join(kinds)}: {why}" for why, kinds in alike.items())
+    return Refusal(name, _what(page, log), lacks, _remedy(log, lacks), (*reasons, *more))
+
+
+def _what(page: LogPage, log: CheckedLog) -> str:
+    """Return what a log is: firmware or format, length, and what it measures."""
+    assert page.health is not None
+    length = f"{float(page.health['duration_s']):.0f} s"
+    mav_type = log.info.parameters.get("MAV_TYPE")
+    frame = FRAMES.get(int(mav_type)) if mav_type is not None else None
+    formats = " and ".join(page.health["formats"])
+    name = log.info.vehicle or (f"{formats} of a {frame}" if frame else formats)
+    cut = {"truncated": ", cut off", "damaged": ", damaged"}.get(page.health["status"], "")
+    if log.has("actuators"):
+        return f"{name}, {length}{cut}"
+    there = [words for stream, words in MEASURED.items() if log.has(stream)]
+    return f"{name}, {length} of {listed(there)}{cut}" if there else f"{name}, {length}{cut}"
+
+
+def _remedy(log: CheckedLog, lacks: str) -> str:
+    """Return what would make a log feed a campaign."""
+    if log.under_water is False:
+        return "auvid models bodies under water"
+    if log.has("glider"):
+        return (
+            "Settled glides need pressure, pitch, buoyancy drive and density of the water in the"
+            " stream glider (docs/glide.md)"
+        )
+    if not log.has("actuators"):
+        if any(GCS_CSV in note for note in log.info.notes):
+            return "Take the .tlog of the same dive: this CSV never holds outputs"
+        if str(log.info.files[0].format).startswith("CSV"):
+            return (
+                "Add the file of its commands in the same call (--from imu.csv outputs.csv):"
+                " pulses of each output, or commands of surge, sway, heave, yaw"
+            )
+        return "Log the outputs that drive the vehicle (docs/streams.md)"
+    acting = activity(log)
+    if acting is None or not acting.any() or driven_s(log) < SHORTEST_DRIVEN_S:
+        return (
+            f"Log a dive in which it is armed and driven for {SHORTEST_DRIVEN_S:g} s and more,"
+            " both ways in every axis of interest"
+        )
+    if "surface" in lacks:
+        return "Log a dive that is deep enough for the thrusters to stay under water"
+    return "Log a dive under water that moves both ways in every axis of interest, for a minute"
