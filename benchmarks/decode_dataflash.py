@@ -18,7 +18,6 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +28,7 @@ from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.accounting import GATHER_BYTES
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH, Index, build_index
 from auvid.stages.ingest.formats.dataflash.scan import candidates, read_times
-from benchmarks.measuring import best, columns_bytes
+from benchmarks.measuring import best, columns_bytes, columns_of
 
 PAUSE_US = 10_000
 
@@ -62,18 +61,11 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
     """Every message that pymavlink finds, as arrays by message type and field."""
     from pymavlink.DFReader import DFReader_binary
 
-    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
     with contextlib.redirect_stderr(io.StringIO()):
         log = DFReader_binary(path)
-        while (message := log.recv_match()) is not None:
-            columns = lists[message.get_type()]
-            for field in message.get_fieldnames():
-                columns[field].append(getattr(message, field))
+        columns = columns_of(iter(log.recv_match, None))
         log.close()
-    return {
-        name: {field: np.asarray(values) for field, values in columns.items()}
-        for name, columns in lists.items()
-    }
+    return columns
 
 
 def read_floor(path: str, index: Index) -> int:

@@ -16,7 +16,6 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH
 from auvid.stages.ingest.formats.dataflash.text_reader import DATAFLASH_TEXT
+from benchmarks.measuring import columns_bytes, columns_of
 
 NOT_REPEATED = ("FMT", "FMTU", "UNIT", "MULT", "PARM")
 
@@ -53,18 +53,9 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
     """Every message that pymavlink finds, as arrays by message type and field."""
     from pymavlink.DFReader import DFReader_text
 
-    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
     with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
         log = DFReader_text(path)
-        while (message := log.recv_msg()) is not None:
-            columns = lists[message.get_type()]
-            for field in message.get_fieldnames():
-                columns[field].append(getattr(message, field))
-        log.close()
-    return {
-        name: {field: np.asarray(values) for field, values in columns.items()}
-        for name, columns in lists.items()
-    }
+        return columns_of(iter(log.recv_msg, None))
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
@@ -90,11 +81,6 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
     log = DATAFLASH_TEXT.read(RawFile("printed.log", buffer))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    columns = sum(
-        column.nbytes
-        for table in log.messages.values()
-        for column in (*table.columns.values(), table.offset)
-    )
     return {
         "size_mb": size_mb,
         "messages": float(sum(log.counts.values())),
@@ -102,7 +88,7 @@ def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:
         "pymavlink_mb_s": size_mb / theirs_s,
         "auvid_mb_s": size_mb / ours_s,
         "ratio": theirs_s / ours_s,
-        "peak_over_input_and_columns": (peak + len(data)) / (len(data) + columns),
+        "peak_over_input_and_columns": (peak + len(data)) / (len(data) + columns_bytes(log)),
     }
 
 

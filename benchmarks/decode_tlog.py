@@ -14,7 +14,6 @@ import sys
 import tempfile
 import time
 import tracemalloc
-from collections import defaultdict
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from auvid.data_schemas.formats import mavlink
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.tlog.byte_account import explain
 from auvid.stages.ingest.formats.tlog.reader import TLOG
-from benchmarks.measuring import best, columns_bytes
+from benchmarks.measuring import best, columns_bytes, columns_of
 
 PAUSE_US = 50_000
 SMALL_BYTES = 20_000
@@ -59,20 +58,13 @@ def read_with_pymavlink(path: str) -> dict[str, dict[str, npt.NDArray[np.generic
     from pymavlink import mavutil
 
     link = mavutil.mavlink_connection(path, dialect="ardupilotmega")
-    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
-    while (message := link.recv_msg()) is not None:
-        name = message.get_type()
-        if name == "BAD_DATA" or name.startswith("UNKNOWN"):
-            continue
-        columns = lists[name]
-        columns["time_unix_s"].append(message._timestamp)
-        for field in message.get_fieldnames():
-            columns[field].append(getattr(message, field))
+    columns = columns_of(
+        message
+        for message in iter(link.recv_msg, None)
+        if not message.get_type().startswith(("BAD_DATA", "UNKNOWN"))
+    )
     link.close()
-    return {
-        name: {field: np.asarray(values) for field, values in columns.items()}
-        for name, columns in lists.items()
-    }
+    return columns
 
 
 def measure(log_path: str | Path, megabytes: float = 20.0) -> dict[str, float]:

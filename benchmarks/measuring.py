@@ -5,7 +5,12 @@ decoded columns.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
 
 from auvid.stages.ingest.decoded_log import DecodedLog
 
@@ -23,6 +28,19 @@ def best(*runs: Callable[[], object]) -> list[float]:
             run()
             seconds.append(time.perf_counter() - begin)
     return [min(seconds) for seconds in times]
+
+
+def columns_of(messages: Iterable[Any]) -> dict[str, dict[str, npt.NDArray[np.generic]]]:
+    """Return pymavlink's messages as arrays by message type and field."""
+    lists: dict[str, dict[str, list[object]]] = defaultdict(lambda: defaultdict(list))
+    for message in messages:
+        columns = lists[message.get_type()]
+        for field in message.get_fieldnames():
+            columns[field].append(getattr(message, field))
+    return {
+        name: {field: np.asarray(values) for field, values in columns.items()}
+        for name, columns in lists.items()
+    }
 
 
 def columns_bytes(log: DecodedLog) -> int:

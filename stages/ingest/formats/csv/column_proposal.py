@@ -7,81 +7,9 @@ import re
 from collections.abc import Sequence
 
 from auvid.data_schemas.streams import NEEDED, STREAMS
+from auvid.stages.ingest.formats.csv.column_names import TIME, named_columns
 
-WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 UNKNOWN = "'?'"
-NO_MEASUREMENT = re.compile(r"desired|target|setpoint|std|fom|temperature|magnetometer")
-UNITS = {
-    "m": "m",
-    "mps": "m/s",
-    "rad": "rad",
-    "radps": "rad/s",
-    "deg": "deg",
-    "degps": "deg/s",
-    "us": "us",
-    "ms": "ms",
-    "s": "s",
-    "v": "V",
-}
-UNITS |= {
-    "dps": "deg/s",
-    "cm": "cm",
-    "ft": "ft",
-    "knot": "knot",
-    "g": "g0",
-    "a": "A",
-    "volt": "V",
-    "sec": "s",
-}
-END = r"(?: (?:m|mps|rad|radps|deg|degps|dps|cm|ft|knot|g|v|a|volt))?$"
-TIME = re.compile(r"\b(t|time|timestamp|stamp)\b")
-AXIS = {
-    "x": "x",
-    "y": "y",
-    "z": "z",
-    "roll": "x",
-    "pitch": "y",
-    "yaw": "z",
-    "p": "x",
-    "q": "y",
-    "r": "z",
-}
-PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
-    (
-        r"\b(?:gyro|gyroscope|gyr|angular rate|angular velocity) ([xyz])",
-        "imu",
-        "gyro_{}_rad_s",
-        AXIS,
-    ),
-    (rf"^([pqr]){END}", "imu", "gyro_{}_rad_s", AXIS),
-    (r"\b(roll|pitch|yaw) ?(?:rate|speed)", "imu", "gyro_{}_rad_s", AXIS),
-    (r"\b(?:accel|accelerometer|acceleration|acc) ([xyz])", "imu", "accel_{}_m_s2", AXIS),
-    (
-        r"\b(surge|sway|heave) (?:rate|speed|velocity)",
-        "velocity",
-        "{}_m_s",
-        {"surge": "u", "sway": "v", "heave": "w"},
-    ),
-    (r"\b(?:vel|velocity) ([xyz])", "velocity", "{}_m_s", {"x": "u", "y": "v", "z": "w"}),
-    (rf"^([uvw]){END}", "velocity", "{}_m_s", {"u": "u", "v": "v", "w": "w"}),
-    (
-        r"^(surge|sway|heave)$|^(?:cmd|command) (surge|sway|heave|roll|pitch|yaw)$",
-        "actuators",
-        "command_{}",
-        {},
-    ),
-    (r"^(?:pwm|servo|motor|thruster|output) (\d+)", "actuators", "pwm_{}_us", {}),
-    (
-        rf"\b(roll|pitch|yaw|heading)(?: angle)?{END}",
-        "attitude",
-        "{}_rad",
-        {"roll": "phi", "pitch": "theta", "yaw": "psi", "heading": "psi"},
-    ),
-    (rf"\bdepth(?: value)?{END}", "depth", "depth_m", {}),
-    (rf"^([xyz]){END}", "position", "{}_m", {}),
-    (rf"\b(northing|easting){END}", "position", "{}_m", {"northing": "x", "easting": "y"}),
-    (r"\b(?:voltage|volt)\b", "battery", "voltage_v", {}),
-)
 NAMED_COLUMNS = 20
 NEEDS = {
     "attitude": "resample",
@@ -98,18 +26,14 @@ def proposed_map(names: Sequence[str]) -> str:
     tell: units that no name ends with, and every column if no name is known. Columns
     without a guess stand in a comment.
     """
-    words = [" ".join(WORDS.findall(name)).lower() for name in names]
-    time = next((index for index, item in enumerate(words) if TIME.search(item)), 0)
-    steered = {"surge", "sway"} <= set(words)  # then a bare `yaw` is a command as well
+    known = named_columns(names)
+    time = next((index for index, item in enumerate(known) if TIME.search(item.words)), 0)
     guesses: dict[tuple[str, str], int] = {}
-    for index, item in enumerate(words):
-        if index == time or NO_MEASUREMENT.search(item):
-            continue
-        place = ("actuators", "command_yaw") if steered and item == "yaw" else _place(item)
-        if place is not None:
-            guesses.setdefault(place, index)
+    for index, item in enumerate(known):
+        if index != time and item.place is not None:
+            guesses.setdefault(item.place, index)
     lines = [
-        f"time: {{column: {quoted(names[time])}, unit: {_unit(words[time], UNKNOWN)}, epoch: boot}}"
+        f"time: {{column: {quoted(names[time])}, unit: {known[time].unit or UNKNOWN}, epoch: boot}}"
     ]
     lines += ["accelerometer: specific_force"] * any(
         field.startswith("accel") for _, field in guesses
@@ -121,11 +45,12 @@ def proposed_map(names: Sequence[str]) -> str:
             if field.startswith("command")
             else "us"
             if field.startswith("pwm")
-            else _unit(words[index], UNKNOWN)
+            else known[index].unit or UNKNOWN
         )
+        frame = f", frame: {known[index].frame}" if known[index].frame else ""
         lines.append(
             f"  - {{column: {quoted(names[index])}, stream: {stream}, field: {field}, unit:"
-            f" {unit}}}"
+            f" {unit}{frame}}}"
         )
     if not guesses:
         lines.append(f"  - {{column: {UNKNOWN}, stream: depth, field: depth_m, unit: {UNKNOWN}}}")
@@ -146,19 +71,6 @@ def proposed_map(names: Sequence[str]) -> str:
     summary = f"The names look like {', '.join(like)}" if like else "No name tells what it is"
     summary += f"; nothing looks like {', '.join(missing)}." if missing else "."
     return f"{summary} A draft to correct (columns, units, signs and frames):\n" + "\n".join(lines)
-
-
-def _place(words: str) -> tuple[str, str] | None:
-    for pattern, stream, field, translated in PATTERNS:
-        match = re.search(pattern, words)
-        if match:
-            part = next((item for item in match.groups() if item), "")
-            return stream, field.format(translated.get(part, part))
-    return None
-
-
-def _unit(words: str, otherwise: str) -> str:
-    return UNITS.get(words.split()[-1], otherwise) if " " in words else otherwise
 
 
 def quoted(name: str) -> str:

@@ -62,6 +62,14 @@ def test_commands_are_not_taken_for_angles_nor_wishes_for_measurements() -> None
     )
 
 
+def test_velocity_called_by_where_it_points_has_its_frame() -> None:
+    _, found = draft(["time [s]", "forward [m/s]", "left [m/s]"])
+    assert [(item["field"], item["unit"], item.get("frame")) for item in found["columns"]] == [
+        ("u_m_s", "m/s", None),
+        ("v_m_s", "m/s", "flu"),
+    ]
+
+
 @pytest.mark.parametrize(
     "names",
     [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")],
