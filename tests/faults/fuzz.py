@@ -2,11 +2,12 @@
 whole log.
 
     make fuzz [READER=NAME] [SECONDS=300]
-    python -m tests.faults.fuzz [--reader NAME]... [--mutations 20000] [--every 1] [--jobs 2]
-        [--seconds N]
+    python -m tests.faults.fuzz [--reader NAME]... [--mutations 6000] [--every 1] [--jobs 2]
+        [--whole] [--seconds N]
 
-Binary formats: every single bit flip and every cut point of a 20 kB log. All readers:
-seeded damage of each class of `mutate.KINDS`, and mixtures of them. No crash, hang,
+Binary formats: every single bit flip and every cut point of a log of 4 kB that has a few
+records of every type (with `--whole` of one of 20 kB). All readers: seeded damage of
+each class of `mutate.KINDS`, and mixtures of them, to a log of 20 kB. No crash, hang,
 wrong account, invented record or wrong value; at least 99.9 % of the whole records on
 average, and at worst 99 % or all but two. Workers may use no more than 100 MB over what
 the readers need, and each reader is tried on larger damaged logs: ten times their size
@@ -54,10 +55,12 @@ from tests.support.damage_cases import (
 from tests.support.mutate import KINDS as CLASSES
 from tests.support.mutate import mutations
 from tests.support.recovery import judge
-from tests.support.small_logs import DATA, NAMES, ROOT, SmallLog, small_log
+from tests.support.small_logs import BINARY, DATA, NAMES, ROOT, SmallLog, short_log, small_log
 
 KINDS = ("flip", "cut", *CLASSES, "mutation")
 CHUNK = 200
+SINGLE = ("flip", "cut")
+MUTATIONS = 6000
 INGEST_EVERY = 10
 HANG_S = 10
 EXTRA_BYTES = 100_000_000
@@ -156,10 +159,16 @@ def _note_unraisable(found: Any) -> None:
     _unraisable.append(f"ignored exception: {found.exc_value!r}")
 
 
-def try_cases(work: tuple[str, str, list[int]]) -> tuple[str, str, int, Tally]:
+def source_of(name: str, kind: str, whole: bool) -> SmallLog:
+    """The log that a kind of damage is tried on."""
+    short = kind in SINGLE and name in BINARY and not whole
+    return short_log(name) if short else small_log(name)
+
+
+def try_cases(work: tuple[str, str, bool, list[int]]) -> tuple[str, str, int, Tally]:
     """Judge the cases of one chunk; failing ones are written to files."""
-    name, kind, numbers = work
-    source, tally = small_log(name), Tally()
+    name, kind, whole, numbers = work
+    source, tally = source_of(name, kind, whole), Tally()
     for number in numbers:
         data, kept = damaged(source, kind, number)
         signal.alarm(HANG_S)
@@ -193,7 +202,9 @@ def try_cases(work: tuple[str, str, list[int]]) -> tuple[str, str, int, Tally]:
     return name, kind, numbers[0], tally
 
 
-def chunks(names: list[str], mutated: int, every: int) -> Iterator[tuple[str, str, list[int]]]:
+def chunks(
+    names: list[str], mutated: int, every: int, whole: bool
+) -> Iterator[tuple[str, str, list[int]]]:
     """Yield reader, kind and numbers of chunks that spread over the whole of a kind.
 
     All kinds advance together, so that a campaign cut short is an even sample of each.
@@ -201,7 +212,7 @@ def chunks(names: list[str], mutated: int, every: int) -> Iterator[tuple[str, st
     spread: list[tuple[float, str, str, list[int]]] = []
     for name in names:
         for kind in KINDS:
-            numbers = range(0, count(small_log(name), kind, mutated), every)
+            numbers = range(0, count(source_of(name, kind, whole), kind, mutated), every)
             parts = -(-len(numbers) // CHUNK)
             for part in range(parts):
                 spread.append((part / parts, name, kind, list(numbers[part::parts])))
@@ -209,14 +220,14 @@ def chunks(names: list[str], mutated: int, every: int) -> Iterator[tuple[str, st
         yield name, kind, chunk
 
 
-def record_file() -> Path:
+def record_file(whole: bool) -> Path:
     """Return the file of the chunks that were tried with the code that stands here."""
     digest = hashlib.sha256()
     for folder in CODE:
         for path in sorted((ROOT / folder).rglob("*.*")):
             if path.suffix != ".pyc":
                 digest.update(path.read_bytes())
-    return ROOT / "build" / "fuzz" / f"{digest.hexdigest()[:12]}.jsonl"
+    return ROOT / "build" / "fuzz" / f"{digest.hexdigest()[:12]}{'_whole' * whole}.jsonl"
 
 
 def tried(path: Path) -> Iterator[tuple[str, str, list[int], Tally]]:
@@ -261,15 +272,19 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--reader", action="append", choices=NAMES)
-    parser.add_argument("--mutations", type=int, default=20_000)
+    parser.add_argument("--mutations", type=int, default=MUTATIONS)
     parser.add_argument("--every", type=int, default=1, help="try each N-th case only")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1))
+    parser.add_argument("--whole", action="store_true", help="each bit and cut of 20 kB")
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after these")
     arguments = parser.parse_args()
     names = arguments.reader or list(NAMES)
-    work = list(chunks(names, arguments.mutations, arguments.every))
+    work = list(chunks(names, arguments.mutations, arguments.every, arguments.whole))
     tallies = {(name, kind): Tally() for name in names for kind in KINDS}
-    path, console = record_file(), Console(width=None if sys.stdout.isatty() else TABLE_WIDTH)
+    path, console = (
+        record_file(arguments.whole),
+        Console(width=None if sys.stdout.isatty() else TABLE_WIDTH),
+    )
     for name, kind, numbers, tally in tried(path):
         if (name, kind, numbers) in work:
             work.remove((name, kind, numbers))
@@ -286,7 +301,8 @@ def main() -> int:
     ):
         bar = progress.add_task("cases", total=sum(len(part[2]) for part in work))
         left = {(name, kind, numbers[0]): numbers for name, kind, numbers in work}
-        for name, kind, first, tally in pool.imap_unordered(try_cases, work):
+        parts = [(name, kind, arguments.whole, numbers) for name, kind, numbers in work]
+        for name, kind, first, tally in pool.imap_unordered(try_cases, parts):
             numbers = left.pop((name, kind, first))
             tallies[name, kind].add(tally)
             record.write(json.dumps([name, kind, numbers, asdict(tally)]) + "\n")

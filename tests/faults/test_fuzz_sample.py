@@ -4,12 +4,15 @@ every reader; and all cases that failed once.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.registry import READERS, reader_of
 from tests.faults.fuzz import closing_words
+from tests.support import damage_cases
 from tests.support.damage_cases import (
     FOLDER,
     MEAN_SHARE,
@@ -17,10 +20,11 @@ from tests.support.damage_cases import (
     damaged,
     failures,
     ingest_fault,
+    keep,
     replay,
 )
 from tests.support.recovery import judge
-from tests.support.small_logs import NAMES, small_log
+from tests.support.small_logs import BINARY, NAMES, short_log, small_log
 
 SAMPLES = {"flip": 80, "cut": 40, "mutation": 60}
 RELEASE_SAMPLES = {"flip": 200, "cut": 100, "mutation": 160}
@@ -43,6 +47,23 @@ def test_small_logs_are_whole(name: str) -> None:
         [],
     )
     assert result.expected > 100
+
+
+@pytest.mark.parametrize("name", BINARY)
+def test_short_logs_have_every_type_of_the_small_one(name: str) -> None:
+    short, small = short_log(name), small_log(name)
+    assert short.log.status == "complete"
+    assert len(short.data) < 5_000
+    assert set(short.log.messages) >= set(small.log.messages)
+
+
+def test_a_failed_case_of_a_short_log_is_tried_on_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(damage_cases, "FOLDER", tmp_path)
+    source = short_log("tlog")
+    data, kept = damaged(source, "flip", 800)
+    assert replay(keep(source, "flip", 800, data, kept, ["a fault"])) == []
 
 
 def test_a_campaign_cut_short_says_what_it_leaves() -> None:

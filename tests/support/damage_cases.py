@@ -23,7 +23,7 @@ from auvid.stages.base import RawFile, RawLog
 from tests.support.mutate import KINDS as CLASSES
 from tests.support.mutate import Edit, Kept, apply_edits, mutations
 from tests.support.recovery import Judgement, judge
-from tests.support.small_logs import BINARY, SmallLog, small_log
+from tests.support.small_logs import BINARY, SmallLog, short_log, small_log
 
 FOLDER = Path(__file__).parents[1] / "data" / "fuzz"
 WORST_SHARE = 0.01
@@ -93,9 +93,11 @@ def keep(
 ) -> Path:
     """Write a failing case to a file that `replay` can try again."""
     FOLDER.mkdir(exist_ok=True)
-    path = FOLDER / f"{source.name}-{kind}-{number}.json"
+    short = source.name in BINARY and source is short_log(source.name)
+    path = FOLDER / f"{source.name}-{'short-' * short}{kind}-{number}.json"
     case = {
         "reader": source.name,
+        "short": short,
         "fault": faults[0][:200],
         "kept": [list(part) for part in kept],
         "data": base64.b85encode(zlib.compress(data)).decode(),
@@ -107,7 +109,8 @@ def keep(
 def replay(path: Path) -> list[str]:
     """What is still wrong with a case that failed once."""
     case = json.loads(path.read_text(encoding="ascii"))
-    source, data = small_log(case["reader"]), zlib.decompress(base64.b85decode(case["data"]))
+    source = (short_log if case.get("short") else small_log)(case["reader"])
+    data = zlib.decompress(base64.b85decode(case["data"]))
     kept = [Kept(*part) for part in case["kept"]]
     if any(
         data[part.offset : part.offset + part.stop - part.start]

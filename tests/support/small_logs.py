@@ -1,5 +1,6 @@
 """One log of about 20 kB per reader, cut from the real logs of this repository, with
-the place of every record and of what defines it.
+the place of every record and of what defines it; of binary formats also one of some
+kB, with a few records of every type.
 
 The binary logs keep the records of a few message types in the order of the file; the
 text log is the binary one printed as firmware prints it; the CSV log is the head of the
@@ -41,6 +42,8 @@ TOPICS = (
     "vehicle_status",
 )
 FEW = 20
+SHORT = 3
+"""Records of a type in a short log."""
 
 Ints = npt.NDArray[np.int64]
 
@@ -114,7 +117,7 @@ def _definitions(log: DecodedLog) -> tuple[dict[str, int], dict[str, Ints], dict
     return dict(zip(names, columns["Length"].tolist(), strict=True)), places, ids
 
 
-def _dataflash() -> SmallLog:
+def _dataflash(each: int | None = None) -> SmallLog:
     data = (DATA / "bluerov2_ugps_small" / "small.BIN").read_bytes()
     log = _read(DATAFLASH, data)
     length, _, ids = _definitions(log)
@@ -128,6 +131,8 @@ def _dataflash() -> SmallLog:
             rows = np.flatnonzero(np.isin(table.columns["FmtType"], [ids[one] for one in kept]))
         elif name in ("PARM", "UNIT"):
             rows = rows[:FEW]
+        if name not in ("FMT", "FMTU"):
+            rows = rows[:each]
         parts += [(at, at + length[name]) for at in table.offset[rows].tolist()]
     small = _joined(data, sorted(parts))
     log = _read(DATAFLASH, small)
@@ -181,20 +186,32 @@ def _text() -> SmallLog:
     )
 
 
-def _tlog() -> SmallLog:
+def _tlog(each: int | None = None) -> SmallLog:
     data = (DATA / "bluerov2_ugps_small" / "small.tlog").read_bytes()
     records = explain(np.frombuffer(data, np.uint8)).records
     middle = int(np.searchsorted(records.start, len(data) // 2))
-    small = _joined(
-        data,
-        list(zip(records.start[middle:].tolist(), records.stop[middle:].tolist(), strict=True)),
-    )
+    parts = list(zip(records.start[middle:].tolist(), records.stop[middle:].tolist(), strict=True))
+    if each is not None:
+        parts = _first_of_each(parts, records.message_id[middle:].tolist(), each)
+    small = _joined(data, parts)
     records = explain(np.frombuffer(small, np.uint8)).records
     log = _read(TLOG, small)
     start, stop = records.start.astype(np.int64), records.stop.astype(np.int64)
     none = np.empty((0, 2), np.int64)
     places = Places(start, start, stop, np.zeros(start.size, np.int64), ("frame",), (none,))
     return SmallLog("tlog", TLOG, small, None, log, places, 0)
+
+
+def _first_of_each(
+    parts: list[tuple[int, int]], kinds: list[int], each: int
+) -> list[tuple[int, int]]:
+    """The first `each` parts of every kind, in their order."""
+    chosen, count = [], dict.fromkeys(kinds, 0)
+    for part, kind in zip(parts, kinds, strict=True):
+        count[kind] += 1
+        if count[kind] <= each:
+            chosen.append(part)
+    return chosen
 
 
 def _messages(data: bytes) -> list[tuple[int, int, str]]:
@@ -207,11 +224,12 @@ def _messages(data: bytes) -> list[tuple[int, int, str]]:
     return found
 
 
-def _ulog() -> SmallLog:
+def _ulog(each: int | None = None) -> SmallLog:
     data = (DATA / "px4_ulog" / "sample_log_small.ulg").read_bytes()
     numbers: set[bytes] = set()
     parts = [(0, ulog.HEADER_BYTES)]
-    others = dict.fromkeys("IMPQ", 0)
+    count: dict[bytes, int] = {}
+    few = FEW if each is None else each
     for start, stop, kind in _messages(data):
         content = data[start + 3 : stop]
         if kind == "F":
@@ -220,10 +238,11 @@ def _ulog() -> SmallLog:
             keep = content[3:].decode() in TOPICS
             numbers |= {content[1:3]} if keep else set()
         elif kind == "D":
-            keep = content[:2] in numbers
+            count[content[:2]] = count.get(content[:2], 0) + 1
+            keep = content[:2] in numbers and (each is None or count[content[:2]] <= each)
         else:
-            others[kind] = others.get(kind, 0) + 1
-            keep = kind not in "IMPQ" or others[kind] <= FEW
+            count[kind.encode()] = count.get(kind.encode(), 0) + 1
+            keep = kind not in "IMPQ" or count[kind.encode()] <= few
         if keep:
             parts.append((start, stop))
     small = _joined(data, parts)
@@ -286,3 +305,9 @@ BINARY = ("dataflash", "tlog", "ulog")
 def small_log(name: str) -> SmallLog:
     """The small log of a reader."""
     return _MAKERS[name]()
+
+
+@cache
+def short_log(name: str) -> SmallLog:
+    """The log of a binary format with `SHORT` records of every type."""
+    return {"dataflash": _dataflash, "tlog": _tlog, "ulog": _ulog}[name](SHORT)
