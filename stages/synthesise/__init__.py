@@ -66,6 +66,7 @@ from auvid.stages.synthesise.training import (
     motion_factor,
     others_of,
 )
+from auvid.stages.synthesise.wiring import wiring_blocks
 from auvid.stages.synthesise.within_limits import (
     DAMPING,
     PhysicalLimits,
@@ -293,7 +294,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         samples=data.factor.n_samples,
         factor=data.factor.R.tolist(),
     )
-    return Outputs(cards, factor, synthesise_section(cards, data.motion))
+    wiring = wiring_blocks((_tables(inputs, key) for key in training), inputs.vehicle)
+    return Outputs(cards, factor, synthesise_section(cards, data.motion, wiring))
 
 
 def _tables(inputs: Inputs, key: str) -> LegTables:

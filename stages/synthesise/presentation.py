@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
@@ -15,6 +15,7 @@ from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.presentation import (
     NOISE_95,
+    Block,
     equation,
     fold,
     half_95,
@@ -41,9 +42,11 @@ ERROR_TEXT = {
 
 
 def synthesise_section(
-    cards: Mapping[str, ModelCard], motion: Mapping[str, VelocityExcitation]
+    cards: Mapping[str, ModelCard],
+    motion: Mapping[str, VelocityExcitation],
+    warnings: Sequence[Block] = (),
 ) -> dict[str, Any]:
-    """Return the section: excitation of every velocity, then one part per model."""
+    """Return the section: warnings, excitation of every velocity, a part per model."""
     rows = [
         [
             name,
@@ -65,7 +68,7 @@ def synthesise_section(
     )
     heads = ["velocity", "unit", "RMS", "lowest", "highest", "threshold", "excitation"]
     title = "Excitation in the training legs"
-    blocks = [table(title, [*heads, "both directions"], rows, note=note)]
+    blocks = [*warnings, table(title, [*heads, "both directions"], rows, note=note)]
     blocks.append(
         equation(
             r"\bar{\tau} = K \xi(\nu)",
@@ -235,6 +238,7 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
             "derivative",
             "inertia",
             NOISE_95,
+            Block,
             "in the vehicle file",
             "unit",
             ("lag beside it", "s"),

@@ -1,0 +1,147 @@
+"""Whether two thruster outputs are exchanged, or one thruster acts backward.
+
+The force that the motion needs, F = tau_bar + B f, is compared with B' f for the
+allocation B as it stands and for each that an exchange of two of its columns, or one
+column of the other sign, makes. On each axis
+
+    F = Phi theta + g (B' f) + noise,   g >= 0,
+
+Phi the damping terms of a hull that is alike on port and starboard, with a constant, and
+f the thrust after a common lag. The fault that leaves least of F, less than B itself, is
+named if it does so in most of the dive and not in a few blocks of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
+from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
+
+LAGS_S = (0.0, 0.1, 0.2, 0.3)
+"""Thrust lags that are tried; the one with the least residuals is taken."""
+BLOCK_S = 5.0
+"""Pieces of a dive that count as independent."""
+FEWEST_BLOCKS = 6
+CERTAIN = 2.0
+"""Standard deviations of the mean over blocks by which a fault must be the better one."""
+LEAST_GAIN = 0.05
+"""Least part of what is left as it stands that a fault must explain, mean of the axes. On
+the bundled dive all 36 single faults come out as the best; 20 of them reach this.
+"""
+
+
+@dataclass(frozen=True)
+class WiringFault:
+    """Outputs, counted from 1: two that are exchanged, or one that acts backward.
+
+    `gain`: part of the squared residual that goes with the fault, mean of the axes it
+    concerns; `certainty` in standard deviations over blocks of `BLOCK_S`.
+    """
+
+    outputs: tuple[int, ...]
+    gain: float
+    certainty: float
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Force needed (n,) and thrusts (n, m) freed of the axis's own terms, and products."""
+
+    needed: Array
+    thrust: Array
+    gram: Array
+    product: Array
+
+    @classmethod
+    def of(cls, needed: Array, thrust: Array) -> _Axis:
+        return cls(needed, thrust, thrust.T @ thrust, thrust.T @ needed)
+
+    def left(self, row: Array) -> float:
+        """Return the squared residual with a row (m,) of an allocation."""
+        along, size = float(row @ self.product), float(row @ self.gram @ row)
+        whole = float(self.needed @ self.needed)
+        return whole - along**2 / size if along > 0.0 and size > 0.0 else whole
+
+    def residual(self, row: Array) -> Array:
+        """Return the residual (n,) with a row (m,) of an allocation."""
+        along, size = float(row @ self.product), float(row @ self.gram @ row)
+        gain = along / size if along > 0.0 and size > 0.0 else 0.0
+        return self.needed - gain * (self.thrust @ row)
+
+
+def wiring_fault(legs: Sequence[ThrusterLeg], allocation: Array) -> WiringFault | None:
+    """Return the fault of wiring or allocation (6, m) that the legs show, or None."""
+    allocations = _faulty(allocation)
+
+    def least(lagged: tuple[list[_Axis], Ints]) -> float:
+        return min(_cost(lagged[0], each) for each in (allocation, *allocations.values()))
+
+    axes, block = min((_axes(legs, allocation, lag_s) for lag_s in LAGS_S), key=least)
+    costs = {outputs: _cost(axes, each) for outputs, each in allocations.items()}
+    outputs = min(costs, key=lambda key: costs[key])
+    if int(block[-1]) + 1 < FEWEST_BLOCKS or costs[outputs] >= _cost(axes, allocation):
+        return None
+    better, shares = np.zeros(int(block[-1]) + 1), []
+    for axis, (own, other) in enumerate(zip(allocation, allocations[outputs], strict=True)):
+        if np.array_equal(own, other):
+            continue
+        as_is, changed = axes[axis].residual(own) ** 2, axes[axis].residual(other) ** 2
+        better += np.bincount(block, (as_is - changed) / as_is.mean(), minlength=better.size)
+        shares.append(1.0 - changed.sum() / as_is.sum())
+    spread = float(better.std(ddof=1)) / np.sqrt(better.size)
+    fault = WiringFault(outputs, float(np.mean(shares)), float(better.mean()) / spread)
+    return fault if fault.gain > LEAST_GAIN and fault.certainty > CERTAIN else None
+
+
+def _faulty(allocation: Array) -> dict[tuple[int, ...], Array]:
+    """Return the allocation with each single fault, by the outputs it concerns."""
+    count = allocation.shape[1]
+    faulty = {}
+    for i, j in combinations(range(count), 2):
+        exchanged = allocation.copy()
+        exchanged[:, [i, j]] = exchanged[:, [j, i]]
+        faulty[i + 1, j + 1] = exchanged
+    for i in range(count):
+        turned = allocation.copy()
+        turned[:, i] *= -1.0
+        faulty[(i + 1,)] = turned
+    return faulty
+
+
+def _cost(axes: Sequence[_Axis], allocation: Array) -> float:
+    """Return the sum of the logs of the residuals of all axes that thrusters drive."""
+    return sum(
+        len(axis.needed) * float(np.log(max(axis.left(row), 1e-300)))
+        for axis, row in zip(axes, allocation, strict=True)
+    )
+
+
+def _axes(legs: Sequence[ThrusterLeg], allocation: Array, lag_s: float) -> tuple[list[_Axis], Ints]:
+    """Return the six axes of all legs, and the block of each sample (n,)."""
+    thrust, needed, blocks, start = [], [], [], 0
+    nu = np.concatenate([leg.nu for leg in legs])
+    for leg in legs:
+        step = float(leg.t_s[1] - leg.t_s[0])
+        thrust.append(first_order_lag(leg.thrust_N, lag_s=lag_s, step_s=step))
+        needed.append(leg.tau_bar + leg.thrust_N @ allocation.T)
+        blocks.append(start + ((leg.t_s - leg.t_s[0]) / BLOCK_S).astype(np.int64))
+        start = int(blocks[-1][-1]) + 1
+    late, force = np.concatenate(thrust), np.concatenate(needed)
+    axes = []
+    for axis, name in enumerate(AXES):
+        speeds = [x for x in VELOCITIES if allows(name, x, (PORT_STARBOARD,))]
+        terms = [*speeds, *(f"{x}*|{x}|" for x in speeds)]
+        rows = np.vstack([np.ones(len(nu)), basis_rows(nu.T, terms=terms)])
+        size = np.linalg.norm(rows, axis=1, keepdims=True)
+        own, _ = np.linalg.qr((rows / np.where(size > 0.0, size, 1.0)).T)
+        free = late - own @ (own.T @ late)
+        axes.append(_Axis.of(force[:, axis] - own @ (own.T @ force[:, axis]), free))
+    return axes, np.concatenate(blocks)

@@ -1,0 +1,61 @@
+"""Exchanged and reversed thrusters: every single fault of a leg whose truth is known."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
+from auvid.hydro.identification.regression.wiring import wiring_fault
+
+ROOT = Path(__file__).parents[5]
+HEAVY: Any = vehicle_from_document(
+    read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text(encoding="utf-8"))
+)
+B: Array = HEAVY.thrusters.allocation
+
+
+def leg(wiring: Array, *, seed: int = 0, noise: float = 2.0, drive: float = 10.0) -> ThrusterLeg:
+    """A leg of 100 s of a vehicle whose true allocation is `wiring` (6, 8); lag .1 s."""
+    random, t_s = np.random.default_rng(seed), np.arange(0.0, 100.0, 0.1)
+    smooth = np.sin(t_s[:, None] * random.uniform(0.2, 2.0, 14) + random.uniform(0.0, 6.0, 14))
+    nu, thrust = 0.4 * smooth[:, :6], drive * smooth[:, 6:]
+    hull = -nu * [5.0, 6.0, 8.0, 0.3, 0.3, 0.4] - nu * np.abs(nu) * [20.0, 40.0, 60.0, 1, 1, 2]
+    delivered = 0.8 * first_order_lag(thrust, lag_s=0.1, step_s=0.1) @ wiring.T
+    scatter = noise * random.standard_normal((len(t_s), 6)) * [1.0, 1, 1, 0.2, 0.2, 0.2]
+    return ThrusterLeg(t_s, nu, hull + delivered - thrust @ B.T + scatter, thrust)
+
+
+def test_every_exchange_and_every_reversed_thruster_is_named() -> None:
+    for i, j in combinations(range(8), 2):
+        wiring = B.copy()
+        wiring[:, [i, j]] = wiring[:, [j, i]]
+        fault = wiring_fault([leg(wiring, seed=10 * i + j)], B)
+        assert fault is not None
+        assert fault.outputs == (i + 1, j + 1)
+    for i in range(8):
+        turned = B * np.where(np.arange(8) == i, -1.0, 1.0)
+        fault = wiring_fault([leg(turned, seed=i), leg(turned, seed=50 + i)], B)
+        assert fault is not None
+        assert fault.outputs == (i + 1,)
+
+
+def test_right_wiring_is_not_questioned_nor_are_uneven_thrusters() -> None:
+    strengths = np.array([1.0, 0.5, 1.0, 0.9, 1.0, 1.0, 0.4, 1.1])
+    for seed in range(10):
+        assert wiring_fault([leg(B, seed=seed)], B) is None
+        assert wiring_fault([leg(B * strengths, seed=seed)], B) is None
+
+
+def test_a_leg_that_shows_nothing_names_nothing() -> None:
+    wiring = B[:, [1, 0, *range(2, 8)]]
+    assert wiring_fault([leg(wiring, noise=1000.0, drive=0.1)], B) is None
+    short = leg(wiring)
+    assert wiring_fault([ThrusterLeg(*(part[:200] for part in vars(short).values()))], B) is None

@@ -1,0 +1,44 @@
+"""The warning about exchanged and reversed thrusters, from the tables of legs."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.hydro.arrays import Array
+from auvid.stages.columns import VELOCITY, force_columns, named
+from auvid.stages.synthesise.training import LegTables
+from auvid.stages.synthesise.wiring import wiring_blocks
+from tests.unit.hydro.identification.regression.test_wiring import HEAVY, B, leg
+
+
+def tables(wiring: Array) -> LegTables:
+    flown = leg(wiring)
+    residual = {"t_s": flown.t_s, **named(VELOCITY, flown.nu)}
+    residual |= named(force_columns("tau_bar"), flown.tau_bar)
+    controls = {"t_s": flown.t_s}
+    controls |= named([f"thruster_{number}_N" for number in range(1, 9)], flown.thrust_N)
+    unused = cast(SegmentRecord, None)
+    return LegTables(pa.table(residual), unused, None, None, pa.table(controls))
+
+
+def test_the_outputs_and_the_remedy_are_named() -> None:
+    (exchanged,) = wiring_blocks([tables(B[:, [0, 1, 3, 2, *range(4, 8)]])], HEAVY)
+    assert str(exchanged["text"]).startswith(
+        "Thruster outputs 3 and 4 look exchanged: with the two"
+    )
+    assert exchanged["level"] == "warning"
+    turned = B * np.where(np.arange(8) == 5, -1.0, 1.0)
+    (reversed_one,) = wiring_blocks([tables(turned)], HEAVY)
+    assert str(reversed_one["text"]).startswith("Thruster output 6 looks reversed")
+    assert "MOT_6_DIRECTION" in str(reversed_one["text"])
+
+
+def test_right_wiring_and_missing_thrusts_say_nothing() -> None:
+    right = tables(B)
+    assert wiring_blocks([right], HEAVY) == []
+    without = LegTables(right.residual, right.segment, None, None, None)
+    assert wiring_blocks([without], HEAVY) == []
