@@ -67,8 +67,8 @@ class _Axis:
     def left(self, row: Array) -> float:
         """Return the squared residual with a row (m,) of an allocation."""
         along, size = float(row @ self.product), float(row @ self.gram @ row)
-        whole = float(self.needed @ self.needed)
-        return whole - along**2 / size if along > 0.0 and size > 0.0 else whole
+        unmodelled = float(self.needed @ self.needed)
+        return unmodelled - along**2 / size if along > 0.0 and size > 0.0 else unmodelled
 
     def residual(self, row: Array) -> Array:
         """Return the residual (n,) with a row (m,) of an allocation."""
