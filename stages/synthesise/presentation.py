@@ -238,7 +238,6 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
             "derivative",
             "inertia",
             NOISE_95,
-            Block,
             "in the vehicle file",
             "unit",
             ("lag beside it", "s"),

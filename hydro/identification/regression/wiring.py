@@ -53,7 +53,7 @@ class WiringFault:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Force needed (n,) and thrusts (n, m) freed of the axis's own terms, and products."""
+    """Force needed (n,) and thrusts (n, m) without the axis's own terms, and products."""
 
     needed: Array
     thrust: Array
@@ -104,7 +104,7 @@ def wiring_fault(legs: Sequence[ThrusterLeg], allocation: Array) -> WiringFault 
 def _faulty(allocation: Array) -> dict[tuple[int, ...], Array]:
     """Return the allocation with each single fault, by the outputs it concerns."""
     count = allocation.shape[1]
-    faulty = {}
+    faulty: dict[tuple[int, ...], Array] = {}
     for i, j in combinations(range(count), 2):
         exchanged = allocation.copy()
         exchanged[:, [i, j]] = exchanged[:, [j, i]]
