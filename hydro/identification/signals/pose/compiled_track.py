@@ -124,6 +124,7 @@ def filter_track(
     variance: Array,
     q: Array,
     rate: Array,
+    allowed: Array,
     gate: float,
     patience: int,
     x: Array,
@@ -133,10 +134,11 @@ def filter_track(
 ) -> None:
     """Run the filter over columns y (n, k): one gate for all, anew after jumps.
 
-    A sample whose summed squared innovations over their variances exceed `gate` is left
-    out; the filter starts anew at the first of `patience` such samples in a row, and
-    after a pause longer than `max_gap`. Written: predictions x (n, k, 3), P (n, k, 3, 3)
-    before each sample, `accepted` and `begins` (n,).
+    A sample whose summed squared innovations over their variances, each with allowed^2
+    (k,) more, exceed `gate` is left out; the filter starts anew at the first of
+    `patience` such samples in a row, and after a pause longer than `max_gap`. Written:
+    predictions x (n, k, 3), P (n, k, 3, 3) before each sample, `accepted` and `begins`
+    (n,).
     """
     n, k = y.shape
     state, cov = np.zeros((k, 3)), np.zeros((k, 3, 3))
@@ -156,7 +158,7 @@ def filter_track(
         begins[i] = fresh
         total = 0.0
         for c in range(k):
-            total += (y[i, c] - state[c, 0]) ** 2 / (cov[c, 0, 0] + variance[c])
+            total += (y[i, c] - state[c, 0]) ** 2 / (cov[c, 0, 0] + variance[c] + allowed[c] ** 2)
         fresh, accepted[i] = False, total <= gate
         if accepted[i]:
             for c in range(k):

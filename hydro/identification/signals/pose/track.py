@@ -43,6 +43,10 @@ FITTED_SAMPLES = 4000
 FITTED_BLOCKS = 4
 LARGEST_RATE = {"position": 2.0, "quaternion": 1.0}
 """Standard deviation of the rate where a track begins [m/s], [1/s]."""
+HARMLESS = {"position": 1e-3, "quaternion": 5e-4}
+"""Standard deviation [m], [1] that every sample is allowed beside its noise: the start of a
+thrust departs so far from white noise on the derivative of the acceleration, and to leave
+such samples of a precise tracker out would cost more than an outlier of its size."""
 SHORTEST_PIECE_S = 1.0
 FEWEST = 8
 FREEZE_S = 0.5
@@ -125,7 +129,11 @@ def pose_track(
             "too few poses for a velocity", value=int(t.size), allowed=f"at least {FEWEST}"
         )
     smooth = smooth_columns(
-        t, y, rate=np.repeat(list(LARGEST_RATE.values()), [3, 4]), max_gap_s=max_gap_s
+        t,
+        y,
+        rate=np.repeat(list(LARGEST_RATE.values()), [3, 4]),
+        allowed=np.repeat(list(HARMLESS.values()), [3, 4]),
+        max_gap_s=max_gap_s,
     )
     x, P = smooth.x, smooth.P
     s, s_dot = x[:, 3:, 0], x[:, 3:, 1]
@@ -166,7 +174,7 @@ def pose_track(
         omega[kept],
         velocity_sd[kept],
         rate_sd[kept],
-        np.sqrt(np.maximum(P[kept, :3, 0, 0], 0.0)),
+        np.sqrt(P[kept, :3, 0, 0]),
         tuple((int(numbers[first]), int(numbers[last - 1]) + 1) for first, last in pieces),
         tuple(
             sorted([*freezes, *_cuts(t, x, pieces, max_gap_s, freezes)], key=lambda f: f.start_s)
@@ -194,10 +202,13 @@ class SmoothColumns:
     density: Array
 
 
-def smooth_columns(t: Array, y: Array, *, rate: Array, max_gap_s: float) -> SmoothColumns:
+def smooth_columns(
+    t: Array, y: Array, *, rate: Array, allowed: Array, max_gap_s: float
+) -> SmoothColumns:
     """Return columns y (n, k) at increasing times t (n,) smoothed, outliers left out.
 
-    rate (k,): standard deviation of the rate where a track begins.
+    rate (k,): standard deviation of the rate where a track begins; allowed (k,): that of
+    an outlier too small to matter.
     """
     from scipy.stats import chi2
 
@@ -217,13 +228,28 @@ def smooth_columns(t: Array, y: Array, *, rate: Array, max_gap_s: float) -> Smoo
         x, P = np.empty((n, k, 3)), np.empty((n, k, 3, 3))
         accepted, begins = np.empty(n, np.bool_), np.empty(n, np.bool_)
         filter_track(
-            t, y, max_gap_s, noise[:, 0], noise[:, 1], rate, gate, PATIENCE, x, P, accepted, begins
+            t,
+            y,
+            max_gap_s,
+            noise[:, 0],
+            noise[:, 1],
+            rate,
+            allowed,
+            gate,
+            PATIENCE,
+            x,
+            P,
+            accepted,
+            begins,
         )
         if not last:
             noise = np.array(
                 [_fitted(t, y[:, c], accepted, begins, rate[c], 0.0, noise[c]) for c in range(k)]
             )
     smooth_track(t, y, noise[:, 0], accepted, begins, x, P)
+    # The difference P - P L P cancels where a track begins: no variance below rounding.
+    for i in range(3):
+        P[..., i, i] = np.maximum(P[..., i, i], np.finfo(np.float64).eps * rate**2)
     return SmoothColumns(x, P, accepted, begins, np.sqrt(noise[:, 0]), noise[:, 1])
 
 

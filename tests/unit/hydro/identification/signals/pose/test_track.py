@@ -71,12 +71,32 @@ def test_visual_tracking_with_gaps_and_outliers(seed: int) -> None:
     assert fault.end_s - fault.start_s < 3.0
 
 
+def test_precise_tracker_of_a_vehicle_that_is_thrown_about() -> None:
+    # Torque in steps behind a lag of .15 s, attitude without noise but for its last digit.
+    t = np.arange(0.0, 40.0, 0.01)
+    torque = np.repeat(np.random.default_rng(5).choice([-8.0, 0.0, 8.0], 20), 200)
+    rate, yaw, state = np.zeros(t.size), np.zeros(t.size), np.zeros(3)
+    for i in range(t.size):
+        rate[i], yaw[i] = state[1], state[2]
+        for _ in range(10):
+            lagged, r, _psi = state
+            state = state + 1e-3 * np.array([(torque[i] - lagged) / 0.15, lagged - 2.0 * r, r])
+    position = np.random.default_rng(6).normal(0.0, 1e-3, (t.size, 3))
+    attitude = np.round(np.column_stack([np.zeros((t.size, 2)), yaw]), 6)
+    track = pose_track(t, position, attitude)
+    assert track.faults == ()
+    assert track.t_s.size == t.size
+    assert rmse(track.rate[50:-50, 2] - rate[50:-50]) < 0.02
+    assert np.isfinite(track.rate_sd).all()
+    assert np.all(track.rate_sd > 0.0)
+
+
 def test_smoother_is_that_of_filterpy() -> None:
     run = pose_run(np.sort(np.random.default_rng(4).uniform(0.0, 20.0, 200)), 4)
     position, _ = tracked(run, 4, noise_m=5e-3, noise_rad=0.0)
     t, y = run.t_s, position[:, :1]
     rate = LARGEST_RATE["position"]
-    mine = smooth_columns(t, y, rate=np.array([rate]), max_gap_s=5.0)
+    mine = smooth_columns(t, y, rate=np.array([rate]), allowed=np.zeros(1), max_gap_s=5.0)
     assert mine.accepted.all()
     assert mine.begins.sum() == 1
     variance, q = float(mine.noise[0]) ** 2, float(mine.density[0])
