@@ -1,4 +1,4 @@
-"""Whether the training legs show exchanged outputs, or a thruster that acts backward."""
+"""Whether the training legs show exchanged outputs, or a reversed thruster."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from auvid.data_schemas.tables import has_columns, matrix
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
-from auvid.hydro.identification.regression.wiring import WiringFault, wiring_fault
+from auvid.hydro.identification.fleet.wiring import WiringFault, wiring_fault
 from auvid.stages.columns import VELOCITY, clock, force_columns
 from auvid.stages.presentation import Block, remark
 from auvid.stages.synthesise.training import LegTables

@@ -12,7 +12,7 @@ from auvid.hydro.arrays import Array
 from auvid.stages.columns import VELOCITY, force_columns, named
 from auvid.stages.synthesise.training import LegTables
 from auvid.stages.synthesise.wiring import wiring_blocks
-from tests.unit.hydro.identification.regression.test_wiring import HEAVY, B, leg
+from tests.unit.hydro.identification.fleet.test_wiring import HEAVY, B, leg
 
 
 def tables(wiring: Array) -> LegTables:

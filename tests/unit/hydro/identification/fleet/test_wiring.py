@@ -13,7 +13,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
-from auvid.hydro.identification.regression.wiring import wiring_fault
+from auvid.hydro.identification.fleet.wiring import wiring_fault
 
 ROOT = Path(__file__).parents[5]
 HEAVY: Any = vehicle_from_document(

@@ -53,7 +53,7 @@ class WiringFault:
 
 @dataclass(frozen=True)
 class _Axis:
-    """Force needed (n,) and thrusts (n, m) without the axis's own terms, and products."""
+    """Force needed (n,) and thrusts (n, m) less the axis's own terms; products."""
 
     needed: Array
     thrust: Array
