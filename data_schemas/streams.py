@@ -29,6 +29,7 @@ STREAMS = (
     "sticks",
     "glider",
     "pose",
+    "tow",
 )
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
@@ -45,6 +46,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "sticks": ("stick_surge", "stick_sway", "stick_heave", "stick_yaw"),
     "glider": (),
     "pose": ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad"),
+    "tow": ("tow_force_n",),
 }
 """Fields without which a row of the stream is no sample; of `actuators` and `glider` any
 one field will do.

@@ -84,7 +84,7 @@ class LegEntry(Model):
     use: Literal["training", "validation"] = "training"
     """Fit or judge."""
     role: str | None = None
-    """Role in a bench campaign."""
+    """Role in a bench campaign; of kind passive: tow, coast, decay or drift."""
     channel: Motion | None = None
     """Excited channel."""
     mass_kg: Annotated[float, Range(0)] | None = None
@@ -119,7 +119,15 @@ class CampaignDocument(Model):
     """The manifest of a campaign."""
 
     kind: Literal[
-        "identification", "axes", "twin", "bench", "bench_twin", "glide", "glide_twin", "control"
+        "identification",
+        "axes",
+        "twin",
+        "bench",
+        "bench_twin",
+        "glide",
+        "glide_twin",
+        "passive",
+        "control",
     ]
     """Selects the graph of stages."""
     title: str | None = None

@@ -95,6 +95,7 @@ class Outputs:
     sticks: pa.Table | None = port("sticks", optional=True)
     glider: pa.Table | None = port("glider", optional=True)
     pose: pa.Table | None = port("pose", optional=True)
+    tow: pa.Table | None = port("tow", optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -144,7 +145,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _is_without_forces(campaign: Document | None) -> bool:
-    return str((campaign or {}).get("kind", "")).startswith(("bench", "glide"))
+    return str((campaign or {}).get("kind", "")).startswith(("bench", "glide", "passive"))
 
 
 def _columns(stream: Stream) -> Columns:

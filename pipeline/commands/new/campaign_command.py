@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
-from auvid.pipeline.campaigns.workspace import find_workspace
+from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
 from auvid.pipeline.commands.check.log_page import LogPage, campaign_refusal, log_pages
 from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
@@ -22,7 +23,13 @@ from auvid.pipeline.commands.new.campaign_text import (
     campaign_text,
     dropped_words,
 )
-from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal
+from auvid.pipeline.commands.new.feedable import (
+    CampaignFeed,
+    checked,
+    feed_of,
+    is_passive,
+    proposal,
+)
 from auvid.pipeline.commands.new.log_survey import (
     SurveyedLog,
     command_lines,
@@ -54,7 +61,7 @@ FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
 SAME_DIVE = 0.5
 """Logs that share so much of the UTC time of the shorter one are of one dive."""
-KINDS_BY_WORTH = ("identification", "axes", "bench", "glide")
+KINDS_BY_WORTH = ("identification", "axes", "bench", "glide", "passive")
 """Where logs feed several kinds the first is written."""
 MOST_DROPPED = 0.5
 """Default of stages.ingest.max_dropped_share."""
@@ -111,7 +118,7 @@ def write_campaign(
     Whether it would run is not tried. Raises `PipelineError`, with nothing written, for
     logs that feed no campaign.
     """
-    feed, kept, left_out = _sort(surveyed)
+    feed, kept, left_out = _sort(surveyed, _passive_body(vehicle))
     ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
     by_id = dict(zip(ids, kept, strict=True))
     first = checked(kept[0].page)
@@ -211,8 +218,20 @@ def _place(name: str) -> Path:
     return folder
 
 
-def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedLog], list[str]]:
+def _passive_body(named: str | None) -> Vehicle | None:
+    """Return the vehicle of a name if nothing on board drives it, else None."""
+    if named is None:
+        return None
+    vehicle = vehicle_of_text(vehicle_file_of(named).read_text(encoding="utf-8"))
+    return vehicle if is_passive(vehicle) else None
+
+
+def _sort(
+    surveyed: Sequence[SurveyedLog], body: Vehicle | None
+) -> tuple[CampaignFeed, list[SurveyedLog], list[str]]:
     """Return what the logs feed, those that do, and in words why not the others.
+
+    body: the vehicle, where a named one has no actuators.
 
     Raises `NoCampaignError` where none feeds anything.
     """
@@ -222,12 +241,12 @@ def _sort(surveyed: Sequence[SurveyedLog]) -> tuple[CampaignFeed, list[SurveyedL
         if log.page.health is None:
             refused.append(unreadable(log.name, log.page))
             continue
-        feed = feed_of(log.page)
+        feed = feed_of(log.page, body)
         if isinstance(feed, CampaignFeed):
             feeds.append((log, feed))
         else:
             more = draft_remarks(log)
-            refused.append(refusal_of(log.name, log.page, checked(log.page), feed, more))
+            refused.append(refusal_of(log.name, log.page, checked(log.page, body), feed, more))
     if not feeds:
         raise NoCampaignError.of(refused, in_full=OUTPUT.verbose)
     kinds = {feed.kind for _, feed in feeds}
@@ -303,7 +322,7 @@ def _stages(
         for name in feed.streams
         if (clock := clock_statistics(log.t_s(name)))
     ]
-    if feed.kind == "glide":
+    if feed.kind in ("glide", "passive"):
         return stages
     if feed.channels:
         rate = min(1.0, FILTER_SAMPLES * min(rates, default=5.0))

@@ -112,6 +112,11 @@ def _leg_comment(content: CampaignContent) -> list[str]:
         text = "check: whole logs; stage axis_record takes windows and says what it leaves out."
     if content.kind == "glide":
         text = "check: whole logs; stage glide takes settled glides and says what it leaves out."
+    if content.kind == "passive":
+        text = (
+            "check: whole logs; stage passive finds tows, coasts and swings itself. A leg with a"
+            " role (tow, coast, decay, drift) and a channel is taken as that from its start on."
+        )
     if content.kind == "bench":
         text += " Each channel is fitted alone: best where the others rest."
     lines = _comment(text)

@@ -9,6 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
@@ -18,13 +20,15 @@ from auvid.hydro.identification.selection.leg_proposal import (
     propose_channel_legs,
     propose_legs,
 )
-from auvid.pipeline.commands.check.axes_route import axes_fed
+from auvid.pipeline.commands.check.axes_route import axes_fed, likely_vehicle
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.commands.new.refusal import NO_ACTUATORS, NOT_UNDER_WATER
+from auvid.stages import passive as passive_stage
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
 from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s, glider_lacks
 from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
+from auvid.stages.passive.motions import MotionRules, motions_of, read_leg
 
 CHANNELS = ("u", "v", "w", "r")
 """Channels of which one alone can be told; roll and pitch need the restoring moment."""
@@ -124,6 +128,40 @@ def glides(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
     return lacking if lacking is not None else CampaignFeed("glide", ("glider",))
 
 
+def passive_motions(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
+    """Return how a log feeds a body without actuators, or what it lacks.
+
+    A tow force tells that nothing on board drives it, or a vehicle file without actuators.
+    """
+    if log.under_water is False:
+        return NOT_UNDER_WATER
+    if log.has("actuators"):
+        return "something on board drives it"
+    passive = log.vehicle is not None and is_passive(log.vehicle)
+    if not log.has("tow") and not passive:
+        return (
+            "no tow force, and no vehicle file without actuators (--vehicle) says that nothing on"
+            " board drives it"
+        )
+    vehicle = likely_vehicle(log)
+    leg = LegEntry(id="log", log=log.info.log)
+    tables = {name: log.tables.get(name) for name in passive_stage.STREAMS}
+    try:
+        read = read_leg(leg, tables, log.info, vehicle, rate_hz=20.0, max_gap_s=1.0)
+    except PipelineError as fault:
+        return " ".join(str(fault).split())
+    motions = motions_of([read], MotionRules(0.1, 0.2, 8.0), vehicle)
+    if motions.empty:
+        causes = "; ".join(motions.left_out[:2])
+        return "it neither is towed nor coasts nor swings" + (f" ({causes})" if causes else "")
+    return CampaignFeed("passive", tuple(name for name in passive_stage.STREAMS if log.has(name)))
+
+
+def is_passive(vehicle: Vehicle) -> bool:
+    """Return whether nothing on board drives a vehicle."""
+    return all(part is None for part in (vehicle.thrusters, vehicle.propeller, vehicle.fins))
+
+
 def single_axes(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | str:
     """Return how a log feeds fits of single axes, or why it does not."""
     fed = axes_fed(log)
@@ -139,6 +177,7 @@ ROUTES: dict[str, Callable[[CheckedLog, Mapping[str, Any]], CampaignFeed | str]]
     "axes": single_axes,
     "bench": single_channels,
     "glide": glides,
+    "passive": passive_motions,
 }
 """What each kind of campaign is fed, or why a log cannot feed it; the better first."""
 
@@ -164,7 +203,7 @@ def checked(page: LogPage, vehicle: Vehicle | None = None) -> CheckedLog:
 
 def proposal(feed: CampaignFeed, logs: list[CheckedLog]) -> LegProposal:
     """Return the legs that are proposed in logs of one kind of campaign."""
-    if feed.kind in ("glide", "axes"):
+    if feed.kind in ("glide", "axes", "passive"):
         spans = [(int(log.info.end_us) - int(log.info.start_us)) / 1e6 for log in logs]
         judge = judging_log([axes_fed(log).axes for log in logs], spans) if feed.axes else None
         legs = (

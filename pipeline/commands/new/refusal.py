@@ -101,6 +101,8 @@ def refusal_of(
         lacks = NOT_UNDER_WATER
     elif log.has("glider"):
         lacks = routes["glide"]
+    elif log.has("tow") or log.vehicle is not None:
+        lacks = routes["passive"]
     elif not log.has("actuators"):
         lacks = f"{NO_ACTUATORS}: nothing in it tells what drives the vehicle"
     else:
@@ -136,13 +138,19 @@ def _remedy(log: CheckedLog, lacks: str) -> str:
             "Settled glides need pressure, pitch, buoyancy drive and density of the water in the"
             " stream glider (docs/glide.md)"
         )
+    if log.has("tow") or log.vehicle is not None:
+        return (
+            "Log a tow of 30 s and more at two speeds with velocity and tow force, three releases"
+            " at speed, or a decay of roll, pitch or depth (docs/coasting.md)"
+        )
     if not log.has("actuators"):
         if any(GCS_CSV in note for note in log.info.notes):
             return "Take the .tlog of the same dive: this CSV never holds outputs"
         if str(log.info.files[0].format).startswith("CSV"):
             return (
                 "Add the file of its commands in the same call (--from imu.csv outputs.csv):"
-                " pulses of each output, or commands of surge, sway, heave, yaw"
+                " pulses of each output, or commands of surge, sway, heave, yaw; for a body that"
+                " nothing drives name a vehicle file without actuators (--vehicle)"
             )
         return "Log the outputs that drive the vehicle (docs/streams.md)"
     acting = activity(log)

@@ -100,6 +100,9 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
         text = _of_glider(_annotated(SHIPPED_VEHICLES / "slocum.yaml", log), log)
         why = "figures of a Slocum: the log names no glider"
         return VehicleChoice("slocum", why, text, guessed=True)
+    if log.has("tow"):
+        why = "a body under tow: its masses turn drag over mass into newtons"
+        return VehicleChoice("vehicle", why, _skeleton(log, ""))
     if normalised:
         why = "commands have no unit of force: only ratios to its mass come out"
         return VehicleChoice("vehicle", why, _skeleton(log, ""))

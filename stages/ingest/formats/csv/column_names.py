@@ -144,6 +144,7 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     (r"\b(?:depth(?: value)?|pressure|press|water pressure)$", "depth", "depth_m", {}),
     (r"^(?:pos|position|pose position|p|loc|location)? ?([xyz])$", "position", "{}_m", {}),
     (r"\b(northing|easting)$", "position", "{}_m", PLACE),
+    (r"\b(?:tow(?:ing)? (?:force|tension|load)|tension|load cell)$", "tow", "tow_force_n", {}),
     (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),
 )
 BUOYANCY = re.compile(r"\b(?:buoyancy|ballast|oil vol|oil volume|bladder|vbd)\b")

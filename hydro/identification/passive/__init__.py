@@ -1,0 +1,1 @@
+"""Bodies that nothing on board drives: tows, coasts, free decays, drifts."""

@@ -1,0 +1,167 @@
+"""Drag in newtons from a body that is towed, steadily or not.
+
+The equation of motion along the tow, integrated over windows of a few seconds, so that
+no speed is differentiated:
+
+    int T dt = m (x_end - x_begin) + D_1 int x dt + D_2 int x|x| dt
+
+T: tow force on the body [N]; x: speed through the water [m/s]; m: apparent mass [kg];
+D_1 [N s/m], D_2 [N s^2/m^2]: drag, positive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+
+WINDOW_S = 4.0
+ENDS_S = 0.4
+"""The speed at either end of a window is the mean over so long."""
+LEAST_WINDOWS = 6
+CLUSTER = 2
+"""Windows in a row whose errors count as one."""
+LEAST_RATIO = 1.6
+"""Fastest over slowest window; below it linear and quadratic drag are one figure."""
+LEAST_SPEED = 0.05
+
+
+@dataclass(frozen=True)
+class TowRecord:
+    """One tow: speed (n,) [m/s] and tow force (n,) [N] at uniform t_s (n,)."""
+
+    t_s: Array
+    speed: Array
+    force_N: Array
+
+
+@dataclass(frozen=True)
+class TowFit:
+    """Apparent mass, D_1, D_2 `values` (3,), covariance (3, 3), speeds of the windows.
+
+    `free`: which of the three the tows tell; a mass that is not free is the prior's.
+    `half_95`: Student's factor of a 95 % interval; `held_out`: share of the force's
+    scatter about its mean that a fit to the other half of the windows predicts.
+    """
+
+    values: Array
+    covariance: Array
+    free: tuple[bool, bool, bool]
+    speeds: Array
+    forces_N: Array
+    half_95: float
+    residual_N: float
+    held_out: float
+
+    def drag(self, speed: float) -> tuple[float, float]:
+        """Return the drag at a speed [N] and its standard error."""
+        by = np.array([0.0, speed, speed * abs(speed)])
+        return float(by @ self.values), float(np.sqrt(by @ self.covariance @ by))
+
+
+def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> TowFit:
+    """Fit drag and apparent mass; the mass under a prior, drag never negative.
+
+    Covariance clustered by pairs of windows. Raises `DataError` for fewer than `LEAST_WINDOWS`
+    windows that move, and for a force that pushes against the motion.
+    """
+    from scipy.stats import t as student
+
+    rows, target = _windows(tows)
+    if target.size < LEAST_WINDOWS:
+        raise DataError(
+            "too short a tow",
+            value=f"{target.size} windows of {WINDOW_S:g} s that move",
+            allowed=f"{LEAST_WINDOWS} and more",
+        )
+    sign = float(np.mean(np.sign(target) == np.sign(rows[:, 1])))
+    if sign < 0.5:
+        raise DataError(
+            "the tow force acts against the motion",
+            value=f"in {1 - sign:.0%} of the windows",
+            remedy="Turn its sign in the column map: tow_force_N pulls forward where positive.",
+        )
+    speed = np.abs(rows[:, 1])
+    wide = float(np.max(speed) / np.min(speed)) >= LEAST_RATIO
+    candidates = [(0, 1, 2), (0, 2), (0, 1)] if wide else [(0, 2)]
+    for columns in candidates:
+        values, covariance, error = _solve(rows, target, columns, mass_kg, mass_sd_kg)
+        if np.all(values[1:] >= 0.0):
+            break
+    used = len(columns)
+    halves = [np.arange(target.size) % 2 == which for which in (0, 1)]
+    missed = np.concatenate(
+        [
+            target[half] - rows[half] @ _solve(rows[~half], target[~half], columns, mass_kg,
+                                               mass_sd_kg)[0]
+            for half in halves
+        ]
+    )  # fmt: skip
+    about = float(np.sum((target - target.mean()) ** 2))
+    mass_is_free = bool(np.sqrt(covariance[0, 0]) < 0.7 * mass_sd_kg)
+    return TowFit(
+        values,
+        covariance,
+        (mass_is_free, 1 in columns, 2 in columns),
+        rows[:, 1],
+        target,
+        float(student.ppf(0.975, max(target.size // CLUSTER - used, 1))),
+        float(np.sqrt(np.mean(error**2))),
+        1.0 - float(np.sum(missed**2)) / about if about > 0.0 else float("nan"),
+    )
+
+
+def _windows(tows: Sequence[TowRecord]) -> tuple[Array, Array]:
+    """Return rows (k, 3) of change of speed, speed and its square, and force (k,)."""
+    rows, target = [], []
+    for tow in tows:
+        step = float(tow.t_s[1] - tow.t_s[0])
+        size, end = max(round(WINDOW_S / step), 4), max(round(ENDS_S / step), 1)
+        good = np.isfinite(tow.speed) & np.isfinite(tow.force_N)
+        for first in range(0, tow.t_s.size - size + 1, size):
+            part = slice(first, first + size)
+            if not good[part].all():
+                continue
+            x = tow.speed[part]
+            length = (size - end) * step
+            change = float(x[-end:].mean() - x[:end].mean())
+            # Means over the ends are half their length inside the window.
+            inner = slice(first + end // 2, first + size - end // 2)
+            x = tow.speed[inner]
+            if abs(float(x.mean())) < LEAST_SPEED:
+                continue
+            rows.append([change / length, float(x.mean()), float(np.mean(x * np.abs(x)))])
+            target.append(float(tow.force_N[inner].mean()))
+    return np.array(rows).reshape(-1, 3), np.array(target)
+
+
+def _solve(
+    rows: Array, target: Array, columns: Sequence[int], mass_kg: float, mass_sd_kg: float
+) -> tuple[Array, Array, Array]:
+    """Return mass, D_1, D_2 (3,), covariance (3, 3) and errors (k,)."""
+    used = list(columns)
+    part = rows[:, used]
+    noise = 1.0
+    for _ in range(4):  # the prior's weight follows the size of the residual
+        weight = np.zeros(len(used))
+        weight[0] = (noise / mass_sd_kg) ** 2
+        normal = part.T @ part + np.diag(weight)
+        inverse = np.linalg.inv(normal)
+        solution = inverse @ (part.T @ target + weight * mass_kg)
+        error = target - part @ solution
+        noise = float(np.sqrt(np.sum(error**2) / max(target.size - len(used), 1)))
+        noise = max(noise, 1e-9 * float(np.max(np.abs(target))))
+    # Neighbours share what the water does; each pair counts by the error it would have
+    # in a fit without it.
+    leverage = np.minimum(np.einsum("ij,jk,ik->i", part, inverse, part), 0.9)
+    scores = part * (error / (1.0 - leverage))[:, None]
+    pairs = np.add.reduceat(scores, np.arange(0, target.size, CLUSTER), axis=0)
+    middle = pairs.T @ pairs + np.diag(weight * noise**2)
+    values, covariance = np.zeros(3), np.zeros((3, 3))
+    values[used] = solution
+    covariance[np.ix_(used, used)] = inverse @ middle @ inverse
+    return values, covariance, error

@@ -1,0 +1,307 @@
+"""The tows, coasts, decays and drifts of legs, with their fits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.errors import CampaignError, DataError
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.coasting.decay import (
+    LEAST_COASTS,
+    LEAST_SAMPLES,
+    CoastDecay,
+    CoastRecord,
+    fit_decay,
+)
+from auvid.hydro.identification.passive.free_swing import FreeSwing, fit_free_swing
+from auvid.hydro.identification.passive.releases import fading, onsets, released, towed
+from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
+from auvid.hydro.identification.signals.resampling import uniform_clock
+from auvid.stages.columns import ATTITUDE, GYRO, POSITION, VELOCITY, leg_window
+from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, on_clock, step_s
+from auvid.stages.leg_streams import Streams
+
+ROLES = ("tow", "coast", "decay", "drift")
+SPEEDS = {"surge": "u", "sway": "v", "heave": "w", "yaw": "r"}
+SWINGS = {"roll": 0, "pitch": 1}
+DEGREES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+LEAST_SWING = {"roll": 0.05, "pitch": 0.05, "heave": 0.1}
+"""Amplitude [rad, m] from which a swing is looked for where no leg names one."""
+WAIT_S = 0.2
+"""After a release, for the line to fall slack."""
+SMOOTHED_S = 0.4
+UNKNOWN_MASS = 0.2
+"""Standard deviation of an apparent mass whose vehicle file has no spread, as a share."""
+
+
+@dataclass(frozen=True)
+class MotionRules:
+    """Least speed [m/s] and yaw rate [rad/s] of a coast, and the longest [s]."""
+
+    speed_m_s: float
+    rate_rad_s: float
+    longest_s: float
+
+
+@dataclass(frozen=True)
+class PassiveLeg:
+    """A leg on a uniform clock t_s (n,): motion, tow force (n,) [N], drift (2, 2)."""
+
+    entry: LegEntry
+    t_s: Array
+    motion: LegMotion
+    force_N: Array | None
+    drift_m_s: Array | None
+
+    @property
+    def step_s(self) -> float:
+        """Return the step of the clock [s]."""
+        return float(self.t_s[1] - self.t_s[0])
+
+    def speed(self, channel: str) -> Array:
+        """Return the velocity (n,) of a channel, nan where nothing measures it."""
+        values = self.motion.rate[SPEEDS[channel]]
+        depth = self.motion.depth_m
+        if channel == "heave" and depth is not None and not np.isfinite(values).any():
+            return smoothed(np.gradient(depth, self.step_s), self.step_s)
+        return values
+
+    def deflection(self, channel: str) -> Array | None:
+        """Return roll, pitch [rad] or depth [m] (n,), None where not measured."""
+        if channel == "heave":
+            return self.motion.depth_m
+        angle = self.motion.attitude_rad[:, SWINGS[channel]]
+        return angle if np.isfinite(angle).any() and np.any(angle != 0.0) else None
+
+
+@dataclass
+class PassiveMotions:
+    """Every stretch with its fit; `left_out`: what was not taken, in words."""
+
+    tows: dict[str, list[tuple[str, TowRecord]]] = field(default_factory=dict)
+    tow_fits: dict[str, TowFit] = field(default_factory=dict)
+    coasts: dict[str, list[tuple[str, CoastRecord]]] = field(default_factory=dict)
+    coast_fits: dict[str, CoastDecay] = field(default_factory=dict)
+    swings: dict[str, list[tuple[str, FreeSwing]]] = field(default_factory=dict)
+    drifts: list[tuple[str, Array, Array]] = field(default_factory=list)
+    """Leg, velocity north and east (2,) [m/s], standard errors (2,)."""
+    left_out: list[str] = field(default_factory=list)
+    by: dict[str, str] = field(default_factory=dict)
+    guessed: set[str] = field(default_factory=set)
+    """Channels whose coasts begin at a peak of speed, where no force says that it ended."""
+
+    @property
+    def empty(self) -> bool:
+        """Return whether nothing was fitted."""
+        return not (self.tow_fits or self.coast_fits or self.swings or self.drifts)
+
+
+def smoothed(values: Array, step: float) -> Array:
+    """Return means over `SMOOTHED_S` (n,), nan near a gap."""
+    size = max(round(SMOOTHED_S / step) // 2 * 2 + 1, 1)
+    return np.asarray(np.convolve(values, np.full(size, 1.0 / size), mode="same"))
+
+
+def read_leg(
+    entry: LegEntry,
+    tables: Mapping[str, pa.Table | None],
+    info: LogInfo,
+    vehicle: Vehicle,
+    *,
+    rate_hz: float,
+    max_gap_s: float,
+) -> PassiveLeg:
+    """Return a leg on one clock; raise `DataError` where nothing measures it."""
+    start_us = int(info.start_us)
+    window = leg_window(entry, start_us, int(info.end_us))
+    streams = Streams(tables, start_us, window, vehicle)
+    columns = {
+        "imu": GYRO,
+        "attitude": ATTITUDE,
+        "depth": ("depth_m",),
+        "velocity": VELOCITY[:3],
+        "position": POSITION,
+    }
+    measured = [
+        samples
+        for name, names in columns.items()
+        if (samples := enough(streams.samples(name, names))) is not None
+    ]
+    if not measured:
+        raise DataError(
+            f"nothing measures how the body moves in leg '{entry.id}'",
+            allowed="a gyro, an attitude, a depth, a velocity or a position",
+        )
+    rate = min(rate_hz, max(1.0 / step_s(samples) for samples in measured))
+    first = min(samples.t_s[0] for samples in measured)
+    last = max(samples.t_s[-1] for samples in measured)
+    t_s = uniform_clock(first, last, rate)
+    motion = motion_of(streams, t_s, max_gap_s)
+    force = enough(streams.samples("tow", ("tow_force_n",)))
+    position = enough(streams.samples("position", POSITION))
+    return PassiveLeg(
+        entry,
+        t_s,
+        motion,
+        None if force is None else on_clock(force, t_s, max_gap_s)[:, 0],
+        None if position is None else position_slope(position.t_s, position.values),
+    )
+
+
+def position_slope(t_s: Array, position: Array) -> Array:
+    """Return velocity north, east [m/s] and standard errors of a drift, (2, 2).
+
+    Slopes of position over time; errors by six blocks, since a drift meanders.
+    """
+    blocks = np.array_split(np.arange(t_s.size), 6)
+    slopes = np.array([np.polyfit(t_s[part], position[part, :2], 1)[0] for part in blocks])
+    return np.stack([slopes.mean(axis=0), slopes.std(axis=0, ddof=1) / np.sqrt(6.0)])
+
+
+def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle) -> PassiveMotions:
+    """Return the motions of all legs, fitted.
+
+    A leg with a role is what its role says, from its first sample on; one without is
+    searched: tows where the line pulls, coasts after it lets go or after a peak of speed,
+    swings of roll, pitch and depth.
+    """
+    out = PassiveMotions()
+    for leg in legs:
+        out.by |= {axis: words for axis, words in leg.motion.by.items() if axis not in out.by}
+        if leg.entry.role is None:
+            _search(out, leg, rules)
+        else:
+            _as_named(out, leg, rules)
+    for channel, tows in out.tows.items():
+        mass, spread = apparent_mass(vehicle, channel)
+        try:
+            records = [record for _, record in tows]
+            out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=spread)
+        except DataError as fault:
+            out.left_out.append(f"tow, {channel}: {fault}")
+    for channel, coasts in out.coasts.items():
+        try:
+            out.coast_fits[channel] = fit_decay([record for _, record in coasts])
+        except DataError:
+            out.left_out.append(
+                f"coasts in {channel}: {len(coasts)}, {LEAST_COASTS} and more are needed"
+            )
+    return out
+
+
+def apparent_mass(vehicle: Vehicle, channel: str) -> tuple[float, float]:
+    """Return apparent mass or inertia of a channel and its standard deviation."""
+    at = DEGREES.index(channel)
+    total = float(vehicle.mass_matrix[at, at])
+    body = float(vehicle.inertia[at - 3, at - 3]) if at > 2 else 1.0
+    own = vehicle.spreads.get("inertia" if at > 2 else "mass", 0.0) * body
+    added = vehicle.spreads.get("added_mass", 0.0) * float(vehicle.added_mass[at, at])
+    spread = float(np.hypot(own, added))
+    return total, spread if spread > 0.0 else UNKNOWN_MASS * total
+
+
+def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
+    """Take a leg as its role says."""
+    role, channel = leg.entry.role, leg.entry.channel or "surge"
+    name = leg.entry.id
+    if role == "drift":
+        if leg.drift_m_s is None:
+            out.left_out.append(f"{name}: a drift needs a position")
+        else:
+            out.drifts.append((name, leg.drift_m_s[0], leg.drift_m_s[1]))
+    elif role == "decay":
+        if leg.entry.channel is None or channel not in LEAST_SWING:
+            raise CampaignError(
+                f"leg '{name}' does not say what decays",
+                field="channel",
+                value=leg.entry.channel,
+                allowed=tuple(LEAST_SWING),
+            )
+        _swing(out, leg, channel, named=True)
+    elif channel not in SPEEDS or not np.isfinite(leg.speed(channel)).any():
+        out.left_out.append(f"{name}: nothing measures the speed in {channel}")
+    elif role == "tow":
+        if leg.force_N is None:
+            out.left_out.append(f"{name}: no tow force is logged (stream tow, tow_force_n)")
+        else:
+            record = TowRecord(leg.t_s, leg.speed(channel), leg.force_N)
+            out.tows.setdefault(channel, []).append((name, record))
+    else:
+        begin = int(np.argmax(np.isfinite(leg.speed(channel))))
+        last = begin + int((WAIT_S + rules.longest_s) / leg.step_s)
+        _coast(out, leg, channel, (begin, min(last, leg.t_s.size)), rules)
+
+
+def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
+    """Find tows, coasts and swings in a leg that has no role."""
+    step, force = leg.step_s, leg.force_N
+    channel_of_tow = leg.entry.channel or "surge"
+    for channel in SPEEDS:
+        speed = leg.speed(channel)
+        least = rules.rate_rad_s if channel == "yaw" else rules.speed_m_s
+        if not np.isfinite(speed).any():
+            continue
+        if force is not None and channel == channel_of_tow:
+            for first, last in towed(force, step):
+                part = slice(first, last)
+                record = TowRecord(leg.t_s[part], speed[part], force[part])
+                out.tows.setdefault(channel, []).append((leg.entry.id, record))
+            spans = released(force, step, rules.longest_s + WAIT_S)
+        elif force is not None:
+            continue  # towed along one axis, it coasts along none but that
+        else:
+            even = smoothed(speed, step)
+            spans = fading(even, step, least=least, longest_s=rules.longest_s + WAIT_S)
+            if spans:
+                out.guessed.add(channel)
+        for span in spans:
+            _coast(out, leg, channel, span, rules)
+    for channel in LEAST_SWING:
+        _swing(out, leg, channel, named=False)
+
+
+def _coast(
+    out: PassiveMotions, leg: PassiveLeg, channel: str, span: tuple[int, int], rules: MotionRules
+) -> None:
+    first = span[0] + int(np.ceil(WAIT_S / leg.step_s))
+    t_s, speed = leg.t_s[first : span[1]], leg.speed(channel)[first : span[1]]
+    good = np.isfinite(speed)
+    t_s, speed = t_s[good], speed[good]
+    least = rules.rate_rad_s if channel == "yaw" else rules.speed_m_s
+    if t_s.size < LEAST_SAMPLES or abs(float(speed[:3].mean())) < least:
+        out.left_out.append(
+            f"{leg.entry.id}, {leg.t_s[span[0]]:.1f} s: too short or too slow a coast in {channel}"
+        )
+        return
+    none = np.zeros(t_s.size)
+    record = CoastRecord(t_s, speed, none, np.zeros((t_s.size, 0)), none)
+    out.coasts.setdefault(channel, []).append((leg.entry.id, record))
+
+
+def _swing(out: PassiveMotions, leg: PassiveLeg, channel: str, *, named: bool) -> None:
+    values = leg.deflection(channel)
+    if values is None:
+        if named:
+            out.left_out.append(f"{leg.entry.id}: nothing measures {channel}")
+        return
+    rest = float(np.nanmedian(values))
+    if not named and float(np.nanmax(np.abs(values - rest))) < LEAST_SWING[channel]:
+        return
+    parts = [(0, values.size)] if named else onsets(values - rest, leg.step_s)
+    for first, last in parts:
+        try:
+            swing = fit_free_swing(
+                leg.t_s[first:last], values[first:last], is_depth=channel == "heave"
+            )
+        except DataError as fault:
+            at = f"{leg.entry.id}, {leg.t_s[first]:.1f} s"
+            out.left_out.append(f"{at}: no decay of {channel}, {fault}")
+            continue
+        out.swings.setdefault(channel, []).append((leg.entry.id, swing))

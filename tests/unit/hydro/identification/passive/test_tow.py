@@ -1,0 +1,66 @@
+"""Drag in newtons from tows: truth inside its interval, prior of the mass, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
+from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, STEP_S, towed_body
+
+
+def tows(seed: int, *, sign: float = 1.0, **options: object) -> list[TowRecord]:
+    """Return the stretches of 25 s under tow."""
+    body = towed_body(seed, **options)  # type: ignore[arg-type]
+    starts = range(0, body["time_s"].size, 660)
+    return [
+        TowRecord(
+            body["time_s"][at : at + 500],
+            body["u_m_s"][at : at + 500],
+            sign * body["tow_force_n"][at : at + 500],
+        )
+        for at in starts
+    ]
+
+
+def fitted(seed: int, **options: object) -> TowFit:
+    """Fit with a mass of the file that is 10 % too large."""
+    return fit_tow(tows(seed, **options), mass_kg=1.1 * MASS_KG, mass_sd_kg=0.2 * MASS_KG)  # type: ignore[arg-type]
+
+
+def test_drag_and_mass_lie_in_their_intervals_in_most_of_thirty_tows() -> None:
+    truth = np.array([MASS_KG, LINEAR, QUADRATIC])
+    fits = [fitted(seed) for seed in range(30)]
+    inside = np.mean(
+        [
+            np.abs(fit.values - truth) < fit.half_95 * np.sqrt(np.diag(fit.covariance))
+            for fit in fits
+        ],
+        axis=0,
+    )
+    # 95 % intervals of 30 seeds: fewer than 24 of 30 inside has a chance below 0.2 %.
+    assert np.all(inside >= 0.8)
+    mean = np.mean([fit.values for fit in fits], axis=0)
+    assert mean == pytest.approx(truth, rel=0.05)
+    assert all(fit.free == (True, True, True) for fit in fits)
+
+
+def test_steady_tows_of_one_speed_give_one_drag_and_no_mass() -> None:
+    body = towed_body(1, forces=(25.0,), steady=True)
+    at = slice(200, 500)
+    twice = [TowRecord(body["time_s"][at], body["u_m_s"][at], body["tow_force_n"][at])] * 2
+    fit = fit_tow(twice, mass_kg=MASS_KG, mass_sd_kg=0.2 * MASS_KG)
+    assert fit.free == (False, False, True)
+    drag, error = fit.drag(float(np.mean(fit.speeds)))
+    assert drag == pytest.approx(25.0, abs=4.0 * error + 0.2)
+
+
+def test_a_force_of_the_wrong_sign_and_a_short_tow_are_refused() -> None:
+    with pytest.raises(DataError, match="acts against the motion"):
+        fitted(2, sign=-1.0)
+    body = tows(3)[0]
+    short = TowRecord(body.t_s[:300], body.speed[:300], body.force_N[:300])
+    with pytest.raises(DataError, match="too short a tow"):
+        fit_tow([short], mass_kg=MASS_KG, mass_sd_kg=3.0)
+    assert pytest.approx(15.0) == 300 * STEP_S
