@@ -699,7 +699,11 @@ def _loop(sources: int) -> Any:
         A0, A1, Phi, fade = _table(motion, n), _table(motion, n), _table(motion, n), _line(n)
         for i in range(n):
             fade[i] = 1.0
-        a0, a1, direct = _table(axes, parameters), _table(axes, parameters), _table(axes, parameters)
+        a0, a1, direct = (
+            _table(axes, parameters),
+            _table(axes, parameters),
+            _table(axes, parameters),
+        )
         push, half = _stack(axes, motion, axes), _stack(axes, motion, n)
         terms = _line(tables.counts[0])
         work = (
@@ -724,9 +728,7 @@ def _loop(sources: int) -> Any:
             for k in range(6):
                 if q > parameters:
                     D[MOTION + k, MOTION + k, places[2] + k] = 2.0 * P0[MOTION + k, MOTION + k]
-                levers[0, k], levers[1, k], levers[2, k] = _accelerometer(
-                    g, _column(c.inverse, k)
-                )
+                levers[0, k], levers[1, k], levers[2, k] = _accelerometer(g, _column(c.inverse, k))
         count = 0
         for step in range(len(steps) + 1):
             # Rates, outputs and their derivatives at the predicted state.
