@@ -130,6 +130,47 @@ def depth_gains(
     return fitted_gains(rise, integrals(t_velocity, down * velocity, at))
 
 
+AXES_TAKEN = {
+    "surge and sway exchanged": (1, 0, 2),
+    "surge and heave exchanged": (2, 1, 0),
+    "sway and heave exchanged": (0, 2, 1),
+}
+
+
+def depth_by_axes(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> dict[str, float]:
+    """Return the share of the depth rate that the velocity explains, by its frame.
+
+    As body axes ("body"), with two of them exchanged, and as a velocity over ground whose
+    third component is down or up; gain 1, shares by medians. Empty for too few windows.
+    """
+    start = max(t_depth[0], t_velocity[0], t_attitude[0])
+    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
+    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    if at.size < FEWEST_WINDOWS:
+        return {}
+    down = rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler))[:, 2, :]
+    rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
+    rates = {"body": (down * velocity).sum(axis=1)}
+    rates |= {
+        name: (down * velocity[:, list(order)]).sum(axis=1) for name, order in AXES_TAKEN.items()
+    }
+    rates |= {"north, east, down": velocity[:, 2], "east, north, up": -velocity[:, 2]}
+    spread = float(np.median(np.abs(rise - np.median(rise))))
+    shares = {}
+    for name, rate in rates.items():
+        rest = rise - integrals(t_velocity, rate[:, None], at)[:, 0]
+        left = float(np.median(np.abs(rest - np.median(rest))))
+        shares[name] = 1.0 - (left / spread) ** 2 if spread > 0.0 else 0.0
+    return shares
+
+
 def position_gains(
     t_position: Array,
     position: Array,
@@ -202,14 +243,17 @@ def velocity_lag(
 ) -> tuple[float, float, float] | None:
     """Return how late the velocity is behind the depth [s]; explained there and at 0.
 
-    The lag of `lags_s` at which the velocity, read so much later, explains most of the
-    depth rate. None for too few windows.
+    The lag of `lags_s` at which the velocity, read so much later, or the depth, read so
+    much earlier, explains most of the depth rate: the attitude is on the clock of the
+    other one. None for too few windows.
     """
     shares = {}
     for lag in np.asarray(lags_s, dtype=np.float64):
-        gains = depth_gains(t_depth, depth, t_attitude, euler, t_velocity - lag, velocity)
-        if gains is not None:
-            shares[float(lag)] = gains.explained
+        for late, early in ((lag, 0.0), (0.0, lag)):
+            times = t_depth + early, depth, t_attitude, euler, t_velocity - late, velocity
+            gains = depth_gains(*times)
+            if gains is not None:
+                shares[float(lag)] = max(gains.explained, shares.get(float(lag), -np.inf))
     if 0.0 not in shares:
         return None
     best = max(shares, key=lambda lag: shares[lag])

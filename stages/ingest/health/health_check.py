@@ -44,6 +44,7 @@ from auvid.stages.ingest.health.usability import (
 from auvid.stages.ingest.health.vehicle import (
     actuation_findings,
     battery_findings,
+    body_findings,
     identity_findings,
     missing_findings,
     response_findings,
@@ -139,6 +140,7 @@ CHECKS = (
     unusable_findings,
     battery_findings,
     response_findings,
+    body_findings,
     identity_findings,
 )
 """All checks of one log; each yields its findings."""

@@ -18,6 +18,7 @@ from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_direction
 from auvid.hydro.identification.signals.motion_checks import (
     AxisGains,
     accelerometer_changes,
+    depth_by_axes,
     depth_gains,
     own_and_cross,
     position_gains,
@@ -27,7 +28,7 @@ from auvid.hydro.identification.signals.motion_checks import (
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.vehicle import command_lead, responses
-from auvid.stages.number_format import significant
+from auvid.stages.number_format import percent, significant
 
 SPEEDS = ("surge", "sway", "heave")
 RATES = ("roll", "pitch", "yaw")
@@ -36,18 +37,27 @@ CLEAR = 4.0
 LEAST_EXPLAINED = 0.6
 SURE_GAIN_SD = 0.25
 LEAST_GAIN = -0.3
-LAGS_S = np.round(np.arange(-20, 21) * 0.1, 1)
+LAGS_S = np.round(np.arange(-30, 31) * 0.1, 1)
 LEAST_RESPONSE_HZ = 4.0
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
+"""By how much more of the motion other axes must explain than the velocity's own."""
+ABSENT_GAIN = 0.3
+OTHER_AXES, OWN_AXES, LESS_LEFT = 0.7, 0.9, 3.0
+"""Part of the depth rate that other axes must explain, and the velocity's own must not,
+and how much less they must leave.
+"""
 NAMED_SCALES: Mapping[float, str] = {
     1000.0: "depth in mm, or a velocity in m/s declared as mm/s",
     100.0: "depth in cm, or a velocity in m/s declared as cm/s",
-    10.0: "depth in dm, or pressure in bar taken for decibar",
+    10.0: "depth in dm, or pressure in bar or kPa taken for metres",
+    3.6: "a velocity in m/s declared as km/h",
     3.2808: "depth in ft, or a velocity in m/s declared as ft/s",
     1.9438: "a velocity in m/s declared as knots",
+    0.5468: "depth in fathoms declared as m",
     0.5144: "a velocity in knots declared as m/s",
     0.3048: "a velocity in ft/s declared as m/s, or depth in m declared as ft",
+    0.2778: "a velocity in km/h declared as m/s",
     0.1: "depth in m declared as dm",
     0.01: "a velocity in cm/s declared as m/s, or depth in m declared as cm",
     0.001: "a velocity in mm/s declared as m/s, or depth in m declared as mm",
@@ -81,8 +91,12 @@ def motion_findings(log: CheckedLog) -> Iterator[Finding]:
     yield from exchanged or _response_signs(response)
     if not log.has("velocity", "attitude"):
         return
-    turned = Evidence()
     depth = _depth_gains(log)
+    others = list(_other_axes(log, depth))
+    yield from others
+    if others:
+        return
+    turned = Evidence()
     found_depth = list(_depth(log, depth, response))
     yield from found_depth
     if depth is not None and not any(item["id"] == "depth_sign" for item in found_depth):
@@ -124,6 +138,40 @@ def _depth_gains(log: CheckedLog) -> AxisGains | None:
     if not log.has("depth"):
         return None
     return depth_gains(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+
+
+def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
+    """Yield a velocity that explains the depth in other axes than those of the body.
+
+    Gains of the body's axes that explain as much are a matter of sign and scale.
+    """
+    if gains is None:
+        return
+    shares = depth_by_axes(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+    best = max(shares, key=lambda name: shares[name], default="body")
+    if not shares or shares[best] < OTHER_AXES or shares["body"] > OWN_AXES:
+        return
+    if 1.0 - shares["body"] < LESS_LEFT * (1.0 - shares[best]):
+        return
+    absent = (np.abs(gains.gain) < ABSENT_GAIN) & (gains.sd < SURE_GAIN_SD)
+    if 1.0 - gains.explained < LESS_LEFT * (1.0 - shares[best]) and not absent.any():
+        return
+    over_ground = "exchanged" not in best
+    yield finding(
+        "velocity_axes",
+        f"The depth rate follows the velocity ({log.source('velocity')})"
+        f" {'as ' if over_ground else 'with '}{best} ({percent(shares[best])} explained), and not"
+        f" as it is declared ({percent(max(shares['body'], 0.0))}).",
+        stream="velocity",
+        value=shares[best],
+        fields=LINEAR_VELOCITY,
+        remedy=(
+            "This is a velocity over ground: turn it into body axes with the attitude before the"
+            " export, or map the log's body velocity."
+            if over_ground
+            else "Exchange the two columns in the column map, or check how the sensor is mounted."
+        ),
+    )
 
 
 def _position_gains(log: CheckedLog) -> AxisGains | None:
@@ -184,10 +232,9 @@ def _depth(
 
 
 def _cause(size: float) -> str:
-    for factor, words in NAMED_SCALES.items():
-        if abs(np.log(size / factor)) < 0.12:
-            return f": {words}"
-    return ""
+    factor = min(NAMED_SCALES, key=lambda each: abs(np.log(size / each)))
+    near = abs(np.log(size / factor)) < 0.12
+    return f"; {factor:g} would be {NAMED_SCALES[factor]}" if near else ""
 
 
 def _exchanged(correlation: Array) -> Iterator[Finding]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 
@@ -37,14 +38,18 @@ MOTION = {
 }
 STEADY = (*MOTION, "actuators")
 TIMED = ("imu", "attitude", "velocity", "depth", "actuators")
-SLOWEST_OUTPUT_HZ, FASTEST_HZ = 0.1, 3000.0
+FASTEST_HZ = 3000.0
 SLOWEST_HZ = {"imu": 0.05, "attitude": 0.05, "actuators": 0.05}
 """Depth and velocity of gliders come more slowly than that."""
+USUAL_HZ = 10.0
+FASTEST_DEPTH_HZ = 250.0
+"""Pressure sensors give at most some 100 Hz."""
 TIME_UNITS = (
     (1e3, "it is in ms, declared as s (or us as ms)", "ms"),
     (1e6, "it is in us, declared as s", "us"),
     (1e9, "it is in ns, declared as s", "ns"),
     (60.0, "it is in seconds, declared as minutes", "s"),
+    (1.0 / 60.0, "it is in minutes, declared as s", "min"),
     (1e-3, "it is in s, declared as ms (or ms as us)", "s"),
     (1e-6, "it is in s, declared as us", "s"),
 )
@@ -142,13 +147,13 @@ def clock_findings(log: CheckedLog) -> Iterator[Finding]:
         if clock is None:
             continue
         rate = 1.0 / clock.step_s
-        if rate > FASTEST_HZ or rate < SLOWEST_HZ.get(stream, 0.0):
+        fastest = FASTEST_DEPTH_HZ if stream == "depth" else FASTEST_HZ
+        if rate > fastest or rate < SLOWEST_HZ.get(stream, 0.0):
             wrong.append((stream, rate))
     if wrong:
-        rate = wrong[0][1]
-        factor, words, unit = next(
-            (item for item in TIME_UNITS if SLOWEST_OUTPUT_HZ < rate * item[0] < FASTEST_HZ / 2),
-            TIME_UNITS[0] if rate < 1.0 else TIME_UNITS[-1],
+        stream, rate = wrong[0]
+        factor, words, unit = min(
+            TIME_UNITS, key=lambda item: abs(math.log(rate * item[0] / USUAL_HZ))
         )
         names = listed([stream for stream, _ in wrong])
         length = (int(log.info.end_us) - int(log.info.start_us)) / 1e6

@@ -29,7 +29,7 @@ PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0
 FULL_COMMAND = 0.99
 ACTIVE_COMMAND = 0.02
-LAGS_S = (-1.5, 2.0)
+LAGS_S = (-1.5, 2.5)
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
 LEAST_EXPLAINED = 0.6
@@ -40,6 +40,9 @@ RECUT = "read although a router cut trailing zeros"
 NUMBERS = re.compile(r"(\d+) [A-Z]")
 CHECKSUM = re.compile(r"wrong checksum")
 NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
+DENSITIES_KG_M3 = (950.0, 1250.0)
+"""Fresh water, warm, to brine."""
+POUNDS = 2.2046
 MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
@@ -92,10 +95,27 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=_largest(log),
         )
+    elif still := _held(log):
+        yield finding(
+            "outputs_held",
+            f"No output changes from the first to the last sample{still}: they are set points, or"
+            " their record froze.",
+            stream="actuators",
+            value=0.0,
+        )
     elif moving.any() and share < limit("little_actuation"):
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
     yield from _saturation(log)
+
+
+def _held(log: CheckedLog) -> str:
+    """Return at what the outputs stand, all log long, or nothing where one of them moves."""
+    names = [*log.thrusters(), *log.commands()]
+    values = log.values("actuators", names) if names else np.zeros((0, 0))
+    moves = not values.size or np.ptp(values, axis=0).any()
+    others = set(log.tables["actuators"].column_names) - {"time_us", "row", *names}
+    return "" if moves or others else f" (output {names[0].split('_')[1]} at {values[0, 0]:g})"
 
 
 def _no_pulses(log: CheckedLog) -> Iterator[Finding]:
@@ -310,6 +330,19 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=-best.lag_s,
         )
+    far = [axis for axis in answers if answers[axis].lag_s > limit("commands_early")]
+    if far and len(far) == len(answers):
+        axis = max(far, key=lambda name: answers[name].explained)
+        best = answers[axis]
+        if best.explained > LEAST_EXPLAINED:
+            yield finding(
+                "commands_early",
+                f"{MOTION_WORDS[axis].capitalize()} follows the outputs that drive it by"
+                f" {best.lag_s:.2f} s ({percent(round(best.explained, 2))} explained), longer than"
+                " thruster and hull take: the outputs are stamped early, or the sensors late.",
+                stream="actuators",
+                value=best.lag_s,
+            )
     lags = []
     for axis, response in answers.items():
         how = (
@@ -326,6 +359,44 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
     if lags:
         text = f"Motion against outputs: {'; '.join(words for _, words in lags)}."
         yield finding("command_lag", text, stream="actuators", value=max(lags)[0])
+
+
+def body_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield mass, displaced water and density of the vehicle file that do not fit."""
+    vehicle = log.vehicle
+    if vehicle is None:
+        return
+    density, water = vehicle.water_density, vehicle.displaced_mass_kg
+    if not DENSITIES_KG_M3[0] < density < DENSITIES_KG_M3[1]:
+        yield finding(
+            "water_density",
+            f"The vehicle file gives {density:g} kg/m^3 as water_density; no water has that.",
+            value=density,
+        )
+        return
+    excess = vehicle.mass_kg / water - 1.0
+    if abs(excess) > limit("weight_in_water"):
+        newtons = (vehicle.mass_kg - water) * vehicle.gravity
+        factor = max(vehicle.mass_kg / water, water / vehicle.mass_kg)
+        pounds = " One of them is probably in pounds." if abs(factor / POUNDS - 1.0) < 0.1 else ""
+        yield finding(
+            "weight_in_water",
+            f"The vehicle file gives a mass of {vehicle.mass_kg:g} kg and {water:g} kg of displaced"
+            f" water: the vehicle would {'sink' if newtons > 0.0 else 'rise'} with"
+            f" {abs(newtons):.0f} N.{pounds}",
+            value=excess,
+        )
+    if vehicle.geometry is not None:
+        hull = vehicle.geometry.hull
+        volume = vehicle.geometry.integral(lambda x: np.pi * hull.radius_m(x) ** 2)
+        ratio = water / (density * volume)
+        if not 1.0 / (1.0 + limit("hull_volume")) < ratio < 1.0 + limit("hull_volume"):
+            yield finding(
+                "hull_volume",
+                f"The hull of the vehicle file holds {1e3 * volume:.4g} l, and its displaced water"
+                f" of {water:g} kg is {ratio:.2g} times that.",
+                value=ratio,
+            )
 
 
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -292,6 +292,48 @@ def _slow_commands(log: Log) -> None:
     log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] + 900_000
 
 
+@spoils("commands_early")
+def _early_commands(log: Log) -> None:
+    """Of one axis: the others of this log repeat within the shift."""
+    del log.streams["imu"]
+    for name in ("v_m_s", "w_m_s"):
+        log.streams["velocity"][name] = 0.0 * log.streams["velocity"][name]
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] - 1_700_000
+
+
+@spoils("outputs_held")
+def _set_points(log: Log) -> None:
+    for number in range(1, 9):
+        name = f"pwm_{number}_us"
+        log.streams["actuators"][name] = np.full_like(log.streams["actuators"][name], 1600.0)
+
+
+def of_a_vehicle(name: str, *keys: str, value: float) -> Spoil:
+    """The vehicle file says something else."""
+
+    def change(log: Log) -> None:
+        document = copy.deepcopy(vehicle_document(name))
+        entry: Any = document
+        for key in keys:
+            entry = entry[key]
+        entry["value"] = value
+        log.vehicle = vehicle_from_document(document)
+
+    return change
+
+
+SPOIL["water_density"] = of_a_vehicle("bluerov2_heavy", "environment", "water_density", value=1.025)
+SPOIL["weight_in_water"] = of_a_vehicle("bluerov2_heavy", "rigid_body", "mass", value=29.8)
+
+
+@spoils("hull_volume")
+def _pounds(log: Log) -> None:
+    document = copy.deepcopy(vehicle_document("remus100"))
+    for name in ("mass", "displaced_mass"):
+        document["rigid_body"][name]["value"] *= 2.2046
+    log.vehicle = vehicle_from_document(document)
+
+
 @spoils("response_sign")
 def _backward(log: Log) -> None:
     """Thrusters push aft where the vehicle speeds up."""

@@ -21,6 +21,7 @@ import yaml
 
 from auvid.data_schemas.checks import checks, mistakes
 from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands.new.new_example import example_log
@@ -190,6 +191,31 @@ def other_clock(case: Case) -> None:
     case.files["velocity.csv"]["time_s"] = case.files["velocity.csv"]["time_s"] + 1.7e6
 
 
+def over_ground(case: Case) -> None:
+    """The velocity is north, east, down."""
+    phi, theta, psi = (np.radians(values[column]) for values, column in map(case.values, ANGLES))
+    turn = rotation_body_to_ned(np.stack([phi, theta, psi], axis=1))
+    body = np.stack([values[column] for values, column in map(case.values, SPEED)], axis=1)
+    for name, speed in zip(SPEED, np.einsum("nij,nj->in", turn, body), strict=True):
+        values, column = case.values(name)
+        values[column] = speed
+
+
+def in_minutes(case: Case) -> None:
+    for values in case.files.values():
+        values[next(iter(values))] /= 60.0
+
+
+def both(*changes: Change) -> Change:
+    """Several mistakes at once."""
+
+    def spoil(case: Case) -> None:
+        for change in changes:
+            change(case)
+
+    return spoil
+
+
 def misspelt(key: str, value: str, name: str) -> Change:
     def change(case: Case) -> None:
         case.entry(name)[key] = value
@@ -277,6 +303,55 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "stream misspelt": (misspelt("stream", "attitud", "phi_rad"), "attitude", "Did you mean"),
     "unit misspelt": (misspelt("unit", "degre", "phi_rad"), "degre", "unit of rad"),
     "no such column": (misspelt("column", "roll", "phi_rad"), "roll_deg", "Did you mean"),
+    "gyro in turns per minute": (
+        data(lambda p: 60.0 * p / (2.0 * np.pi), *GYRO),
+        "gyro_scale",
+        "turns per minute",
+    ),
+    "gyro at half scale": (data(lambda p: 0.5 * p, *GYRO), "gyro_scale", "0.5"),
+    "yaw as a bearing from east": (data(lambda psi: 90.0 - psi, ANGLES[2]), "gyro_sign", "yaw"),
+    "attitude 0.5 s late": (late(0.5, *ANGLES), "gyro_lag", "attitude comes 0.5"),
+    "attitude and gyro both flu": (
+        both(frame("flu", *ANGLES), frame("flu", *GYRO)),
+        "response_sign",
+        "Yaw",
+    ),
+    "depth in fathoms": (data(lambda z: z / 1.8288, "depth_m"), "velocity_scale", "fathoms"),
+    "pressure in kPa as depth": (
+        data(lambda z: 101.3 + 10.05 * z, "depth_m"),
+        "velocity_scale",
+        "kPa",
+    ),
+    "altitude over ground as depth": (
+        data(lambda z: 20.0 - z, "depth_m"),
+        "depth_sign",
+        "goes up",
+    ),
+    "depth 2 s late": (late(2.0, "depth_m"), "velocity_lag", "depth comes 2.0"),
+    "velocity in km/h declared m/s": (
+        data(lambda u: 3.6 * u, *SPEED),
+        "velocity_scale",
+        "km/h",
+    ),
+    "velocity of the water past the hull": (sign(*SPEED), "response_sign", "Surge"),
+    "velocity over ground as body velocity": (over_ground, "velocity_axes", "over ground"),
+    "surge and heave exchanged": (exchanged(SPEED[0], SPEED[2]), "velocity_axes", "surge and"),
+    "sway and heave exchanged": (exchanged(SPEED[1], SPEED[2]), "velocity_axes", "sway and"),
+    "time in minutes declared s": (in_minutes, "time_unit", "in minutes"),
+    "commands 2 s early": (late(-2.0, *PULSES), "commands_early", "stamped early"),
+    "commands frozen": (data(lambda p: 0.0 * p + 1600.0, *PULSES), "outputs_held", "No output"),
+    "outputs 1 and 2 exchanged": (exchanged(*PULSES[:2]), "response_sign", "Yaw"),
+    "depth and heave turned": (both(sign("depth_m"), sign(SPEED[2])), "response_sign", "Heave"),
+    "surge and pulses turned": (
+        both(sign(SPEED[0]), data(lambda pulse: 3000.0 - pulse, *PULSES)),
+        "response_sign",
+        "Heave",
+    ),
+    "gyro in deg/s and velocity in cm/s": (
+        both(data(np.degrees, *GYRO), data(lambda u: 100.0 * u, *SPEED)),
+        "gyro_scale",
+        "deg/s",
+    ),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -324,7 +399,7 @@ def test_the_healthy_case_has_no_finding_that_stops(base: Callable[[], Case]) ->
 def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
     spoil, expected, words = {**EXAMPLE, **DIVE_CASES}[name]
     case = copy.deepcopy(_example() if name in EXAMPLE else _dive())
-    if name.startswith("time in ") and name.endswith("declared s"):
+    if name in ("time in ms declared s", "time in us declared s"):
         values = case.files["run.csv"]
         values["time_s"] = values["time_s"] * (1e3 if "ms" in name else 1e6)
     else:
