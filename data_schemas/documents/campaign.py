@@ -97,12 +97,18 @@ class LegEntry(Model):
 
 
 class PriorEntry(Model):
-    """What another measurement knows of coefficients: `bench` or `campaign`."""
+    """What others know of coefficients: `bench`, `campaign` or `shelf`."""
 
     bench: str | None = None
     """Path of the `results.json` of a bench stage."""
     campaign: str | None = None
     """Path of a model card (.json) of another campaign: its posterior."""
+    shelf: str | None = None
+    """A published set: its name, as bluerov2_wu_2018, or the path of a vehicle file."""
+    prior_sd: Annotated[float, Range(0.01, 10.0)] | None = None
+    """With `shelf`: standard deviation of each coefficient as a share of its value; .5
+    without.
+    """
     terms: list[str] | None = None
     """Coefficients to take, as `Y_v` or `X_u|u|`; all of the file without."""
     widen: Annotated[float, Range(1.0)] = 1.0
@@ -110,8 +116,10 @@ class PriorEntry(Model):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> PriorEntry:
-        if (self.bench is None) == (self.campaign is None):
-            raise Faults(fault("name a file under `bench` or `campaign`, one of the two"))
+        if sum(item is not None for item in (self.bench, self.campaign, self.shelf)) != 1:
+            raise Faults(fault("name one source: `bench`, `campaign` or `shelf`"))
+        if self.prior_sd is not None and self.shelf is None:
+            raise Faults(fault("only a published set (`shelf`) takes it", "prior_sd"))
         return self
 
 
@@ -147,7 +155,7 @@ class CampaignDocument(Model):
     letters, or paths.
     """
     priors: list[PriorEntry] | None = None
-    """Priors on coefficients of structures, from a bench or from another campaign."""
+    """Priors on coefficients of structures: from a bench, another campaign or the shelf."""
     fill: dict[Motion, str] | None = None
     """Axes campaigns: axes that the logs do not give, from a published set (its name, as
     bluerov2_wu_2018, or the path of a vehicle file) or from the results.json of a bench.

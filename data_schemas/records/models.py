@@ -117,12 +117,12 @@ class PriorCard(Model):
 
 
 class MeasuredPriorCard(Model):
-    """Coefficients that another measurement found, with its covariance."""
+    """Coefficients that another measurement or publication gives, with covariance."""
 
-    source: Literal["bench", "campaign"]
-    """A bench, or another campaign."""
+    source: Literal["bench", "campaign", "shelf"]
+    """A bench, another campaign, or a published set."""
     file: str
-    """Its results or its model card."""
+    """Its results, its model card, or the name of the set."""
     means: dict[str, dict[str, float]]
     """Per axis, term -> mean in SI."""
     lower: list[list[float]]

@@ -19,10 +19,10 @@ class PriorTerm(Model):
 
 
 class PriorSource(Model):
-    """Coefficients that another measurement found."""
+    """Coefficients that another measurement or publication gives."""
 
-    kind: Literal["bench", "campaign"]
-    """Results of a bench stage, or the model card of another campaign."""
+    kind: Literal["bench", "campaign", "shelf"]
+    """Results of a bench stage, the model card of another campaign, or a published set."""
     file: str
     """Where they come from, as the campaign names it."""
     terms: list[PriorTerm]

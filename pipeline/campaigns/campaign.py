@@ -184,7 +184,11 @@ def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
     if named:
         sources = []
         for field, entry in named:
-            path = inside(folder, str(entry.bench or entry.campaign), file.path)
+            path = (
+                inside(folder, str(entry.bench or entry.campaign), file.path)
+                if entry.shelf is None
+                else _published_file(entry.shelf, folder, file.path, f"{field}.shelf")
+            )
             sources.append(prior_source(entry, path, named_in=file.path, field=field))
         by_schema[PRIORS] = {"sources": sources}
     return by_schema
@@ -209,16 +213,33 @@ def _shelf(file: YamlFile, folder: Path) -> dict[str, Vehicle]:
         else:
             paths = {key: path for key, path in shipped.items() if fnmatchcase(key, name)}
         if not paths:
-            raise CampaignError(
-                "not on the shelf",
-                file=file.path,
-                field=key_of,
-                value=name,
-                allowed=list(shipped),
-                remedy=nearest(name, shipped),
-            )
+            raise _not_on_the_shelf(name, file.path, key_of)
         vehicles |= {key: load_published(path, named_in=file.path) for key, path in paths.items()}
     return vehicles
+
+
+def _published_file(name: str, folder: Path, file: Path, field: str) -> Path:
+    """Return the file of a published set by its name, or of a path to a vehicle file.
+
+    Raises `CampaignError` for a name that the shelf does not have.
+    """
+    if name.endswith(".yaml"):
+        return inside(folder, name, file)
+    if name not in shelf_files():
+        raise _not_on_the_shelf(name, file, field)
+    return shelf_files()[name]
+
+
+def _not_on_the_shelf(name: str, file: Path, field: str) -> CampaignError:
+    shipped = shelf_files()
+    return CampaignError(
+        "not on the shelf",
+        file=file,
+        field=field,
+        value=name,
+        allowed=list(shipped),
+        remedy=nearest(name, shipped),
+    )
 
 
 def _check(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> None:

@@ -1,4 +1,4 @@
-"""Priors of a campaign from files: results of bench stages, cards of campaigns."""
+"""Priors of a campaign: results of benches, cards of campaigns, published sets."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ from auvid.data_schemas.documents.campaign import PriorEntry
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
+from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
+from auvid.pipeline.campaigns.vehicle_files import load_published
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 
 NAMES = {f"{axis}_{term.replace('*', '')}": (axis, term) for axis in AXES for term in BASIS_TERMS}
 """Name of a coefficient -> axis and term: `X_u|u|`."""
 RESTING = ("at its bound", "from the prior", "from the shelf", "from a bench")
 """Verdicts of numbers that are not of that campaign's data."""
+SHELF_SD = 0.5
+"""Standard deviation of a published coefficient as a share of its value."""
 
 
 class FileValues(NamedTuple):
@@ -28,9 +32,13 @@ class FileValues(NamedTuple):
 
 def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -> dict[str, Any]:
     """Return the document of a `PriorSource`; `CampaignError` for unknown terms."""
-    file = load_yaml(path, named_in=named_in, what=field)  # JSON is YAML
-    kind = "bench" if entry.bench is not None else "campaign"
-    content = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
+    kind, label = "shelf", str(entry.shelf)
+    if entry.shelf is not None:
+        content = _of_shelf(path, entry.prior_sd or SHELF_SD, named_in=named_in)
+    else:
+        kind, label = "bench" if entry.bench is not None else "campaign", path.name
+        file = load_yaml(path, named_in=named_in, what=field)  # JSON is YAML
+        content = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
     for index, name in enumerate(entry.terms or ()):
         if name not in content.values:
             raise CampaignError(
@@ -52,7 +60,7 @@ def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -
     factor = entry.widen**2
     return {
         "kind": kind,
-        "file": path.name,
+        "file": label,
         "terms": [
             {"axis": NAMES[name][0], "term": NAMES[name][1], "value": content.values[name]}
             for name in names
@@ -62,6 +70,18 @@ def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -
             for i, name in enumerate(names)
         ],
     }
+
+
+def _of_shelf(path: Path, relative_sd: float, *, named_in: Path) -> FileValues:
+    """Return damping and lift of a published set, independent of each other."""
+    published = viscous_terms(load_published(path, named_in=named_in).published.values())
+    values = {
+        name: published[axis][term]
+        for name, (axis, term) in NAMES.items()
+        if published.get(axis, {}).get(term)
+    }
+    errors = {(name, name): (relative_sd * value) ** 2 for name, value in values.items()}
+    return FileValues(values, errors)
 
 
 def _of_bench(document: object, path: Path) -> FileValues:

@@ -215,7 +215,10 @@ def _limits_and_priors(card: ModelCard) -> list[str]:
             f" deviation of {100.0 * card.prior.relative_sd:g} % of each value."
         )
     for prior in card.measured_priors:
-        sentences.append(f"A prior with its covariance came from {prior.file}.")
+        if prior.source == "shelf":
+            sentences.append(f"A prior came from the published set {prior.file}.")
+        else:
+            sentences.append(f"A prior with its covariance came from {prior.file}.")
     return sentences
 
 

@@ -32,6 +32,7 @@ PRIOR_TEXT = {
     "vehicle": "coefficients published in the vehicle file",
     "bench": "results of a bench",
     "campaign": "the model of another campaign",
+    "shelf": "a published set",
 }
 ERROR_TEXT = {
     "squares": "the sum of squares",
@@ -266,7 +267,7 @@ def _prior_remark(card: ModelCard, prior: PriorCard | MeasuredPriorCard) -> dict
     spread = (
         f"with a standard deviation of {100.0 * prior.relative_sd:g} % of each value"
         if isinstance(prior, PriorCard)
-        else f"({prior.file}), with its covariance"
+        else f"({prior.file}), {'each by itself' if prior.source == 'shelf' else 'with covariance'}"
     )
     words = (
         f"{card.title}: a prior was used, {PRIOR_TEXT[prior.source]} {spread}, on"

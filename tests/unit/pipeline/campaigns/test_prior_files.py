@@ -12,7 +12,10 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.campaign import PriorEntry
 from auvid.data_schemas.errors import CampaignError
+from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.campaigns.prior_files import prior_source
+from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
+from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from tests.support.example_run import example_run
 
 BENCH = {
@@ -97,6 +100,62 @@ def test_other_units_and_files_without_a_figure_are_refused(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("entry", [{}, {"bench": "a.json", "campaign": "b.json"}])
-def test_an_entry_names_one_file(entry: dict[str, str]) -> None:
-    with pytest.raises(ValueError, match="one of the two"):
+def test_an_entry_names_one_source(entry: dict[str, str]) -> None:
+    with pytest.raises(ValueError, match="name one source"):
         PriorEntry.model_validate(entry)
+
+
+def test_a_published_set_gives_its_damping_each_by_itself() -> None:
+    path = shelf_files()["bluerov2_wu_2018"]
+
+    def prior(**entry: Any) -> dict[str, Any]:
+        return prior_source(
+            PriorEntry(shelf="bluerov2_wu_2018", **entry), path, named_in=path, field="priors[0]"
+        )
+
+    everything = prior()
+    check_document({"sources": [everything]}, "prior_sources")
+    assert (everything["kind"], everything["file"]) == ("shelf", "bluerov2_wu_2018")
+    published = load_published(path).published
+    assert {(item["axis"], item["term"]) for item in everything["terms"]} == {
+        (item.axis, item.term) for item in published.values()
+    }
+    roll = prior(terms=["K_p", "K_p|p|"], prior_sd=0.2, widen=2.0)
+    values = [published["K_p"].value, published["K_p|p|"].value]
+    assert [item["value"] for item in roll["terms"]] == values
+    assert roll["lower"] == [
+        [pytest.approx((0.4 * values[0]) ** 2)],
+        [0.0, pytest.approx((0.4 * values[1]) ** 2)],
+    ]
+    with pytest.raises(CampaignError, match="no such coefficient"):
+        prior(terms=["K_v"])
+
+
+def test_only_a_published_set_takes_a_share() -> None:
+    with pytest.raises(ValueError, match="only a published set"):
+        PriorEntry(bench="a.json", prior_sd=0.3)
+
+
+def test_a_campaign_names_a_set_of_the_shelf(tmp_path: Path) -> None:
+    folder = tmp_path / "dive"
+    folder.mkdir()
+    manifest = folder / "campaign.yaml"
+
+    def loaded(name: str) -> Campaign:
+        text = {
+            "kind": "identification",
+            "vehicle": "bluerov2",
+            "logs": [{"id": "dive", "file": "dive.BIN"}],
+            "legs": [{"id": "train", "log": "dive", "start_s": 0, "end_s": 60, "use": "training"}],
+            "priors": [{"shelf": name, "terms": ["K_p"]}],
+        }
+        manifest.write_text(json.dumps(text), encoding="utf-8")
+        vehicles = {"bluerov2": SHIPPED_VEHICLES / "bluerov2.yaml"}
+        return load_campaign(folder, kinds={"identification": ("synthesise",)}, vehicles=vehicles)
+
+    (prior,) = loaded("bluerov2_wu_2018").documents["prior_sources"]["sources"]
+    assert (prior["kind"], [item["term"] for item in prior["terms"]]) == ("shelf", ["p"])
+    with pytest.raises(CampaignError, match="not on the shelf") as refused:
+        loaded("bluerov2_wu_2019")
+    assert refused.value.field == "priors[0].shelf"
+    assert "bluerov2_wu_2018" in (refused.value.remedy or "")
