@@ -337,6 +337,7 @@ class VehicleModel:
             lags_s=np.array([self.file.dynamics.actuator_lag_s]),
             minimum_speed=_minimum_speed(self.file),
             imposed=held,
+            coriolis=model_file.coriolis_acts(self.file),
         )
         frame = pd.DataFrame(states[0, 0], columns=list(STATE_COLUMNS))
         frame.insert(0, "t_s", t_s)
@@ -421,12 +422,20 @@ def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: i
 
 
 def _late(file: ModelFile, force: Array, motion: MeasuredMotion) -> Array:
-    """Return the force (n, 6) of a partial model, each axis with its own lag."""
+    """Return the force (n, 6) of a partial model, each axis with its own lag.
+
+    With the forces that follow those of other axes.
+    """
     assert file.partial is not None
     late = np.zeros(force.shape)
     for axis, source in file.partial.axes.items():
         place = AXES.index(axis)
         late[:, place] = first_order_lag(force[:, place], lag_s=source.lag_s, step_s=motion.step_s)
+    for item in file.partial.cross_forces:
+        other = force[:, AXES.index(item.of)]
+        late[:, AXES.index(item.axis)] += item.value * first_order_lag(
+            other, lag_s=item.lag_s, step_s=motion.step_s
+        )
     return late
 
 

@@ -16,12 +16,12 @@ from auvid.data_schemas.records.model_file import (
     ThrustCurveFigures,
     ThrusterFigures,
 )
-from auvid.data_schemas.records.partial import CommandGain
+from auvid.data_schemas.records.partial import CommandGain, CrossForce
 from auvid.export.text import one_line
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.viscous.basis import PROPULSION, cross_flow_speed, signed_speed
-from auvid.hydro.model_file import axes_of, unit_of_mass
+from auvid.hydro.model_file import axes_of, coriolis_acts, unit_of_mass
 from auvid.hydro.partial_model import block_inverse
 
 TO_FLU = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
@@ -69,7 +69,8 @@ class Body:
 
     inertia (3, 3) about the origin; added_mass (6, 6) is M_A <= 0, mass (6, 6) is M_RB -
     M_A. Of a partial model: `axes` that it has, the axis whose apparent inertia is the
-    `unit_of_mass` (None for kg), lags of its axes, gains of full commands.
+    `unit_of_mass` (None for kg), lags of its axes, gains of full commands, forces that
+    follow others. coriolis: whether that force acts.
     """
 
     title: str
@@ -94,6 +95,8 @@ class Body:
     unit_of_mass: str | None = None
     lags_s: Mapping[str, float] = field(default_factory=dict)
     gains: tuple[CommandGain, ...] = ()
+    cross_forces: tuple[CrossForce, ...] = ()
+    coriolis: bool = True
 
     @cached_property
     def inertia_about_G(self) -> Array:
@@ -251,6 +254,8 @@ def body_of(model: ModelFile) -> Body:
         unit_of_mass=unit_of_mass(model),
         lags_s={} if part is None else {axis: item.lag_s for axis, item in part.axes.items()},
         gains=() if part is None else tuple(part.gains),
+        cross_forces=() if part is None else tuple(part.cross_forces),
+        coriolis=coriolis_acts(model),
     )
 
 

@@ -74,7 +74,7 @@ def force(nu, eta{propeller}):
     return [a + b - c for a, b, c in parts]
 
 
-def coriolis(nu, matrix=MASS):
+def coriolis(nu, matrix={coriolis_mass}):
     """Return C(nu) nu of a symmetric mass matrix [N, N m]."""
     u, v, w, p, q, r = (float(value) for value in nu)
     a1, a2, a3, b1, b2, b3 = product(matrix, (u, v, w, p, q, r))
@@ -226,7 +226,7 @@ LAGS = {lags}
 GAINS = (
 {gains})
 """Axis, output channel (None for the whole axis), force of a full command, dead band, curve."""
-
+{cross}
 
 def command_force(commands):
     """Return tau of shares of full commands (-1 to 1), by axis or output channel."""
@@ -254,6 +254,13 @@ def partial_text(body: Body) -> str:
     return _PARTIAL.format(
         axes=repr(body.axes),
         lags=repr(dict(body.lags_s)),
+        cross=""
+        if not body.cross_forces
+        else "CROSS_FORCES = "
+        + repr(tuple((item.axis, item.of, item.value, item.lag_s) for item in body.cross_forces))
+        + """
+\"\"\"Axis, axis whose force makes it, its share, lag [s] behind it; the caller applies it.\"\"\"
+""",
         gains="".join(
             f"    ({item.axis!r}, {item.output!r}, {number(item.value)},"
             f" {number(item.dead_band)}, {number(item.curve)}),\n"
@@ -302,6 +309,7 @@ def functions(body: Body) -> str:
         propeller=", propeller_rev_s=None" if ratio else "",
         argument=", propeller_rev_s" if ratio else "",
         preparation=preparation,
+        coriolis_mass="MASS" if body.coriolis else "((0.0,) * 6,) * 6",
         sums="".join(_sum_of(body.terms, axis) for axis in range(6)),
     )
     if body.curve is not None:

@@ -17,6 +17,7 @@ from auvid.export.readme import readme
 from auvid.export.targets import TARGETS, load_target
 from auvid.export.text import identifier, one_line, sanitised
 from auvid.hydro.arrays import AXES
+from auvid.hydro.model_file import coriolis_acts
 from auvid.hydro.published_model import MOTIONS
 
 
@@ -181,6 +182,16 @@ def _refuse_partial(model: ModelFile, to: Target) -> None:
             " again; or measure them: "
             + " ".join(dict.fromkeys(item.remedy for item in part.lacking.values())),
         )
+    if (part.cross_forces or not coriolis_acts(model)) and not to.any_unit_of_mass:
+        has = "a force that follows surge" if part.cross_forces else "no Coriolis force"
+        raise DataError(
+            f"{to.title} has Coriolis force and no force that follows another; here is {has}",
+            field="target",
+            value=to.name,
+            allowed=[name for name in TARGETS if load_target(name).any_unit_of_mass],
+            remedy="Set `fit_axes: {together: always, surge_in_heave: false}` under `stages`, and"
+            " run again.",
+        )
     if part.unit_of_mass is not None and not to.any_unit_of_mass:
         raise DataError(
             f"{to.title} needs newtons, and this model has none: its unit of mass is the"
@@ -245,6 +256,13 @@ def _partial_lines(part: PartialFigures) -> list[str]:
         f" {item.source}: {item.name}."
         for axis, item in part.axes.items()
         if item.source != "fitted"
+    ]
+    if part.together is not None and not part.together.chosen:
+        lines.append("Its axes were fitted one by one: no Coriolis force acts.")
+    lines += [
+        f"{MOTION_WORDS[item.axis].capitalize()} has a force that follows that of"
+        f" {MOTION_WORDS[item.of]}, late by {item.lag_s:g} s."
+        for item in part.cross_forces
     ]
     if part.unit_of_mass is not None:
         lines.append(

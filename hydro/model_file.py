@@ -85,7 +85,7 @@ def forces(
     )
     gap = np.array([0.0 if axis in axes_of(model) else np.nan for axis in AXES])
     return ModelForces(
-        coriolis_force(dynamics.mass, nu) + gap,
+        coriolis_acts(model) * coriolis_force(dynamics.mass, nu) + gap,
         (viscous + identified.force(nu, ratio) if identified.terms else viscous) + gap,
         restoring + gap,
     )
@@ -94,6 +94,12 @@ def forces(
 def axes_of(model: ModelFile) -> tuple[str, ...]:
     """Return the axes that a model has, X to N."""
     return AXES if model.partial is None else tuple(a for a in AXES if a in model.partial.axes)
+
+
+def coriolis_acts(model: ModelFile) -> bool:
+    """Return whether Coriolis force acts: not on axes that fly better one by one."""
+    together = None if model.partial is None else model.partial.together
+    return together is None or together.chosen
 
 
 def unit_of_mass(model: ModelFile) -> str | None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvid.data_schemas.documents.model import Quantity, Unit
 from auvid.data_schemas.records.model_file import DynamicsFigures
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask, read_only
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -40,6 +41,26 @@ def in_unit_of_mass(vehicle: Vehicle, axis: str) -> Vehicle:
         fins=None,
         propeller=None,
     )
+
+
+def with_righting_moment(vehicle: Vehicle, moment: float, unit_of_mass: str | None) -> Vehicle:
+    """Return the vehicle with the centre of buoyancy that a righting moment asks for.
+
+    z_B = (z_G W - k) / B, with k = z_G W - z_B B (Fossen 2011, 4.6) [N m], of a model
+    without newtons k times the apparent inertia that is its unit of mass.
+    """
+    scale = 1.0 if unit_of_mass is None else apparent_inertia(vehicle, unit_of_mass)
+    place = vehicle.r_B.copy()
+    place[2] = (vehicle.r_G[2] * vehicle.weight - scale * moment) / vehicle.buoyancy
+    body = vehicle.document.rigid_body
+    length = Unit("m", (3,))
+    centre = length.read(
+        Quantity(value=place.tolist(), unit="m", source="righting moment of these logs")
+    )
+    document = vehicle.document.model_copy(
+        update={"rigid_body": body.model_copy(update={"centre_of_buoyancy": centre})}
+    )
+    return replace(vehicle, r_B=read_only(place), document=document)
 
 
 def figures_in_unit(figures: DynamicsFigures, axis: str) -> DynamicsFigures:

@@ -139,12 +139,14 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
         words = "use it for nothing"
     else:
         words = f"use it to simulate {axes_listed(usable.simulation)} only"
-    judged = [*TILTS] if usable is None else [*usable.simulation, *TILTS]
+    righted = [] if part.righting is None else part.righting.axes
+    unjudged = [axis for axis in TILTS if axis not in righted]
+    judged = unjudged if usable is None else [*usable.simulation, *unjudged]
     fitted = [axis for axis, item in part.axes.items() if item.source == FITTED]
     weak = [axis for axis in fitted if axis not in judged]
     if weak:
         words += f"; {axes_listed(weak)} {'is' if len(weak) == 1 else 'are'} too weak"
-    tilts = [axis for axis in TILTS if axis in fitted]
+    tilts = [axis for axis in unjudged if axis in fitted]
     if tilts:
         words += f"; {axes_listed(tilts)} with the righting moment of the vehicle file, not judged"
     filled = [axis for axis, item in part.axes.items() if item.source != FITTED]
@@ -152,7 +154,14 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
         words += f"; {axes_listed(filled)} from elsewhere, not judged"
     lacking = [
         f"{axes_listed(axes)} {verdict}"
-        for verdict in ("not observable", "not excited", "not commanded")
+        for verdict in (
+            "not observable",
+            "not excited",
+            "not commanded",
+            "left out",
+            "wrong sign",
+            "not predicted",
+        )
         if (axes := [axis for axis, item in part.lacking.items() if item.verdict == verdict])
     ]
     return f"{words}; {', '.join(lacking)}" if lacking else words

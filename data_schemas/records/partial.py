@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from auvid.data_schemas.documents.model import Model
 
 Axis = Literal["X", "Y", "Z", "K", "M", "N"]
@@ -32,8 +34,12 @@ class AxisSource(Model):
 class LackingAxis(Model):
     """Why a partial model does not have an axis."""
 
-    verdict: Literal["not observable", "not excited", "not commanded"]
-    """Nothing measures it; it hardly moves; no actuator drives it."""
+    verdict: Literal[
+        "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
+    ]
+    """Nothing measures it; it hardly moves; no actuator drives it; the campaign leaves it
+    out; it moves against its force; on what was held out its mean is the better guess.
+    """
     words: str
     """The reason."""
     remedy: str
@@ -95,6 +101,53 @@ class ScaleSource(Model):
     """Its standard deviation as a share; every interval in newtons has it."""
 
 
+class TogetherFigures(Model):
+    """Whether axes were fitted together, with Coriolis force, or one by one."""
+
+    axes: list[Axis]
+    """Axes that were tried both ways."""
+    chosen: bool
+    """True: together, and the Coriolis force of `dynamics.mass` acts between all axes. False:
+    one by one, and no Coriolis force acts.
+    """
+    error_ratio: float | None
+    """Error together over error one by one, as the geometric mean over axes and what was
+    held out; null where nothing was held out.
+    """
+
+
+class CrossForce(Model):
+    """A force on one axis that follows the force of another."""
+
+    axis: Axis
+    """Axis that it acts on."""
+    of: Axis
+    """Axis whose force makes it."""
+    value: float
+    """Force on `axis` by a force of 1 on `of` that has lasted."""
+    lag_s: float
+    """Time constant by which it follows."""
+    interval_95: list[float] | None
+    """Ends of the 95 % interval of `value`; null where there is none."""
+    verdict: FigureVerdict
+    """What the data say."""
+
+
+class RightingMoment(Model):
+    """Righting moment of roll and pitch that these logs give."""
+
+    axes: list[Axis]
+    """Axes whose swing gave it; of two, their weighted mean."""
+    value: float
+    """Moment by the sine of the angle, in the unit of force of the file times metres: z_G W
+    - z_B B of `dynamics`.
+    """
+    unit: str
+    """N m, or m^2/s^2 and 1/s^2 of a normalised model."""
+    interval_95: list[float] | None
+    """Ends of its 95 % interval; null where there is none."""
+
+
 class PartialFigures(Model):
     """Axes that a model has and lacks, and its unit of mass."""
 
@@ -112,3 +165,9 @@ class PartialFigures(Model):
     """What full commands give; none where the actuators have a thrust curve."""
     scale: ScaleSource | None = None
     """What gave the newtons; absent where the thrust curve did, or nothing."""
+    together: TogetherFigures | None = None
+    """Absent where axes could be fitted one by one only; Coriolis force then acts."""
+    righting: RightingMoment | None = None
+    """Absent where the logs give none: that of the vehicle file then acts."""
+    cross_forces: list[CrossForce] = Field(default_factory=list)
+    """Forces that follow those of other axes; absent where none was fitted."""

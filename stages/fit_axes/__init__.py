@@ -26,7 +26,8 @@ from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import model_card, ranking
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion
-from auvid.stages.fit_axes.fitting import FitOptions, LegData, fit_all
+from auvid.stages.fit_axes.fitting import fit_all
+from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import RATE_OF, fit_section, fit_views
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.free_run import NAMES, PERSISTENCE
@@ -62,6 +63,13 @@ class Params:
     )
     surge_in_heave: bool = param(
         "1", False, meaning="fit a force ahead in heave beside it, under a prior around 0"
+    )
+    together: str = param(
+        "1",
+        "better",
+        meaning="fit axes together, with Coriolis force: where that is better on what is held out,"
+        " never, or always",
+        allowed=("better", "never", "always"),
     )
     lag_s: float = param(
         "s", 0.08, meaning="first-order lag between command and force", low=0.01, high=2.0
@@ -105,6 +113,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         given_inertia=params.given_inertia,
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,
+        together=params.together,
     )
     fits = fit_all(legs, inputs.vehicle, options)
     if not fits.fitted:

@@ -32,11 +32,18 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisForces
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
+from auvid.hydro.identification.axes.single_axis import SURGE_LAG_S
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia, unit_in
 from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.fit_axes.filling import FilledAxis
-from auvid.stages.fit_axes.fitted import SIMULATED_PERCENT, AxisFits, FittedAxis, Lacking
+from auvid.stages.fit_axes.fitted import (
+    SIMULATED_PERCENT,
+    AxisFits,
+    FittedAxis,
+    Lacking,
+    Together,
+)
 from auvid.stages.fit_axes.scaling import ScaledAxes
 from auvid.stages.model_use import TILTS
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS
@@ -51,7 +58,12 @@ REMEDIES = {
     "N": "Log the gyro while the vehicle turns both ways.",
 }
 """Axis -> what would give it."""
-COMMAND_IT = "Command the axis both ways in a dive."
+REMEDY_OF = {
+    "not commanded": "Command the axis both ways in a dive.",
+    "left out": "Name it in stages.fit_axes.axes, or name none there.",
+    "wrong sign": "Check the directions of the thrusters, the frame, and the signs of the columns.",
+}
+"""Verdict -> what would give an axis, where the verdict tells it."""
 WORST = ("not excited", "inseparable", "weak", "at its bound", "from the prior", "identified")
 
 
@@ -124,13 +136,72 @@ def partial_figures(
             ],
             "gains": _gains(fits, scaled) if fits.normalised else [],
             **({} if scaled.scale is None else {"scale": scaled.scale}),
+            **({} if fits.together is None else {"together": _together(fits.together)}),
+            **righting_and_surge(fits, scaled),
         }
     )
 
 
+def _together(item: Together) -> dict[str, object]:
+    return {
+        "axes": list(item.axes),
+        "chosen": item.chosen,
+        "error_ratio": item.error_ratio if np.isfinite(item.error_ratio) else None,
+    }
+
+
+def righting_and_surge(fits: AxisFits, scaled: ScaledAxes) -> dict[str, object]:
+    """Return the righting moment and the force of surge on heave, where they are.
+
+    k = -e m of roll or pitch, m its inertia, x' = ... + e sin(angle); of two the mean by
+    their errors. Heave: F = (e m) X behind its lag, where X counts in newtons or in the
+    shares of the file.
+    """
+    out: dict[str, object] = {}
+    moments = []
+    for item in fits.fitted:
+        if item.righting is not None and item.righting.value < 0.0:
+            mass = scaled.forces[item.axis].inertia
+            half = (item.righting.high - item.righting.low) / (2.0 * NORMAL_95)
+            moments.append((item.axis, -item.righting.value * mass, half * mass))
+    if moments:
+        values, errors = (np.array([part[i] for part in moments]) for i in (1, 2))
+        weights = np.maximum(errors, 1e-12) ** -2.0
+        value, error = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
+        unit = _unit(moments[0][0], CONSTANT, scaled)
+        out["righting"] = {
+            "axes": [axis for axis, _, _ in moments],
+            "value": value,
+            "unit": unit,
+            "interval_95": _interval(value, error),
+        }
+    for item in fits.fitted:
+        if item.surge is not None:
+            # The force ahead counts as X of the file; a command of surge is its gain less.
+            ahead = scaled.forces.get("X")
+            gain = 1.0
+            if fits.normalised:
+                if ahead is None:
+                    continue  # nothing in the file turns a command of surge into a force
+                gain = float(ahead.values[ahead.names.index(FORCE)])
+            mass = scaled.forces[item.axis].inertia / gain
+            low, high = sorted((item.surge.low * mass, item.surge.high * mass))
+            out["cross_forces"] = [
+                {
+                    "axis": item.axis,
+                    "of": "X",
+                    "value": item.surge.value * mass,
+                    "lag_s": SURGE_LAG_S,
+                    "interval_95": [low, high],
+                    "verdict": IDENTIFIED if item.predicts and low * high > 0.0 else WEAK,
+                }
+            ]
+    return out
+
+
 def lacking_axis(item: Lacking) -> LackingAxis:
     """Return why an axis is lacking, and what would give it."""
-    remedy = COMMAND_IT if item.verdict == "not commanded" else REMEDIES[item.axis]
+    remedy = REMEDY_OF.get(item.verdict, REMEDIES[item.axis])
     return LackingAxis(verdict=item.verdict, words=item.words, remedy=remedy)
 
 
@@ -210,12 +281,14 @@ def ranking(card: ModelCard, fits: AxisFits) -> RankingRecord:
 def usable_for(card: ModelCard) -> UsableFor:
     """Return which axes simulate, and which are good enough for a controller.
 
-    Not roll and pitch: the file has the righting moment of the vehicle file, not the fitted
-    one.
+    Roll and pitch only with a righting moment that was fitted, not that of the vehicle file.
     """
     assert card.partial is not None
+    righting = card.partial.righting
     fit = {
-        axis: item.held_out_percent for axis, item in card.partial.axes.items() if axis not in TILTS
+        axis: item.held_out_percent
+        for axis, item in card.partial.axes.items()
+        if axis not in TILTS or (righting is not None and axis in righting.axes)
     }
 
     def above(limit: float) -> list[str]:

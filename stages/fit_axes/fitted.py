@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
 
-LackingVerdict = Literal["not observable", "not excited", "not commanded"]
+LackingVerdict = Literal[
+    "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
+]
 LagVerdict = Literal["identified", "weak", "assumed"]
 
 
@@ -26,11 +28,15 @@ coefficients are weak at best, whatever their errors.
 
 @dataclass(frozen=True)
 class HeldOutFit:
-    """Fit [%] of the rate on windows or a leg that the fit did not use."""
+    """Fit [%] of the rate on windows or a leg that the fit did not use.
+
+    one_run: of a leg, that of one free run from its first window to its last.
+    """
 
     what: str
     percent: float
     windows: int
+    one_run: float | None = None
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,22 @@ class AxisMotion:
         inside = np.isfinite(self.simulated) & np.isfinite(self.measured)
         error = (self.simulated - self.measured)[inside]
         return float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(change[inside] ** 2)))
+
+
+class JudgedMotion(TypedDict):
+    """How a fitted axis moves, as `FittedAxis` has it."""
+
+    held_out: tuple[HeldOutFit, ...]
+    training_percent: float
+    error_rms: float
+    speeds: VelocityRange
+    samples: int
+    windows: int
+    seconds: float
+    per_leg: Mapping[str, tuple[float, int]]
+    motion: tuple[AxisMotion, ...]
+    whole_legs: Mapping[str, float]
+    idle_legs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -98,6 +120,12 @@ class FittedAxis:
     motion: tuple[AxisMotion, ...] = ()
     whole_legs: Mapping[str, float] = field(default_factory=dict)
     """Validation leg -> fit [%] of one free run from its first window to its last."""
+    idle_legs: tuple[str, ...] = ()
+    """Legs without a window: they do not command it, or nothing measures it there."""
+    surge: FitQuantity | None = None
+    """Acceleration down by a force ahead of 1, behind the lag of the surge speed."""
+    righting: FitQuantity | None = None
+    """Acceleration by the sine of the angle [1/s^2], below 0 where it rights."""
 
     @property
     def axis(self) -> str:
@@ -135,6 +163,20 @@ class Lacking:
 
 
 @dataclass(frozen=True)
+class Together:
+    """Whether some axes are of one fit with Coriolis force, and what decided it.
+
+    error_ratio: geometric mean, over legs and axes that were held out, of the error of
+    that fit over those of fits one by one; nan where nothing was compared.
+    """
+
+    axes: tuple[str, ...]
+    chosen: bool
+    error_ratio: float
+    pairs: int
+
+
+@dataclass(frozen=True)
 class AxisFits:
     """All that the logs say of the six axes; force in full commands where `normalised`.
 
@@ -149,3 +191,4 @@ class AxisFits:
     full_thrust: Mapping[str, float]
     force: str
     legs: tuple[str, ...]
+    together: Together | None = None

@@ -12,7 +12,8 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
-from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis
+from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
+from auvid.stages.model_use import axes_listed
 from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import (
@@ -45,6 +46,8 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
             f" state at the start of a window. Force: {fits.force}."
         )
     ]
+    if fits.together is not None:
+        blocks.append(remark(together_words(fits.together)))
     warnings = [words for item in fits.fitted for words in item.warnings]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
     blocks += _fit_tables(fits)
@@ -55,11 +58,29 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
         ]
         blocks.append(table("Axes that are not fitted", ["axis", "why", "", "remedy"], rows))
     blocks += _coefficients(card)
+    blocks += _beside_damping(card)
     blocks += _free_of_newtons(card)
     notes = [words for item in fits.fitted for words in item.notes]
     blocks += [remark(words) for words in dict.fromkeys(notes)]
     blocks += [item for fitted in fits.fitted for item in _plots(fitted)]
     return section("Axes", blocks, order=ORDER, look_for=LOOK_FOR, is_open=True)
+
+
+def together_words(item: Together) -> str:
+    """Return which axes were fitted together or one by one, and by what figure."""
+    names = ", ".join(AXIS_WORDS[axis] for axis in item.axes)
+    ratio = (
+        "on windows and legs that were held out the error together is"
+        f" {item.error_ratio:.2f} times that one by one (geometric mean of {item.pairs} figures)"
+        if np.isfinite(item.error_ratio)
+        else "nothing was held out to compare them on"
+    )
+    if item.chosen:
+        return f"Fitted together, with Coriolis force by the ratios of inertia: {names}; {ratio}."
+    return (
+        f"Fitted one by one, and no Coriolis force is in the model: {names}; {ratio}, so that"
+        " Coriolis force does not help here."
+    )
 
 
 def _fit_tables(fits: AxisFits) -> list[Block]:
@@ -88,21 +109,35 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
     ]
     note = "Held out is the least of what was held out; the lag is fixed where it has no error."
     blocks = [table("Fit of the rate, axis by axis", heads, rows, note=note)]
-    legs = [
-        [words_of(item.axis), leg, percent, windows, item.whole_legs.get(leg)]
-        for item in fits.fitted
-        for leg, (percent, windows) in item.per_leg.items()
-    ]
+    legs = [row for item in fits.fitted for row in _leg_rows(item)]
     if len({row[1] for row in legs}) > 1:
         blocks.append(
             table(
                 "Leg by leg",
-                ["axis", "leg", ("fit", "%"), "windows", ("one free run over it", "%")],
+                ["axis", "leg", "", ("fit", "%"), "windows", ("one free run over it", "%")],
                 legs,
-                note="A leg for validation is also flown once from its start to its end.",
+                note="Legs left out and those for validation are flown by a fit that does not use"
+                " them, window by window and once from the first window to the last.",
             )
         )
     return blocks
+
+
+def _leg_rows(item: FittedAxis) -> list[list[str | float | None]]:
+    """Return rows of the legs of an axis: fitted, left out in turn, not commanded."""
+    name = words_of(item.axis)
+    by_validation = dict(item.whole_legs)
+    rows: list[list[str | float | None]] = [
+        [name, leg, "validation" if leg in by_validation else "fitted", percent, windows,
+         by_validation.get(leg)]
+        for leg, (percent, windows) in item.per_leg.items()
+    ]  # fmt: skip
+    rows += [
+        [name, part.what.removeprefix("leg "), "left out", part.percent, part.windows, part.one_run]
+        for part in item.held_out
+        if part.what.startswith("leg ")
+    ]
+    return rows + [[name, leg, "not commanded", None, None, None] for leg in item.idle_legs]
 
 
 def _coefficients(card: ModelCard) -> list[Block]:
@@ -136,6 +171,26 @@ def _coefficients(card: ModelCard) -> list[Block]:
         heads = ["apparent inertia", "value", "± 95 % by noise", "unit", "vehicle file", "verdict"]
         blocks.append(table("Inertia that the logs give", heads, inertia))
     return blocks
+
+
+def _beside_damping(card: ModelCard) -> list[Block]:
+    """Return the righting moment and the forces that follow others, in one table."""
+    part = card.partial
+    if part is None or (part.righting is None and not part.cross_forces):
+        return []
+    rows: list[list[str | float | None]] = []
+    if part.righting is not None:
+        moment = part.righting
+        rows.append(
+            [f"righting moment ({axes_listed(moment.axes)})", moment.value, *_ends(moment),
+             moment.unit, None]
+        )  # fmt: skip
+    rows += [
+        [f"{AXIS_WORDS[item.axis]} by the force of {AXIS_WORDS[item.of]}, {item.lag_s:g} s late",
+         item.value, *_ends(item), "1", item.verdict]
+        for item in part.cross_forces
+    ]  # fmt: skip
+    return [table("Beside damping", ["figure", "value", "from", "to", "unit", "verdict"], rows)]
 
 
 def _free_of_newtons(card: ModelCard) -> list[Block]:

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from auvid.data_schemas.records.partial import ScaleSource
 from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import FORCE, AxisForces, Inertia, as_forces
@@ -49,14 +51,15 @@ def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
     if by == "pull" and pulled:
         source = _pull_source(pulled[0], fits, vehicle)
         inertias = {
-            axis: _by_pull(axis, by_axis, fits, file_inertia, source.relative_sd)
-            for axis in by_axis
+            axis: _by_pull(axis, by_axis, fits, vehicle, source.relative_sd) for axis in by_axis
         }
         return ScaledAxes(_forces(by_axis, inertias), None, source)
     if by == "mass":
         axis = next(iter(by_axis))
-        spread = vehicle.spreads.get("mass", 0.0) / vehicle.mass_kg
-        inertias = {name: Inertia(file_inertia[name], 0, spread) for name in by_axis}
+        spread = inertia_error(vehicle, axis)
+        inertias = {
+            name: Inertia(file_inertia[name], 0, inertia_error(vehicle, name)) for name in by_axis
+        }
         scale = ScaleSource.model_validate(
             {"axis": axis, "source": "mass", "value": file_inertia[axis], "relative_sd": spread}
         )
@@ -81,10 +84,13 @@ def _by_pull(
     axis: str,
     by_axis: Mapping[str, FittedAxis],
     fits: AxisFits,
-    file_inertia: Mapping[str, float],
+    vehicle: Vehicle,
     relative_sd: float,
 ) -> Inertia:
-    """Return the inertia of an axis by its pull, the layout, or the file's ratio."""
+    """Return the inertia of an axis by its pull, the layout, or the file's ratio.
+
+    The ratio has the error that the spreads of the vehicle file give it.
+    """
     if axis in fits.full_force:
         return Inertia(fits.full_force[axis], 1, relative_sd)
     pulled = next(item for item in fits.full_force if item in by_axis)
@@ -93,9 +99,38 @@ def _by_pull(
         return Inertia(pull * ties[axis] / ties[pulled], 1, relative_sd)
     equation = by_axis[pulled].equation
     gain = equation.value(FORCE)
-    mass = pull / gain * file_inertia[axis] / file_inertia[pulled]
-    own = equation.error(FORCE) / gain
-    return Inertia(mass, 0, float((relative_sd**2 + own**2) ** 0.5))
+    mass = pull / gain * apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
+    own, ratio = equation.error(FORCE) / gain, ratio_error(vehicle, axis, pulled)
+    return Inertia(mass, 0, float((relative_sd**2 + own**2 + ratio**2) ** 0.5))
+
+
+def inertia_error(vehicle: Vehicle, axis: str) -> float:
+    """Return the relative error of an apparent inertia by the spreads of its parts."""
+    return float(np.linalg.norm(list(_inertia_parts(vehicle, axis).values())))
+
+
+def ratio_error(vehicle: Vehicle, axis: str, other: str) -> float:
+    """Return the relative error of M_axis / M_other: the mass is in both.
+
+    d ln(M_i / M_j) = sum of d ln M_i - d ln M_j over mass, inertia and added mass.
+    """
+    one, two = _inertia_parts(vehicle, axis), _inertia_parts(vehicle, other)
+    errors = [one.get(name, 0.0) - two.get(name, 0.0) for name in {*one, *two}]
+    return float(np.linalg.norm(errors))
+
+
+def _inertia_parts(vehicle: Vehicle, axis: str) -> dict[str, float]:
+    """Return shares of M of an axis that one deviation of each figure changes."""
+    place, total = AXES.index(axis), apparent_inertia(vehicle, axis)
+    spreads = vehicle.spreads
+    added = abs(float(vehicle.added_mass[place, place]))
+    parts = {f"added mass {axis}": spreads.get("added_mass", 0.0) * added}
+    if place < 3:
+        parts["mass"] = spreads.get("mass", 0.0)
+    else:
+        own = float(vehicle.rigid_body_mass[place, place])
+        parts[f"inertia {axis}"] = spreads.get("inertia", 0.0) * own
+    return {name: value / total for name, value in parts.items()}
 
 
 def _forces(

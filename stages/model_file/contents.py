@@ -38,7 +38,12 @@ from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.model_file import dynamics_of, fitted_change, frames
-from auvid.hydro.partial_model import FROM_BENCH, FROM_SHELF, figures_in_unit
+from auvid.hydro.partial_model import (
+    FROM_BENCH,
+    FROM_SHELF,
+    figures_in_unit,
+    with_righting_moment,
+)
 from auvid.stages.base import Document
 from auvid.stages.model_use import partial_words, recommendation, usable_for, use_words
 from auvid.stages.page.first_screen import ALL
@@ -94,6 +99,8 @@ def model_document(
     """
     lag = None if card.likelihood is None else card.likelihood.lag
     part = card.partial
+    if part is not None and part.righting is not None:
+        vehicle = with_righting_moment(vehicle, part.righting.value, part.unit_of_mass)
     dynamics = dynamics_of(
         vehicle,
         fitted_change(card.inertia),

@@ -9,7 +9,7 @@ from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.identification.axes.record import AxisRecord
-from auvid.stages.fit_axes.fitting import LegData
+from auvid.stages.fit_axes.flight import LegData
 
 Array = npt.NDArray[np.float64]
 STEP_S, LAG_S = 0.05, 0.08

@@ -126,15 +126,17 @@ def fly_freely(
     minimum_speed: float = 0.05,
     disturbance: WanderingForce | None = None,
     lags_s: Array | None = None,
+    coriolis: bool = True,
 ) -> tuple[Array, Array]:
     """Return states (m, w, k, 12) at `steps` (k,) after each start, and losses (m, w).
 
     RK4 with the steps of the clock. first (w,): samples of the starts; steps ascending
     from 0. added_mass (m, 6, 6): what each model adds to M_A of the vehicle; imposed
     (12,): states put in as measured. lags_s (m,): by which the actuators of each model
-    are late, over all of the motion. A loss is seconds after the start until a velocity
-    is beyond its limit, nan for never; states after a loss, and after the end of the
-    motion, are nan. Models of one set of terms and one lag fly as one batch.
+    are late, over all of the motion. coriolis: whether that force acts. A loss is seconds
+    after the start until a velocity is beyond its limit, nan for never; states after a
+    loss, and after the end of the motion, are nan. Models of one set of terms and one lag
+    fly as one batch.
     """
     # Imported here, since numba takes a second.
     from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, THREADS
@@ -178,7 +180,7 @@ def fly_freely(
         wander = np.zeros((len(members), 6)) if disturbance is None else disturbance.deviation
         rho = np.zeros(6) if disturbance is None else np.exp(-motion.step_s / disturbance.time_s)
         models = ModelRows(
-            masses[members].reshape(-1, 36),
+            coriolis * masses[members].reshape(-1, 36),
             np.asarray(np.linalg.inv(masses[members]), dtype=np.float64).reshape(-1, 36),
             np.stack([item.coefficients for item in tables]),
             trims[members],

@@ -4,30 +4,25 @@
 
 (`structure`) by output error over windows of all legs (`pooled_fit`). Velocities that are
 not fitted enter as measured. Each leg is left out in turn, and the fit to the others runs
-free over the whole of it.
+free over its windows and over the whole of it; so is every other window.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
-from auvid.hydro.identification.axes.held_out import (
-    HeldOut,
-    free_run,
-    held_out_blocks,
-    percent_of,
-    signals,
-)
+from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
     AxisVerdict,
     coefficient_block,
     rms_of,
+    term_quantity,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -53,38 +48,12 @@ from auvid.hydro.identification.axes.structure import (
     Structure,
     axis_terms,
 )
-from auvid.hydro.identification.axes.windows import (
-    WINDOW_S,
-    MotionWindow,
-    measured_rate,
-    stretches,
-    windows_of,
-)
-
-NOT_COMMANDED = "not commanded"
-COMMANDED = 1e-3
-"""A leg commands an axis where its force moves by more than this share of the largest."""
-
-
-@dataclass(frozen=True)
-class LegFreeRun:
-    """Free run over a whole leg that the fit did not use.
-
-    `percent`: fit [%] by velocity; `not_commanded`: velocities that the leg does not
-    command. `t_s` (n,), `measured` and `simulated` by velocity, (n,).
-    """
-
-    leg: int
-    percent: dict[str, float]
-    not_commanded: tuple[str, ...]
-    t_s: Array
-    measured: dict[str, Array]
-    simulated: dict[str, Array]
+from auvid.hydro.identification.axes.windows import WINDOW_S, windows_of
 
 
 @dataclass(frozen=True)
 class CoupledFit:
-    """Fit of several axes with verdicts, and free runs over each leg left out.
+    """Fit of several axes with verdicts and held-out fits: windows and legs in turn.
 
     More in `fit`; `inertia` (6,) as given, only its ratios matter for Coriolis. `width`:
     standard errors of half a 95 % interval.
@@ -97,7 +66,6 @@ class CoupledFit:
     fit: PoolFit
     verdicts: dict[str, AxisVerdict]
     held_out: tuple[HeldOut, ...]
-    left_out: tuple[LegFreeRun, ...]
     speeds: dict[str, float]
     width: float
     notes: tuple[str, ...]
@@ -106,6 +74,10 @@ class CoupledFit:
         """Return a, b, c, d of an axis and their covariance (4, 4)."""
         names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
         return coefficient_block(self.fit, AXES[VELOCITIES.index(velocity)], names)
+
+    def term(self, velocity: str, name: str) -> FitQuantity | None:
+        """Return a term of an axis by name, None where it has none."""
+        return term_quantity(self.fit, AXES[VELOCITIES.index(velocity)], name, self.width)
 
     def without_newtons(self, velocity: str) -> tuple[FitQuantity, ...]:
         """Return time constants, steady speed and damping over inertia of an axis."""
@@ -172,6 +144,8 @@ def fit_coupled(
     leave_out: bool = True,
     loss: Loss = "soft_l1",
     window_s: float = WINDOW_S,
+    free_inertia: Sequence[str] = (),
+    first: Mapping[str, Sequence[float]] | None = None,
 ) -> CoupledFit:
     """Fit several axes to the windows that they share, in all legs.
 
@@ -179,27 +153,20 @@ def fit_coupled(
     where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. couplings:
     linear ones that port-starboard symmetry allows, between the velocities that are
     fitted (the noise of measured ones would enter). free: parameters of the drive that
-    are fitted. restoring: roll and pitch by angles of their own. Raises `DataError`
-    without shared windows.
+    are fitted. restoring: roll and pitch by angles of their own. free_inertia: velocities
+    whose c has no prior. first: velocity -> a, b, c, d to start from, as the fits of single
+    axes give them. Raises `DataError` without shared windows.
     """
     pool = coupled_pool(
         records, velocities, inertia=inertia, relative_sd=relative_sd, couplings=couplings,
-        drive=drive or ForceDrive(), free=tuple(free),
-        constant_sd=constant_sd, restoring=restoring, loss=loss, window_s=window_s,
+        drive=drive or ForceDrive(), free=tuple(free), constant_sd=constant_sd,
+        restoring=restoring, loss=loss, window_s=window_s, free_inertia=free_inertia,
     )  # fmt: skip
-    fit = fit_pool(pool, starting_values(pool))
-    legs = sorted({window.leg for window in pool.windows})
-    left_out = []
-    if leave_out and len(legs) > 1:
-        for leg in legs:
-            rest = replace(pool, windows=tuple(w for w in pool.windows if w.leg != leg))
-            other = fit_pool(rest, fit.values[: len(pool.structure.terms)])
-            left_out.append(run_leg(pool, other, leg))
-    blocks = (
-        held_out_blocks(pool, fit.values[: len(pool.structure.terms)])
-        if (leave_out and len(legs) == 1)
-        else ()
-    )
+    fit = fit_pool(pool, _start(pool, first or {}))
+    held_out: tuple[HeldOut, ...] = ()
+    if leave_out:
+        begin = fit.values[: len(pool.structure.terms)]
+        held_out = (*held_out_blocks(pool, begin), *legs_left_out(pool, begin))
     notes = [] if fit.word == "converged" else ["the search did not settle"]
     return CoupledFit(
         tuple(velocities),
@@ -208,8 +175,7 @@ def fit_coupled(
         pool,
         fit,
         verdicts_of(pool, fit),
-        blocks,
-        tuple(left_out),
+        held_out,
         {velocity: rms_of(pool)[velocity] for velocity in velocities},
         interval_width(fit.windows),
         tuple(notes),
@@ -229,6 +195,7 @@ def coupled_pool(
     restoring: bool,
     loss: Loss,
     window_s: float,
+    free_inertia: Sequence[str] = (),
 ) -> Pool:
     """Return the pool of a coupled fit; arguments as `fit_coupled`."""
     axes = tuple(AXES[VELOCITIES.index(velocity)] for velocity in velocities)
@@ -236,7 +203,8 @@ def coupled_pool(
     terms: list[AxisTerm] = []
     for axis, velocity in zip(axes, velocities, strict=True):
         inverse = None
-        if inertia is not None and not records[0].normalised:
+        tied = inertia is not None and velocity not in free_inertia
+        if inertia is not None and tied and not records[0].normalised:
             c = 1.0 / float(inertia[VELOCITIES.index(velocity)])
             inverse = (c, relative_sd * c)
         terms += axis_terms(
@@ -252,30 +220,12 @@ def coupled_pool(
     return make_pool(structure, records, windows, constant_sd=sd, drive=drive, free=free, loss=loss)
 
 
-def run_leg(pool: Pool, fit: PoolFit, leg: int) -> LegFreeRun:
-    """Return the free run of a fit over the whole of a leg, and its fit [%]."""
-    record = pool.records[leg]
-    velocities = pool.structure.velocities
-    measured = [measured_rate(record, velocity) for velocity in velocities]
-    first, end = max(
-        stretches(np.all(np.isfinite(np.array(measured)), axis=0)),
-        key=lambda item: item[1] - item[0],
-    )
-    window = MotionWindow(leg, first, end)
-    states = free_run(pool, fit, window)
-    idle = tuple(v for v in velocities if not commanded(pool.records, leg, v))
-    percent, truth, model = {}, {}, {}
-    for i, (velocity, pair) in enumerate(
-        zip(velocities, signals(pool, window, states), strict=True)
-    ):
-        if velocity not in idle:
-            percent[velocity] = percent_of(*pair)
-        truth[velocity], model[velocity] = measured[i][first:end], states[:, i]
-    return LegFreeRun(leg, percent, idle, record.t_s[first:end], truth, model)
-
-
-def commanded(records: Sequence[AxisRecord], leg: int, velocity: str) -> bool:
-    """Return whether a leg commands an axis, against the largest of all legs."""
-    axis = AXES[VELOCITIES.index(velocity)]
-    largest = max(float(np.nanmax(np.abs(record.force[axis]))) for record in records)
-    return float(np.ptp(records[leg].force[axis])) > COMMANDED * largest
+def _start(pool: Pool, first: Mapping[str, Sequence[float]]) -> Array:
+    """Return coefficients to start from: by velocity, else of the integral."""
+    values = starting_values(pool)
+    for velocity, own in first.items():
+        axis = AXES[VELOCITIES.index(velocity)]
+        for name, value in zip((velocity, f"{velocity}|{velocity}|", FORCE, "constant"), own,
+                               strict=True):  # fmt: skip
+            values[pool.structure.names.index(f"{axis} {name}")] = value
+    return values

@@ -8,7 +8,7 @@ of each velocity; of heave that depth measures, the depth rate low-passed at 1 H
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,17 +24,22 @@ from auvid.hydro.identification.axes.windows import (
     MotionWindow,
     depth_measures,
     depth_rate,
+    drives,
     low_passed,
 )
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Fit [%] by velocity on windows or a leg (`what`) that the fit did not use."""
+    """Fit [%] by velocity on windows or a leg (`what`) that the fit did not use.
+
+    `one_run`: of a leg, the same of one free run from its first window to its last.
+    """
 
     what: str
     percent: dict[str, float]
     windows: int
+    one_run: dict[str, float] = field(default_factory=dict)
 
 
 def percent_of(measured: Array, simulated: Array) -> float:
@@ -98,6 +103,52 @@ def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
             fit = fit_pool(replace(pool, windows=train), first)
             out.append(HeldOut(what, score(pool, fit, test), len(test)))
     return tuple(out)
+
+
+def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
+    """Return the fit on each leg by the others, over windows and in one free run.
+
+    Velocities that a leg does not drive are left out, and legs that drive one which the
+    others do not. Without a second leg: nothing.
+    """
+    legs = sorted({window.leg for window in pool.windows})
+    out = []
+    driven = {
+        leg: {v for v in pool.structure.velocities if drives(pool.records, leg, v)} for leg in legs
+    }
+    for leg in legs if len(legs) > 1 else []:
+        own = driven[leg]
+        if not own <= set().union(*(driven[i] for i in legs if i != leg)):
+            continue
+        rest = tuple(w for w in pool.windows if w.leg != leg)
+        test = tuple(w for w in pool.windows if w.leg == leg)
+        fit = fit_pool(replace(pool, windows=rest), first)
+        by_window, one_run = score(pool, fit, test), whole_leg(pool, fit, leg)
+        out.append(
+            HeldOut(
+                f"leg {leg}",
+                {v: by_window[v] for v in by_window if v in own},
+                len(test),
+                {v: one_run[v] for v in one_run if v in own},
+            )
+        )
+    return tuple(out)
+
+
+def whole_leg(pool: Pool, fit: PoolFit, leg: int) -> dict[str, float]:
+    """Return the fit [%] of one free run, first window to last, by velocity."""
+    span = span_of(pool, leg)
+    pairs = signals(pool, span, free_run(pool, fit, span))
+    return {
+        velocity: percent_of(*pair)
+        for velocity, pair in zip(pool.structure.velocities, pairs, strict=True)
+    }
+
+
+def span_of(pool: Pool, leg: int) -> MotionWindow:
+    """Return the leg from the start of its first window to the end of its last."""
+    own = [window for window in pool.windows if window.leg == leg]
+    return MotionWindow(leg, min(w.first for w in own), max(w.end for w in own))
 
 
 def free_run(pool: Pool, fit: PoolFit, window: MotionWindow) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
+from auvid.hydro.identification.axes.quantities import FitQuantity, quantity
 from auvid.hydro.identification.axes.structure import CONSTANT, INPUT, AxisTerm
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
 from auvid.hydro.identification.regression.verdicts import (
@@ -164,3 +165,11 @@ def coefficient_block(fit: PoolFit, axis: str, names: Sequence[str]) -> tuple[Ar
     values[kept] = fit.values[index]
     covariance[np.ix_(kept, kept)] = fit.covariance[np.ix_(index, index)]
     return values, covariance
+
+
+def term_quantity(fit: PoolFit, axis: str, name: str, width: float) -> FitQuantity | None:
+    """Return a term of an axis with its interval; None where the fit has none."""
+    if f"{axis} {name}" not in fit.names:
+        return None
+    values, covariance = coefficient_block(fit, axis, (name,))
+    return quantity(name, "", lambda v: float(v[0]), values, covariance, width=width)

@@ -16,7 +16,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
-from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, score
+from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
     AxisVerdict,
@@ -24,6 +24,7 @@ from auvid.hydro.identification.axes.judgement import (
     coefficient_block,
     heterogeneity,
     rms_of,
+    term_quantity,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -34,6 +35,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     make_pool,
 )
 from auvid.hydro.identification.axes.quantities import (
+    WIDEST,
     FitQuantity,
     Scale,
     normalised_quantities,
@@ -141,6 +143,10 @@ class SingleAxisFit:
     speed: float
     width: float
     notes: tuple[str, ...]
+
+    def term(self, name: str) -> FitQuantity | None:
+        """Return a term beside those of `values`, None where the axis has none."""
+        return term_quantity(self.fit, self.axis, name, self.width)
 
     def without_newtons(self) -> tuple[FitQuantity, ...]:
         """Return time constants, steady speed and damping over inertia."""
@@ -262,7 +268,7 @@ def fit_axis(
     verdict = _inertia_verdict(values, covariance, inertia, width, records[0].normalised)
     legs = _by_leg(fitted, pool, fit, speed)
     sides = _sides(fitted, pool, width)
-    left_out = _legs_left_out(pool, fit)
+    left_out = legs_left_out(pool, fit.values[: len(pool.structure.terms)])
     return SingleAxisFit(
         axis, velocity, depth_measures(records[0], velocity), records[0].normalised,
         values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
@@ -414,20 +420,8 @@ def _by_leg(setup: _Setup, pool: Pool, fit: PoolFit, speed: float) -> tuple[Hete
     return tuple(out)
 
 
-def _legs_left_out(pool: Pool, fit: PoolFit) -> tuple[HeldOut, ...]:
-    """Return the fit on the windows of each leg by those of the others."""
-    legs = sorted({window.leg for window in pool.windows})
-    out = []
-    for leg in legs if len(legs) > 1 else []:
-        rest = tuple(w for w in pool.windows if w.leg != leg)
-        test = tuple(w for w in pool.windows if w.leg == leg)
-        other = fit_pool(replace(pool, windows=rest), fit.values[: len(pool.structure.terms)])
-        out.append(HeldOut(f"leg {leg}", score(pool, other, test), len(test)))
-    return tuple(out)
-
-
 def _sides(setup: _Setup, pool: Pool, width: float) -> SideDrag | None:
-    """Return drag ahead and back at the RMS speed; None where one side is not flown."""
+    """Return drag ahead and back at the RMS speed; None where a side tells none."""
     if len(pool.windows) < FEWEST_WINDOWS:
         return None
     v = setup.velocity
@@ -449,6 +443,8 @@ def _sides(setup: _Setup, pool: Pool, width: float) -> SideDrag | None:
     if one <= 0.0 or other <= 0.0:
         return None
     half = width * float(np.hypot(one_error / one, other_error / other))
+    if half > WIDEST:
+        return None
     ratio = one / other
     return SideDrag(
         speed, one, other, ratio, ratio * float(np.exp(-half)), ratio * float(np.exp(half))

@@ -26,6 +26,8 @@ SIDES = {"ahead": (5, 7), "back": (6, 8)}
 """Kinds of `compiled_motion`; on one side of 0: linear, quadratic."""
 FORCE = "force"
 """Name of the term c F of an axis."""
+RIGHTING = "restoring"
+"""Name of the term of the sine of roll or pitch."""
 SYMMETRIC = {
     "X": "q", "Y": "pr", "Z": "q", "K": "vr", "M": "uw", "N": "vp",
 }  # fmt: skip
@@ -133,7 +135,7 @@ def axis_terms(
     if constant:
         out.append(AxisTerm(axis, "constant", CONSTANT, 0))
     if restoring:
-        out.append(AxisTerm(axis, "restoring", RESTORING, 0, upper=0.0))
+        out.append(AxisTerm(axis, RIGHTING, RESTORING, 0, upper=0.0))
     out += [AxisTerm(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]
     for name, (middle, width) in (extra or {}).items():
         out.append(AxisTerm(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))

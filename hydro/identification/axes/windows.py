@@ -18,6 +18,8 @@ SMOOTHING_HZ = 1.0
 """Low-pass of depth before it is differentiated, for scores and starting values."""
 SMOOTHING_SHARE = 0.4
 """Of the sample rate: a slow log is low-passed no higher than that."""
+IDLE_SHARE = 0.02
+"""A leg that moves a force by less than this share of the largest does not drive it."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +94,25 @@ def stretches(keep: Mask) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
+def _largest_force(record: AxisRecord, velocity: str) -> float:
+    """Return the largest change of the force on an axis, against its median."""
+    force = record.force[AXES[VELOCITIES.index(velocity)]]
+    return float(np.nanmax(np.abs(force - np.nanmedian(force)), initial=0.0))
+
+
+def drives(records: Sequence[AxisRecord], leg: int, velocity: str) -> bool:
+    """Return whether a leg drives an axis, against the largest force of all legs."""
+    largest = [_largest_force(record, velocity) for record in records]
+    return largest[leg] > IDLE_SHARE * max(largest)
+
+
 def windows_of(
     records: Sequence[AxisRecord], velocities: Sequence[str], *, window_s: float = WINDOW_S
 ) -> tuple[MotionWindow, ...]:
     """Return the windows that all axes share, cut to equal parts of about `window_s`.
 
-    Every axis has to be measured in them. Parts below `SHORTEST_S` are left out.
+    Every axis has to be measured in them. An axis that a leg does not drive has no windows
+    there, and does not limit those of the others. Parts below `SHORTEST_S` are left out.
     """
     out = []
     for leg, record in enumerate(records):
@@ -106,11 +121,15 @@ def windows_of(
         keep = np.isfinite(record.attitude_rad).all(axis=1)
         for i, velocity in enumerate(velocities):
             axis = AXES[VELOCITIES.index(velocity)]
-            for count, (first, end) in enumerate(record.windows.get(axis, ()), start=1):
+            own = record.windows.get(axis, ())
+            for count, (first, end) in enumerate(own, start=1):
                 number[first:end, i] = count
             signal = record.depth_m if depth_measures(record, velocity) else record.rate[velocity]
             assert signal is not None
-            keep &= (number[:, i] > 0) & np.isfinite(signal) & np.isfinite(record.force[axis])
+            keep &= np.isfinite(signal) & np.isfinite(record.force[axis])
+            if own or drives(records, leg, velocity):
+                keep &= number[:, i] > 0
+        keep &= (number > 0).any(axis=1)
         changes = np.any(np.diff(number, axis=0) != 0, axis=1)
         for first, end in stretches(np.asarray(keep)):
             edges = [first, *(first + 1 + np.flatnonzero(changes[first : end - 1])), end]

@@ -20,7 +20,8 @@ from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.stages.fit_axes.card import model_card, ranking
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
 from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit
-from auvid.stages.fit_axes.fitting import FitOptions, LegData, fit_all
+from auvid.stages.fit_axes.fitting import fit_all
+from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.model_file.contents import model_document, use_entry

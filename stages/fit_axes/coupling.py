@@ -1,0 +1,147 @@
+"""Axes fitted together, with Coriolis force, where that moves better than one by one.
+
+    e = 1 - fit / 100,   ratio = exp(mean over legs and axes of ln(e_together / e_single))
+
+on every other window, held out both ways, and on legs left out in turn, each flown freely
+from its first window to its last. Together is chosen where the ratio is below 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled
+from auvid.hydro.identification.axes.drive import LAG, ForceDrive
+from auvid.hydro.identification.axes.structure import RIGHTING
+from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages.fit_axes.fitted import FittedAxis, HeldOutFit, Together
+from auvid.stages.fit_axes.flight import FitOptions, FlownAxis, LegData, judged
+from auvid.stages.steps import tell
+
+HORIZONTAL = "uvr"
+"""Velocities that have to be measured: their products are the largest Coriolis forces."""
+LEAST_ERROR = 0.01
+"""Shares of error below that count as that: both are as good as the measurement."""
+
+
+def fitted_together(
+    singles: Sequence[FittedAxis],
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+) -> tuple[tuple[FittedAxis, ...], Together | None]:
+    """Return the axes, and which of them were tried together; None where none were.
+
+    Those whose velocity is measured and that predict by themselves, from two on; what
+    they start from are the fits one by one.
+    """
+    using = {key: leg for key, leg in legs.items() if leg.windows.use == "training"}
+    measured = all(
+        np.isfinite(leg.record.rate[item]).any() for leg in using.values() for item in HORIZONTAL
+    )
+    joining = [
+        item
+        for item in singles
+        if item.predicts
+        and item.surge is None
+        and all(np.isfinite(leg.record.rate[item.equation.speed]).any() for leg in using.values())
+    ]
+    if options.together == "never" or not measured or len(joining) < 2:
+        return tuple(singles), None
+    tell("axes together", len(AXES) - 1, len(AXES))
+    fit = fit_coupled(
+        [leg.record for leg in using.values()],
+        tuple(item.equation.speed for item in joining),
+        inertia=np.array([apparent_inertia(vehicle, axis) for axis in AXES]),
+        relative_sd=options.inertia_sd,
+        free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
+        drive=ForceDrive(lag_s=options.lag_s),
+        free=(LAG,) if options.fit_lag else (),
+        restoring=any(item.righting is not None for item in joining),
+        first={item.equation.speed: item.equation.values[:4].tolist() for item in joining},
+    )
+    by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
+    ratio, pairs = error_ratio([(item.held_out, by_axis[item.axis].held_out) for item in joining])
+    chosen = options.together == "always" or ratio < 1.0
+    together = Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
+    if not chosen:
+        return tuple(singles), together
+    return tuple(by_axis.get(item.axis, item) for item in singles), together
+
+
+def error_ratio(
+    pairs: Sequence[tuple[Sequence[HeldOutFit], Sequence[HeldOutFit]]],
+) -> tuple[float, int]:
+    """Return the geometric mean of e_together / e_single, and of how many; nan of none.
+
+    pairs: held-out fits of an axis by itself, and together with others.
+
+    >>> single, joint = HeldOutFit("leg a", 0.0, 3, 50.0), HeldOutFit("leg a", 0.0, 3, 75.0)
+    >>> error_ratio([([single], [joint])])[0]
+    0.5
+    """
+    logs = []
+    for single, joint in pairs:
+        others = {part.what: _error(part) for part in joint if not _validation(part)}
+        for part in single:
+            values = _error(part), others.get(part.what, np.nan)
+            if np.isfinite(values).all():
+                logs.append(np.log(values[1] / values[0]))
+    return (float(np.exp(np.mean(logs))) if logs else float("nan")), len(logs)
+
+
+def _error(part: HeldOutFit) -> float:
+    percent = part.percent if part.one_run is None else part.one_run
+    return max(1.0 - percent / 100.0, LEAST_ERROR)
+
+
+def _validation(part: HeldOutFit) -> bool:
+    """Return whether a leg for validation judged it: it judges what is chosen, only."""
+    return part.what.startswith("validation")
+
+
+def _one_of(
+    fit: CoupledFit,
+    single: FittedAxis,
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+) -> FittedAxis:
+    """Return an axis of the common fit; what tells legs apart is the single fit's."""
+    velocity, drive = single.equation.speed, fit.fit.drive
+    axis = AXES[VELOCITIES.index(velocity)]
+    values, covariance = fit.block(velocity)
+    names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT)
+    keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT)
+    verdicts = {
+        name: fit.verdicts[f"{axis} {key}"].word for name, key in zip(names, keys, strict=True)
+    }
+    lag_error, lag_free = 0.0, LAG in fit.pool.free and not fit.fit.at_bound[-1]
+    if lag_free:
+        lag_error = float(np.sqrt(fit.fit.covariance[-1, -1]))
+    clear = lag_free and 0.0 < T_LIMIT * lag_error < drive.lag_s
+    lag_words = "thrust lag not determined"
+    return replace(
+        single,
+        equation=AxisEquation(
+            axis, names, values, covariance * (fit.width / NORMAL_95) ** 2, verdicts
+        ),
+        rate_rms=fit.speeds[velocity],
+        lag_s=drive.lag_s,
+        lag_error_s=lag_error if clear else 0.0,
+        lag_verdict="identified" if clear else "weak" if lag_free else "assumed",
+        quantities=fit.without_newtons(velocity),
+        notes=tuple(words for words in single.notes if lag_words not in words),
+        righting=fit.term(velocity, RIGHTING),
+        **judged(
+            FlownAxis(velocity, fit.pool, fit.fit), fit.held_out, using, legs,
+            rms=fit.speeds[velocity],
+        ),
+    )  # fmt: skip

@@ -1,0 +1,235 @@
+"""A fitted axis flown over windows and legs, with the axes fitted with it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auvid.data_schemas.records.axes import AxisWindowsRecord
+from auvid.data_schemas.records.models import VelocityRange
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.identification.axes.held_out import (
+    HeldOut,
+    free_run,
+    percent_of,
+    signals,
+    span_of,
+)
+from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit, loop_rows, make_pool, motion
+from auvid.hydro.identification.axes.record import AxisRecord
+from auvid.hydro.identification.axes.single_axis import SURGE, surge_input
+from auvid.hydro.identification.axes.windows import (
+    depth_measures,
+    depth_rate,
+    low_passed,
+    turn_of,
+    windows_of,
+)
+from auvid.stages.fit_axes.fitted import AxisMotion, HeldOutFit, JudgedMotion
+
+
+@dataclass(frozen=True)
+class LegData:
+    """The record of a leg, and how it was made."""
+
+    record: AxisRecord
+    windows: AxisWindowsRecord
+
+
+@dataclass(frozen=True)
+class FitOptions:
+    """What to fit: axes (none: all that the legs give), lag, inertia that is given.
+
+    given_inertia: axes whose apparent inertia is that of the vehicle file, with the
+    relative standard deviation inertia_sd; of the others, it is free. together: whether
+    axes are fitted together, `better`: where that moves better on what was held out.
+    """
+
+    axes: Collection[str] = ()
+    lag_s: float = 0.08
+    fit_lag: bool = True
+    given_inertia: Collection[str] = ("X", "Y", "Z")
+    inertia_sd: float = 0.0
+    surge_in_heave: bool = False
+    together: str = "better"
+
+
+@dataclass(frozen=True)
+class FlownAxis:
+    """One velocity of a fit: the pool of its training legs, and what was fitted."""
+
+    velocity: str
+    pool: Pool
+    fit: PoolFit
+
+    @property
+    def axis(self) -> str:
+        """Return its letter."""
+        return AXES[VELOCITIES.index(self.velocity)]
+
+    @property
+    def place(self) -> int:
+        """Return where its velocity stands among those of the fit."""
+        return self.pool.structure.velocities.index(self.velocity)
+
+    @property
+    def theta(self) -> Array:
+        """Return the coefficients of all terms of the fit."""
+        return self.fit.values[: len(self.pool.structure.terms)]
+
+
+def motions_of(flown: FlownAxis, using: Mapping[str, LegData]) -> dict[str, AxisMotion]:
+    """Return the axis on each training leg, window by window from measured starts."""
+    rows = loop_rows(replace(flown.pool, drive=flown.fit.drive, free=()), flown.fit.drive)
+    out = {}
+    for number, (key, leg) in enumerate(using.items()):
+        if any(w.leg == number for w in flown.pool.windows):
+            out[key] = _simulated(flown, key, leg, number, rows[number])
+    return out
+
+
+def flown_leg(flown: FlownAxis, key: str, leg: LegData) -> tuple[AxisMotion, float]:
+    """Return the axis on a leg not used, and the fit [%] of one free run over it.
+
+    The free run goes from the first window to the last; nan where it diverges.
+    """
+    structure = flown.pool.structure
+    extra = ({SURGE: surge_input(leg.record)},) if SURGE in structure.inputs else ()
+    pool = make_pool(
+        structure,
+        [leg.record],
+        windows_of([leg.record], structure.velocities),
+        constant_sd=flown.pool.constant_sd,
+        drive=flown.fit.drive,
+        extra=extra,
+    )
+    own = replace(flown, pool=pool)
+    span = span_of(pool, 0)
+    states = free_run(pool, flown.fit, span)
+    one_run = np.nan
+    if np.isfinite(states).all():
+        one_run = percent_of(*signals(pool, span, states)[own.place])
+    return _simulated(own, key, leg, 0, loop_rows(pool, flown.fit.drive)[0]), one_run
+
+
+def _simulated(flown: FlownAxis, key: str, leg: LegData, number: int, rows: Array) -> AxisMotion:
+    pool = replace(flown.pool, drive=flown.fit.drive, free=())
+    record, data = leg.record, pool.prepared[number]
+    k, place = len(pool.structure.velocities), flown.place
+    every = [w for w in pool.windows if w.leg == number]
+    windows = tuple((w.first, w.end) for w in every)
+    rate, depth = (np.full(len(record.t_s), np.nan) for _ in range(2))
+    for window in every:
+        start = np.append(data.start[window.first], np.zeros(k))
+        states = motion(pool, rows, flown.theta, window, start)[:, :, 0]
+        rate[window.nodes], depth[window.nodes] = states[:, place], states[:, k + place]
+    measured = record.rate[flown.velocity]
+    if not depth_measures(record, flown.velocity):
+        return AxisMotion(flown.axis, key, record.t_s, _only(measured, rate), rate, windows)
+    turn = turn_of(record)
+    step = float(record.t_s[1] - record.t_s[0])
+    for window in every:
+        rate[window.nodes] = low_passed(rate[window.nodes] * turn[window.nodes], step)
+    return AxisMotion(
+        flown.axis,
+        key,
+        record.t_s,
+        _only(depth_rate(record), rate),
+        rate,
+        windows,
+        record.depth_m,
+        depth,
+    )
+
+
+def _only(measured: Array, simulated: Array) -> Array:
+    """Return what was measured where something was simulated, nan elsewhere."""
+    return np.where(np.isfinite(simulated), measured, np.nan)
+
+
+def inside(part: AxisMotion) -> tuple[Array, Array]:
+    """Return measured and simulated rates where both are."""
+    both = np.isfinite(part.measured) & np.isfinite(part.simulated)
+    return part.measured[both], part.simulated[both]
+
+
+def motion_percent(parts: Collection[AxisMotion]) -> float:
+    """Return the fit [%] of the rate over all windows of some legs."""
+    measured, simulated = (np.concatenate(x) for x in zip(*map(inside, parts), strict=True))
+    return percent_of(measured, simulated)
+
+
+def pushed(records: Sequence[AxisRecord], axis: str) -> bool:
+    """Return whether the force on an axis ever acts."""
+    forces = [record.force[axis] for record in records]
+    return any(np.isfinite(force).any() and np.nanmax(np.abs(force)) > 0.0 for force in forces)
+
+
+def idle(record: AxisRecord, axis: str) -> bool:
+    """Return whether a record has no window of an axis."""
+    return not record.windows.get(axis)
+
+
+def judged(
+    flown: FlownAxis,
+    held_out: Sequence[HeldOut],
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+    *,
+    rms: float,
+) -> JudgedMotion:
+    """Return how a fitted axis moves on training, held-out and validation legs.
+
+    rms: of its velocity over the windows.
+    """
+    names, velocity, axis = list(using), flown.velocity, flown.axis
+    motions = motions_of(flown, using)
+    checks = {
+        key: flown_leg(flown, key, leg)
+        for key, leg in legs.items()
+        if leg.windows.use == "validation" and not idle(leg.record, axis)
+    }
+    judgements = [
+        HeldOutFit(
+            _words(item.what, names),
+            item.percent[velocity],
+            item.windows,
+            item.one_run.get(velocity),
+        )
+        for item in held_out
+        if velocity in item.percent
+    ]
+    judgements += [
+        HeldOutFit(f"validation leg {key}", motion_percent([part]), len(part.windows), one_run)
+        for key, (part, one_run) in checks.items()
+    ]
+    every = [*motions.values(), *(part for part, _ in checks.values())]
+    rates = np.concatenate([inside(part)[0] for part in motions.values()])
+    errors = np.concatenate([np.subtract(*inside(part)) for part in motions.values()])
+    return {
+        "held_out": tuple(judgements),
+        "training_percent": motion_percent(motions.values()),
+        "error_rms": float(np.sqrt(np.mean(errors**2))),
+        "speeds": VelocityRange(rms=rms, low=float(rates.min()), high=float(rates.max())),
+        "samples": int(rates.size),
+        "windows": flown.fit.windows,
+        "seconds": sum(
+            float(part.t_s[last - 1] - part.t_s[first])
+            for part in motions.values()
+            for first, last in part.windows
+        ),
+        "per_leg": {part.leg: (motion_percent([part]), len(part.windows)) for part in every},
+        "motion": tuple(every),
+        "whole_legs": {
+            key: one_run for key, (_, one_run) in checks.items() if np.isfinite(one_run)
+        },
+        "idle_legs": tuple(key for key, leg in legs.items() if idle(leg.record, axis)),
+    }
+
+
+def _words(what: str, names: Sequence[str]) -> str:
+    """Return what was held out, a leg by its name: `leg 1` -> `leg dive_2`."""
+    kind, _, number = what.partition(" ")
+    return f"leg {names[int(number)]}" if kind == "leg" and number.isdigit() else what
