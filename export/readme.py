@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from auvid.data_schemas.records.model_file import AS_PUBLISHED, ModelFile
 from auvid.export.exported import Exported, Target
 from auvid.export.losses import ExportLosses
@@ -16,15 +18,18 @@ def readme(
     losses: ExportLosses,
     *,
     name: str,
-    useless: bool,
+    head: Sequence[str],
 ) -> str:
-    """Return the page in Markdown."""
+    """Return the page in Markdown.
+
+    head: what each file says first of the model: origin, use, behaviour, flown range.
+    """
     judged = "all, since no validation leg judges it" if model.use.axes is None else None
     parts = [
         f"# {name}: {one_line(model.title)} for {target.name}",
         f"{target.title}. Files: {', '.join(f'`{file}`' for file in exported.files)}.",
-        f"**Use of the model.** {model.use.sentence}. Why this choice: {model.use.rule}."
-        + ("\n\n**Exported by force: it is usable for nothing.**" if useless else ""),
+        "## The model",
+        "\n".join(f"- {line}" for line in (*head, f"Why this one: {model.use.rule}.")),
         "## How to use it",
         exported.usage.strip(),
         "## Convention",
@@ -34,11 +39,12 @@ def readme(
     ]
     if losses.notes:
         parts.append("\n".join(f"- {note}" for note in losses.notes))
-    parts.append(
-        f"RMS force over velocities spread evenly {losses.within}, in N and N m; the last"
-        " row is the model's own viscous force."
-        f" Axes that the model is usable for: {judged or ', '.join(losses.judged)}."
-    )
+    if losses.rows:
+        parts.append(
+            f"RMS force over velocities spread evenly {losses.within}, in N and N m; the last"
+            " row is the model's own viscous force."
+            f" Axes that the model is usable for: {judged or ', '.join(losses.judged)}."
+        )
     parts += ["## Where it comes from", _origin(model, target)]
     return "\n\n".join(parts) + "\n"
 
@@ -80,7 +86,7 @@ def _cell(text: str) -> str:
 def _origin(model: ModelFile, target: Target) -> str:
     origin = model.origin
     files = [
-        f"- log {log}: {', '.join(f'{k} {v}' for k, v in item.items())}"
+        f"- log {log}: {', '.join(f'{k} {v}' for k, v in item.items() if v is not None)}"
         for log, items in origin.logs.items()
         for item in items
     ]
@@ -92,7 +98,7 @@ def _origin(model: ModelFile, target: Target) -> str:
             f"- model {model.name}: {model.source}; fitted by {model.method}",
             *files,
             f"- formula of the target: {target.source}",
-            f"- assumed figures of the vehicle: {len(model.assumed)}, listed by the target json",
+            f"- assumed values of the vehicle: {len(model.assumed)}, listed by the target json",
             *(
                 f"- {word}: {one_line(text)}"
                 for word, text in (

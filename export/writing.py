@@ -85,7 +85,8 @@ def prepare(
             " (force=True): its files then say so.",
         )
     body = body_of(model)
-    exported = to.export(Request(model, body, named, _head(model, useless), draws))
+    head = _head(model, useless)
+    exported = to.export(Request(model, body, named, head, draws))
     losses = measure(
         to.name,
         body,
@@ -105,7 +106,7 @@ def prepare(
             " (lossy=True) to write it all the same, a model without these terms, or the"
             " target python, which holds everything.",
         )
-    page = readme(model, to, exported, losses, name=named, useless=useless)
+    page = readme(model, to, exported, losses, name=named, head=head)
     # Several targets and models may go into one folder.
     return Prepared(named, {**exported.files, f"README_{named}_{target}.md": page}, losses)
 

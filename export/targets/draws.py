@@ -78,7 +78,7 @@ def export(request: Request) -> Exported:
         _USAGE.format(counts=counts),
         (
             counts,
-            "Axes and inertia are drawn independently of each other; assumed figures of the"
+            "Axes and inertia are drawn independently of each other; assumed values of the"
             " vehicle and the form of the model are not drawn.",
         ),
     )

@@ -38,6 +38,8 @@ def test_files_have_their_names_and_a_readme(target: str, tmp_path: Path) -> Non
     page = paths[-1].read_text(encoding="utf-8")
     assert "## Convention" in page
     assert "## How to use it" in page
+    assert "- Use: Made up: use it" in page
+    assert "flown range" in page.split("## Convention")[0]
     if target not in ("json", "draws"):
         head = paths[0].read_text(encoding="utf-8")
         assert "Made up: use it" in head
