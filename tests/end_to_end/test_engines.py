@@ -81,7 +81,7 @@ def test_report_and_tables_are_there(short_workspace: Path) -> None:
     assert printed.strip().endswith("report_html.html")
 
 
-@pytest.mark.parametrize("engine", ["processes", "dask"])
+@pytest.mark.parametrize("engine", ["processes", pytest.param("dask", marks=pytest.mark.release)])
 def test_other_engines_give_the_same_artefacts(
     engine: str, short_template: Path, short_workspace: Path, tmp_path: Path
 ) -> None:

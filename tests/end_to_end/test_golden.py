@@ -157,16 +157,10 @@ def test_dvc_shows_the_same_figures(workspace: Path, tables: Tables) -> None:
             }
 
 
-def test_other_processor_kernels_give_the_same_tables(
-    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The oldest BLAS kernels and numpy without its wide instructions, as on another
-    machine.
-
-    Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7
-    leaves room on both sides.
+def run_on_other_kernels(name: str, folder: Path) -> None:
+    """Run a campaign up to validation as a program on the oldest BLAS kernels and numpy
+    without its wide instructions, as on another machine.
     """
-    write_workspace(tmp_path, NAME, NO_FREE_RUN)
     program_text = "from numpy._core import _multiarray_umath as m; print(*m.__cpu_dispatch__)"
     wide = subprocess.run(
         [sys.executable, "-c", program_text], capture_output=True, text=True, check=True
@@ -175,26 +169,50 @@ def test_other_processor_kernels_give_the_same_tables(
         "import sys; from auvid.pipeline.cli import main; sys.argv = ['auvid', *sys.argv[1:]];"
         " main()"
     )
-    command = [sys.executable, "-c", program, "run", NAME, "--until", "validate"]
+    command = [sys.executable, "-c", program, "run", name, "--until", "validate"]
     other = os.environ | {
         "OPENBLAS_CORETYPE": "Nehalem",
         "NPY_DISABLE_CPU_FEATURES": wide,
         "PYTHONPATH": str(ROOT),
     }
     done = subprocess.run(
-        command, cwd=tmp_path, env=other, capture_output=True, text=True, check=False
+        command, cwd=folder, env=other, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    ours, theirs = (
-        pq.ParquetFile(folder / "runs" / NAME / "validate" / "error_table.parquet").read()
-        for folder in (workspace, tmp_path)
+
+
+def assert_same_tables(ours: Path, theirs: Path) -> None:
+    """Compare the error tables of two runs.
+
+    Measured: 2e-10 of the figure at most; the smallest tolerance is 1e-3. So 1e-7
+    leaves room on both sides.
+    """
+    here, there = (
+        pq.ParquetFile(runs / "validate" / "error_table.parquet").read() for runs in (ours, theirs)
     )
     for name in ("use", "leg", "model", "axis", "n_bar", "rank", "samples"):
-        assert theirs[name].to_pylist() == ours[name].to_pylist()
+        assert there[name].to_pylist() == here[name].to_pylist()
     for name in ("rms", "j0", "ratio"):
         np.testing.assert_allclose(
-            theirs[name].to_numpy(), ours[name].to_numpy(), rtol=1e-7, atol=0.0, err_msg=name
+            there[name].to_numpy(), here[name].to_numpy(), rtol=1e-7, atol=0.0, err_msg=name
         )
+
+
+def test_other_processor_kernels_give_the_tables_of_the_example(
+    short_template: Path, short_workspace: Path, tmp_path: Path
+) -> None:
+    copy_workspace(short_template, tmp_path)
+    run_on_other_kernels("example", tmp_path)
+    assert_same_tables(short_workspace / "runs/example", tmp_path / "runs/example")
+
+
+@pytest.mark.release
+def test_other_processor_kernels_give_the_tables_of_the_dive(
+    workspace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_workspace(tmp_path, NAME, NO_FREE_RUN)
+    run_on_other_kernels(NAME, tmp_path)
+    assert_same_tables(workspace / "runs" / NAME, tmp_path / "runs" / NAME)
     monkeypatch.chdir(tmp_path)
     old, new = figures.read_figures(GOLDEN), figures.figures_of(open_run(NAME))
     for file in ("stages", "coefficients", "results"):

@@ -8,6 +8,8 @@ import copy
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from auvid.data_schemas.documents.control_cases import ControlCasesDocument
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.records.models import ModelCard
@@ -78,6 +80,7 @@ def test_dubins_path_undisturbed() -> None:
     assert calm.schedule.frozen_eigenvalues.real.max() < 0.0
 
 
+@pytest.mark.release
 def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
     calm, pushed, observed = flown(
         "hauv",
@@ -95,6 +98,7 @@ def test_observer_at_least_halves_the_error_of_the_disturbed_glide() -> None:
     assert float(observed.errors.cross_track_rms_m) <= 0.5 * float(pushed.errors.cross_track_rms_m)
 
 
+@pytest.mark.release
 def test_a_controller_on_the_identified_model_is_as_good_as_one_on_the_true_model() -> None:
     card = ModelCard.model_validate_json(
         (ROOT / "campaigns/hauv_redesign/prestero.json").read_bytes()

@@ -90,6 +90,7 @@ def test_picture_is_not_empty(recording: Path) -> None:
         (("nowhere/run.rrd",), "the recording is not there"),
         ((str(SMALL), "--save", "x.txt"), "does not end in .rrd"),
         ((str(SMALL), "--screenshot", "x.jpg"), "does not end in .png"),
+        ((str(SMALL), "--tab", "Foo", "--save", "x.rrd"), "no such tab"),
         ((str(SMALL),), "--save FILE.rrd"),
     ],
 )
@@ -118,6 +119,7 @@ def test_log_larger_than_memory_is_refused_before_it_is_read(tmp_path: Path) -> 
     assert not (tmp_path / "huge.rrd").exists()
 
 
+@pytest.mark.release
 def test_unknown_tab_is_named_and_leaves_no_warning_behind(tmp_path: Path) -> None:
     command = [
         sys.executable,

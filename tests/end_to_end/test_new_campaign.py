@@ -34,8 +34,10 @@ def auvid(*words: object) -> str:
 
 @pytest.mark.parametrize(
     ("logs", "kind"),
-    [((CSV,), "axes"), ((TLOG,), "identification")],
-    ids=["csv", "tlog"],
+    [
+        pytest.param((CSV,), "axes", id="csv"),
+        pytest.param((TLOG,), "identification", id="tlog", marks=pytest.mark.release),
+    ],
 )
 def test_two_commands_lead_to_a_report(logs: tuple[Path, ...], kind: str) -> None:
     assert "auvid run first" in auvid("new", "campaign", "first", "--from", *logs)

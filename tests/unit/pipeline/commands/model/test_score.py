@@ -53,11 +53,11 @@ def test_document_has_what_the_command_prints(dive: Path) -> None:
 
 
 def test_a_model_file_scores_as_in_the_tables_of_its_run(
-    example_workspace: Path, monkeypatch: pytest.MonkeyPatch
+    short_workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The constant is fitted anew, so nearly."""
-    monkeypatch.chdir(example_workspace)
-    files = example_workspace / "runs/example/model_file/model_file"
+    monkeypatch.chdir(short_workspace)
+    files = short_workspace / "runs/example/model_file/model_file"
     options = [word for file in sorted(files.glob("*.json")) for word in ("--with", str(file))]
     result = CliRunner().invoke(cli.app, ["score", "example", *options, "--json"])
     assert result.exit_code == 0, result.output

@@ -175,6 +175,7 @@ def test_workers_that_lack_something_are_left_out(
         outcomes(Dask(1), task_of(tmp_path))
 
 
+@pytest.mark.release
 @pytest.mark.timeout(120)
 def test_a_worker_that_dies_costs_nothing_but_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
