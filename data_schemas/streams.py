@@ -30,6 +30,7 @@ STREAMS = (
     "glider",
     "pose",
     "tow",
+    "fixes",
 )
 NEEDED: Mapping[str, tuple[str, ...]] = {
     "imu": ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"),
@@ -47,6 +48,7 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
     "glider": (),
     "pose": ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad"),
     "tow": ("tow_force_n",),
+    "fixes": ("north_m", "east_m"),
 }
 """Fields without which a row of the stream is no sample; of `actuators` and `glider` any
 one field will do.

@@ -18,6 +18,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document, RawLog, Stage, param, port
 from auvid.stages.columns import ACCELEROMETER
+from auvid.stages.ingest.fix_motion import fix_motion
 from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
 from auvid.stages.ingest.health.log_info import (
     dropped_table,
@@ -96,6 +97,7 @@ class Outputs:
     glider: pa.Table | None = port("glider", optional=True)
     pose: pa.Table | None = port("pose", optional=True)
     tow: pa.Table | None = port("tow", optional=True)
+    fixes: pa.Table | None = port("fixes", optional=True)
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
@@ -125,9 +127,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         raise _no_streams(log, files)
     motion = pose_motion(streams, inputs.vehicle)
     streams |= motion.streams
+    acoustic = fix_motion(streams, inputs.vehicle)
+    streams |= acoustic.streams
     tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
-    info.notes.extend(motion.notes)
+    info.notes.extend((*motion.notes, *acoustic.notes))
     dropped = dropped_table(files, rejected)
     others = other_sources(files, forced, set_us=set_us)
     health = check_health(

@@ -8,6 +8,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.constants import STANDARD_PRESSURE_PA
+from auvid.hydro.identification.signals.pose.fixes import metres_from_degrees
 from auvid.hydro.identification.signals.pose.frames import Body, World
 from auvid.stages.columns import UNIX_TIME_US
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
@@ -40,6 +41,7 @@ UNUSED_CELL = 65535
 ARMED_BIT = 128
 VELOCITY_HORIZONTAL, CONSTANT_POSITION = 2, 128  # EKF_STATUS_FLAGS
 SMALLEST_CHANGE_M = 0.02
+FIX_2D = 2  # GPS_FIX_TYPE
 WORLD_OF_FRAME: Mapping[int, World] = {4: "enu", 15: "enu", 17: "enu", 19: "enu", 21: "nwu"}
 """MAV_FRAME -> world, where it is not north-east-down: LOCAL_ENU, those of motion capture,
 vision and estimate before 2019, LOCAL_FLU.
@@ -216,6 +218,16 @@ def odometry_pose(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns
     return pose_in_ned(position, q, world, body)
 
 
+def globe_fixes(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
+    """Return fixes of GPS_INPUT in metres from the first; NaN without a fix."""
+    degrees = np.column_stack([messages.floats("lat"), messages.floats("lon")]) * 1e-7
+    degrees[(degrees == 0.0).all(axis=1)] = np.nan
+    if "fix_type" in messages.columns:
+        degrees[messages.floats("fix_type") < FIX_2D] = np.nan
+    north, east = metres_from_degrees(*np.radians(degrees).T).T
+    return {"north_m": north, "east_m": east}
+
+
 def pressure_depth(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     """Return depth below the surface in m from the second barometer.
 
@@ -324,6 +336,7 @@ RULES = Rules(
         "navigation_velocity": navigation_velocity,
         "quaternion": quaternion,
         "pose_of_quaternion": pose_of_quaternion,
+        "globe_fixes": globe_fixes,
         "odometry_pose": odometry_pose,
         "pressure_depth": pressure_depth,
         "manual_sticks": manual_sticks,

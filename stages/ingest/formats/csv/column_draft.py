@@ -295,6 +295,18 @@ def _without_guess(item: NamedColumn) -> NamedColumn:
     return replace(item, place=None) if is_command or COMMANDS.search(item.words) else item
 
 
+def _fixes_without_depth(
+    chosen: dict[tuple[str, str], NamedColumn],
+) -> dict[tuple[str, str], NamedColumn]:
+    """Return northing and easting as fixes where there is no third coordinate."""
+    flat = {("position", "x_m"): ("fixes", "north_m"), ("position", "y_m"): ("fixes", "east_m")}
+    if not set(flat) <= set(chosen) or ("position", "z_m") in chosen:
+        return chosen
+    if not all("ing" in chosen[place].words for place in flat):
+        return chosen
+    return {flat.get(place, place): item for place, item in chosen.items()}
+
+
 def _cells(
     file: RawFile, names: Sequence[str], delimiter: str, encoding: str
 ) -> tuple[dict[str, list[str]], str]:
@@ -486,6 +498,7 @@ def _with_columns(
     remarks: list[str] = []
     chosen = _possible_outputs(chosen, values, remarks)
     chosen = _depth_of_others(chosen, columns, values)
+    chosen = _fixes_without_depth(chosen)
     drafted = []
     for (stream, name), item in chosen.items():
         kind = name.split("_")[0] if stream in ("imu", "glider") else stream
@@ -651,6 +664,8 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
         return _glider_unit(name, size)
     if stream == "pose":
         return pose_unit(name, size)
+    if stream == "fixes" and name.endswith("_rad"):
+        return "deg", "assumed"
     if stream == "attitude":
         return ("deg", "") if size > FULL_TURN else ("rad", "no value is beyond a turn in rad")
     if name.startswith("gyro"):

@@ -92,6 +92,7 @@ SPEED |= {"u": "u", "v": "v", "w": "w"}
 ANGLE = {"roll": "phi", "pitch": "theta", "yaw": "psi", "heading": "psi", "hdg": "psi"}
 ANGLE |= {"phi": "phi", "theta": "theta", "psi": "psi", "compass": "psi"}
 COMMAND = {"x": "surge", "y": "sway", "z": "heave", "k": "roll", "m": "pitch", "n": "yaw"}
+GLOBE = {"lat": "latitude", "lon": "longitude", "lng": "longitude", "long": "longitude"}
 PLACE = {"northing": "x", "easting": "y"}
 PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     (
@@ -143,6 +144,13 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     ),
     (r"\b(?:depth(?: value)?|pressure|press|water pressure)$", "depth", "depth_m", {}),
     (r"^(?:pos|position|pose position|p|loc|location)? ?([xyz])$", "position", "{}_m", {}),
+    (
+        r"^(?:usbl |ugps |gps |acoustic )?(lat|latitude|lon|lng|long|longitude)$",
+        "fixes",
+        "{}_rad",
+        GLOBE,
+    ),
+    (r"^(?:usbl|ugps|lbl|acoustic|fix) (north|east)(?:ing)?$", "fixes", "{}_m", {}),
     (r"\b(northing|easting)$", "position", "{}_m", PLACE),
     (r"\b(?:tow(?:ing)? (?:force|tension|load)|tension|load cell)$", "tow", "tow_force_n", {}),
     (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),

@@ -26,14 +26,14 @@ def proposed_map(names: Sequence[str]) -> str:
     tell: units that no name ends with, and every column if no name is known. Columns
     without a guess stand in a comment.
     """
-    known = named_columns(names)
-    time = next((index for index, item in enumerate(known) if TIME.search(item.words)), 0)
+    named = named_columns(names)
+    time = next((index for index, item in enumerate(named) if TIME.search(item.words)), 0)
     guesses: dict[tuple[str, str], int] = {}
-    for index, item in enumerate(known):
+    for index, item in enumerate(named):
         if index != time and item.place is not None:
             guesses.setdefault(item.place, index)
     lines = [
-        f"time: {{column: {quoted(names[time])}, unit: {known[time].unit or UNKNOWN}, epoch: boot}}"
+        f"time: {{column: {quoted(names[time])}, unit: {named[time].unit or UNKNOWN}, epoch: boot}}"
     ]
     lines += ["accelerometer: specific_force"] * any(
         field.startswith("accel") for _, field in guesses
@@ -45,9 +45,9 @@ def proposed_map(names: Sequence[str]) -> str:
             if field.startswith("command")
             else "us"
             if field.startswith("pwm")
-            else known[index].unit or UNKNOWN
+            else named[index].unit or UNKNOWN
         )
-        frame = f", frame: {known[index].frame}" if known[index].frame else ""
+        frame = f", frame: {named[index].frame}" if named[index].frame else ""
         lines.append(
             f"  - {{column: {quoted(names[index])}, stream: {stream}, field: {field}, unit:"
             f" {unit}{frame}}}"

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from auvid.data_schemas.streams import NEEDED
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.pose.fixes import metres_from_degrees
 from auvid.hydro.identification.signals.pose.frames import (
     Body,
     World,
@@ -30,15 +31,18 @@ Fields = dict[str, npt.NDArray[Any]]
 QUATERNION = ("q_w", "q_x", "q_y", "q_z")
 WORLD_VELOCITY = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
 """Velocity in the world of the file: with frame enu its x, y and z fill them."""
+GLOBE, FIX = ("latitude_rad", "longitude_rad"), ("north_m", "east_m")
 EXTRA_FIELDS: Mapping[str, Mapping[str, str]] = {
     "attitude": dict.fromkeys(QUATERNION, "1"),
     "pose": dict.fromkeys(QUATERNION, "1"),
     "velocity": dict.fromkeys(WORLD_VELOCITY, "m/s"),
+    "fixes": dict.fromkeys(GLOBE, "rad"),
 }
 """Fields of a column map that streams do not have, with their unit: they are turned."""
 REPLACED: Mapping[tuple[str, ...], tuple[str, ...]] = {
     QUATERNION: ATTITUDE,
     WORLD_VELOCITY: LINEAR_VELOCITY,
+    GLOBE: FIX,
 }
 FRAMES: Mapping[str, tuple[World, Body]] = {
     "ned": ("ned", "frd"),
@@ -65,7 +69,13 @@ def lacking_fields(stream: str, mapped: Sequence[str]) -> list[str]:
 
 
 def in_own_axes(stream: str, fields: Fields, frame: str) -> Fields:
-    """Return fields (n,) of pose or attitude in NED and FRD, quaternions as angles."""
+    """Return fields (n,) of pose or attitude in NED and FRD, quaternions as angles.
+
+    Latitude and longitude of fixes become metres north and east of the first.
+    """
+    if stream == "fixes" and set(GLOBE) <= set(fields):
+        rest = {key: values for key, values in fields.items() if key not in GLOBE}
+        return rest | named(FIX, metres_from_degrees(*_columns(fields, GLOBE).T))
     world, body = FRAMES[frame or "ned"]
     has_quaternion = set(QUATERNION) <= set(fields)
     if stream not in ("pose", "attitude") or not (stream == "pose" or has_quaternion):

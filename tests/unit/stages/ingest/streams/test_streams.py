@@ -88,8 +88,11 @@ def test_every_reader_has_a_mapping_or_gives_streams_itself() -> None:
 def test_supply_names_every_format(stream: str) -> None:
     text = supply_text(stream)
     assert "CSV: columns mapped to" in text
-    assert ("DataFlash: " in text) == (stream not in {"water_velocity", "glider"}), (
-        "vehicle logs have no message for velocity through the water, nor for a glider's drive"
+    assert ("DataFlash: " in text) == (
+        stream not in {"water_velocity", "glider", "tow", "fixes"}
+    ), (
+        "DataFlash logs have no message for velocity through the water, a glider's drive, a tow"
+        " or an acoustic position"
     )
 
 
