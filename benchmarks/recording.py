@@ -13,13 +13,16 @@ import argparse
 import json
 import resource
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
+from auvid.pipeline.store.pipes import saved_pieces
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.report.recording.recording import record
+from auvid.stages.report.recording.rerun_stream import PREVIEW_BINS
 
 HOURS, RATE_HZ = 1.0, 50.0
 GROUPS, COLUMNS = 10, 6
@@ -70,11 +73,15 @@ def main() -> None:
         "samples": int(3600 * HOURS * RATE_HZ),
         "limits": LIMITS,
     }
-    for name, preview in (("preview", True), ("whole", False)):
+    for name, bins in (("preview", PREVIEW_BINS), ("default", 15_000), ("whole", None)):
         start = time.perf_counter()
-        content = record(
-            "Benchmark", summary, view_documents, data, {}, {}, logs, 10.0, preview=preview
+        save = partial(
+            lambda path, bins: record(
+                "Benchmark", summary, view_documents, data, {}, {}, logs, 10.0, bins=bins, path=path
+            ),
+            bins=bins,
         )
+        content = b"".join(saved_pieces(save))
         figures[name] = {
             "seconds": round(time.perf_counter() - start, 2),
             "megabytes": round(len(content) / 1e6, 2),

@@ -58,6 +58,13 @@ class Params:
     path_rate_hz: float = param(
         "Hz", 10.0, meaning="rate of the vehicle's pose in the 3D view", low=0.1, high=1000.0
     )
+    recording_bins: int = param(
+        "1",
+        15_000,
+        meaning="bins of a long series in the recording, each its smallest and largest value;"
+        " up to twice as many samples are all shown",
+        low=1000,
+    )
 
 
 @dataclass(frozen=True)
@@ -195,11 +202,11 @@ def render_recording(
 ) -> None:
     """Save the recording to `path`; it opens on `tab`.
 
-    A `preview` has its series thinned by minimum and maximum per bin.
+    A `preview` has few bins, see `Recording`.
     """
-    from auvid.stages.report.recording.recording import (
-        record,
-    )  # Rerun takes half a second to import, and most commands draw nothing
+    # Rerun takes half a second to import, and most commands draw nothing.
+    from auvid.stages.report.recording.recording import record
+    from auvid.stages.report.recording.rerun_stream import PREVIEW_BINS
 
     record(
         content.title,
@@ -218,7 +225,7 @@ def render_recording(
             content.summary,
             dict(inputs.model_card or {}),
         ),
-        preview=preview,
+        bins=PREVIEW_BINS if preview else params.recording_bins,
         tab=tab,
         path=path,
     )

@@ -23,7 +23,7 @@ from auvid.stages.report.recording.blueprint import (
     outer,
     time_plot,
 )
-from auvid.stages.report.recording.rerun_stream import Recording
+from auvid.stages.report.recording.rerun_stream import PREVIEW_BINS, Recording
 
 FIRST, SECOND = ROLES["first"], ROLES["second"]
 
@@ -35,7 +35,8 @@ def record_difference(
 
     `words`: what changed, in Markdown. Times are those of the first run.
     """
-    out = Recording(f"{first.name} against {second.name}", content=words, preview=preview)
+    bins = PREVIEW_BINS if preview else None
+    out = Recording(f"{first.name} against {second.name}", content=words, bins=bins)
     out.document("answer/text", words)
     starts = make_clock(first.segments, first.logs).logs
     sent: dict[str, dict[str, LoggedSeries]] = {}

@@ -32,7 +32,7 @@ from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, disti
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
 from auvid.stages.report.recording.identity import log_properties
 from auvid.stages.report.recording.recording import line_inks
-from auvid.stages.report.recording.rerun_stream import Recording
+from auvid.stages.report.recording.rerun_stream import PREVIEW_BINS, Recording
 
 TABS: Mapping[str, tuple[str, ...]] = {
     "Motion": ("velocity", "attitude", "imu"),
@@ -80,7 +80,7 @@ def record_log(
         f"Log {name}",
         content=[health, info.start_us, info.end_us],
         properties=log_properties(name, health),
-        preview=preview,
+        bins=PREVIEW_BINS if preview else None,
     )
     origin_us = int(info.start_us)
     clocks = {

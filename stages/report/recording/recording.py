@@ -74,19 +74,19 @@ def record(
     *,
     content: object = "",
     properties: Mapping[str, Property] = NO_PROPERTIES,
-    preview: bool = False,
+    bins: int | None = None,
     tab: str = "",
     path: str,
 ) -> None:
     """Save the recording to `path`; it opens on `tab` (see `whole_view`).
 
-    One group of series is in memory at a time. `content` and `properties`: see
-    `Recording`.
+    One group of series is in memory at a time. `content`, `properties`, `bins`:
+    see `Recording`.
 
     `sections` (keyed `stage/item`): their tables and remarks stand in it as text, a tab
     per stage.
     """
-    out = Recording(title, content=content, properties=properties, preview=preview, path=path)
+    out = Recording(title, content=content, properties=properties, bins=bins, path=path)
     clock = make_clock(segments, logs)
     load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
@@ -143,12 +143,20 @@ def _send_groups(
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     sent: dict[str, LoggedSeries] = {}
-    for entity, owner, bundle in counted("recording: group", _bundles(groups)):
-        name = find_table(names, owner, str(bundle[0]["table"]))
+    bundles = [
+        (find_table(names, owner, str(bundle[0]["table"])), entity, owner, bundle)
+        for entity, owner, bundle in _bundles(groups)
+    ]
+    bundles.sort(key=lambda item: str(item[0]))  # a long table is read once
+    rows: dict[tuple[str, ...], pa.Table] = {}
+    before = ""
+    for name, entity, owner, bundle in counted("recording: group", bundles):
         if name is None:
             continue
         table = load(name)
-        parts = [_rows(table, group) for group in bundle]
+        if name != before:
+            rows, before = {}, name
+        parts = [_rows(table, group, rows) for group in bundle]
         times = clock.seconds(name, parts[0])
         if (
             times is None
@@ -264,10 +272,18 @@ def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> lis
     return [not is_model(role) or not liked or key(role) in liked for role in roles]
 
 
-def _rows(table: pa.Table, group: Document) -> pa.Table:
-    for wanted, value in (group.get("filter") or {}).items():
-        table = table.filter(pc.equal(table[wanted], value))
-    return table
+def _rows(table: pa.Table, group: Document, rows: dict[tuple[str, ...], pa.Table]) -> pa.Table:
+    """Return the rows of a group; `rows`: those of other groups, by what was filtered."""
+    filters = {name: str(value) for name, value in (group.get("filter") or {}).items()}
+    chosen = tuple(part for pair in filters.items() for part in pair)
+    if chosen not in rows:
+        for name, value in filters.items():
+            places = np.flatnonzero(np.asarray(pc.equal(table[name], value)))
+            first, count = (int(places[0]), len(places)) if len(places) else (0, 0)
+            is_one_piece = not count or int(places[-1]) - first + 1 == count
+            table = table.slice(first, count) if is_one_piece else table.take(pa.array(places))
+        rows[chosen] = table
+    return rows[chosen]
 
 
 def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:

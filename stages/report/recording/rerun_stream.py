@@ -34,8 +34,8 @@ class Recording:
 
     Its id is that of title and `content`; `properties` are typed columns of a catalogue.
 
-    `preview`: series are thinned by minimum and maximum per bin, for pictures and for
-    slow machines.
+    `bins`: series of more than two samples a bin show the smallest and the largest value
+    of each, at `log/thinned` in words; None shows every sample.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Recording:
         *,
         content: object = "",
         properties: Mapping[str, Property] = NO_PROPERTIES,
-        preview: bool = False,
+        bins: int | None = None,
         path: str | None = None,
     ) -> None:
         self.stream = rr.RecordingStream(
@@ -52,7 +52,7 @@ class Recording:
         )
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
-        self.preview = preview
+        self.bins, self._thinned = bins, 0
         self._sink = rr.binary_stream(recording=self.stream) if path is None else None
         if path is not None:
             self.stream.save(path)
@@ -66,6 +66,14 @@ class Recording:
 
     def finish(self, blueprint: Any) -> bytes:
         """End the recording with its blueprint; give what is in memory."""
+        if self._thinned:
+            assert self.bins is not None  # something is thinned
+            many = f"{self._thinned} group{'s' * (self._thinned > 1)} of series"
+            words = (
+                f"{many} with more than {2 * self.bins} samples: shown are the smallest and the"
+                f" largest value in each of {self.bins} bins"
+            )
+            self.messages("log/thinned", [(0.0, "note", words)])
         self.stream.send_blueprint(blueprint)
         return self.discard()
 
@@ -101,8 +109,9 @@ class Recording:
         Lines are broken where samples pause longer than `pause_s`, and at the end.
         """
         times, values = broken(times, values, pause_s)
-        if self.preview:
-            times, values = thinned(times, values, PREVIEW_BINS)
+        if self.bins is not None and times.size > 2 * self.bins:
+            times, values = thinned(times, values, self.bins)
+            self._thinned += 1
         values = rounded(values)
         there = np.asarray(
             ~np.isnan(values).all(axis=1)
@@ -211,16 +220,17 @@ def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
     if width <= 2:
         return times, values
     used = -(-n // width)
-    padded = np.full((used * width, count), np.nan)
+    padded = np.full((used * width, count), np.nan, order="F")
     padded[:n] = values
-    blocks = padded.reshape(used, width, count)
-    finite = np.isfinite(blocks)
-    lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
-    low, high = lower.min(axis=1), upper.max(axis=1)
-    rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
-    rows = np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).reshape(
-        2 * used, count
-    )
+    rows = np.empty((2 * used, count))
+    for series, thin in zip(padded.T, rows.T, strict=True):  # one at a time: little memory
+        blocks = series.reshape(used, width)
+        lower = upper = blocks
+        if not (finite := np.isfinite(blocks)).all():
+            lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
+        low, high = lower.min(axis=1), upper.max(axis=1)
+        rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
+        thin[::2], thin[1::2] = np.where(rising, low, high), np.where(rising, high, low)
     rows[~np.isfinite(rows)] = np.nan
     first = np.arange(used) * width
     places = np.column_stack([first, np.minimum(first + width // 2, n - 1)]).ravel()

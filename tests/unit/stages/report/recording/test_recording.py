@@ -19,8 +19,8 @@ from auvid.stages.columns import VELOCITY, force_columns
 from auvid.stages.report import Params, collect, render_recording, run
 from auvid.stages.report.clock import make_clock
 from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
-from auvid.stages.report.recording.recording import _settled, _values, find_table
-from auvid.stages.report.recording.rerun_stream import quaternions
+from auvid.stages.report.recording.recording import _rows, _settled, _values, find_table
+from auvid.stages.report.recording.rerun_stream import Recording, quaternions
 from auvid.stages.report.recording.text import markdown
 from auvid.stages.report.summary.model_summary import summarise
 from tests.support.example_run import ExampleRun, example_run
@@ -251,6 +251,29 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
     np.testing.assert_allclose(
         _values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12
     )
+
+
+def test_rows_of_a_filter_are_those_of_the_table() -> None:
+    table = pa.table({"model": ["a", "a", "b", "a"], "v": [1.0, 2.0, 3.0, 4.0]})
+    rows: dict[tuple[str, ...], pa.Table] = {}
+    for model, values in (("a", [1.0, 2.0, 4.0]), ("b", [3.0]), ("c", [])):
+        part = _rows(table, {"filter": {"model": model}}, rows)
+        assert part["v"].to_pylist() == values
+        assert _rows(table, {"filter": {"model": model}}, rows) is part
+    assert _rows(table, {}, rows) is table
+
+
+def test_long_series_show_their_extremes_and_the_recording_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, words = Recording("long", bins=1000), []
+    monkeypatch.setattr(out, "messages", lambda entity, rows: words.extend([entity, *rows]))
+    values = np.sin(np.arange(50_000.0))[:, None]
+    out.series("x", np.arange(50_000) * 0.02, values)
+    out.series("y", np.arange(2000) * 0.02, values[:2000])
+    out.finish(rr.blueprint.Blueprint())
+    entity, (_, level, text) = words
+    assert (entity, level, text[:27]) == ("log/thinned", "note", "1 group of series with more")
 
 
 def test_preview_is_smaller(made: ExampleRun, tmp_path: Path) -> None:
