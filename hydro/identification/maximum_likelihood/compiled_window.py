@@ -434,7 +434,7 @@ def _carry_sensitivities(S: Any, Phi: Any, fade: Any, push: Any, a0: Any, a1: An
 
 @_compiled
 def _gathered(row: Any, D: Any, j: int, out: Any) -> None:
-    """Write row . D[:, j, :] (q,) of a symmetric D, of which the lower half is stored."""
+    """Write row . D[:, j, :] (q,) of a symmetric D, stored as its lower half."""
     for d in range(len(out)):
         out[d] = TINY
     for k in range(0, len(row), 4):

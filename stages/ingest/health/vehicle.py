@@ -95,7 +95,7 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=_largest(log),
         )
-    elif still := _held(log):
+    elif still := _resting_outputs(log):
         yield finding(
             "outputs_held",
             f"No output changes from the first to the last sample{still}: they are set points, or"
@@ -109,8 +109,8 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
     yield from _saturation(log)
 
 
-def _held(log: CheckedLog) -> str:
-    """Return at what the outputs stand, all log long, or nothing where one of them moves."""
+def _resting_outputs(log: CheckedLog) -> str:
+    """Return at what the outputs stand all log long, or nothing where one moves."""
     names = [*log.thrusters(), *log.commands()]
     values = log.values("actuators", names) if names else np.zeros((0, 0))
     moves = not values.size or np.ptp(values, axis=0).any()
