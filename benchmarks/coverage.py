@@ -278,7 +278,8 @@ def main() -> None:
     )
     parser.add_argument("--truth", default="linear", help="name of a viscous model")
     parser.add_argument("--plan", default="default", help="plan of campaigns/vt690_twin")
-    parser.add_argument("--seeds", type=int, default=5, help="seeds 1 to this")
+    parser.add_argument("--first", type=int, default=1, help="first seed")
+    parser.add_argument("--seeds", type=int, default=5, help="last seed")
     parser.add_argument("--minutes", type=float, default=40.0, help="begin no seed after these")
     chosen = parser.parse_args()
     model_named(chosen.truth)
@@ -290,7 +291,7 @@ def main() -> None:
     done = {int(row["seed"]) for row in _rows(kept) if _key(row) == key}
     plan, simulated = twin(chosen.plan, chosen.truth)
     begin = time.monotonic()
-    for seed in range(1, chosen.seeds + 1):
+    for seed in range(chosen.first, chosen.seeds + 1):
         if seed in done or time.monotonic() - begin > 60.0 * chosen.minutes:
             continue
         rows = list(rows_of(*key, seed, plan, simulated))

@@ -43,7 +43,9 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
     """Return what a model is usable for: forces, simulation and control, by axis.
 
     An axis is simulated where its own drive does not tip the model over; roll and pitch
-    where none does and their damping rests on data or a prior.
+    where none does and their damping rests on data or a prior. A controller is designed
+    on no axis of a model whose roll or pitch runs are worse than no change: it would act
+    through tilts that the model gets wrong.
     """
 
     def below(value: float | None, limit: float) -> bool:
@@ -66,10 +68,18 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
         control=[
             axis
             for axis in simulation
-            if below(merits[axis].validation, HALF) and damping_of(card, axis) == IDENTIFIED
+            if not lost_tilts(model)
+            and below(merits[axis].validation, HALF)
+            and damping_of(card, axis) == IDENTIFIED
         ],
         speeds=card.conditions,
     )
+
+
+def lost_tilts(model: MeritRecord) -> dict[str, float]:
+    """Return roll and pitch with free runs worse than no change: axis -> error in parts of it."""
+    runs = {axis: model.axes[axis].free_run for axis in TILTS}
+    return {axis: error for axis, error in runs.items() if error is not None and error > 1.0}
 
 
 def recommendation(

@@ -25,6 +25,7 @@ from auvid.stages.model_use import (
     damping_of,
     failing_axes,
     listed,
+    lost_tilts,
     recommendation,
 )
 from auvid.stages.number_format import fixed, true_minus
@@ -144,6 +145,9 @@ def _uses(
         for axis in TILTS
         if axis not in usable.control
     ]
+    if lost := lost_tilts(chosen):
+        times = listed([f"{error:.2g}" for error in lost.values()])
+        words = f"its {axes_listed(tuple(lost))} runs err {times} times as much as no change"
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     parts = []
     for name, speed in usable.speeds.items():

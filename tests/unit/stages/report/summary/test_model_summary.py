@@ -195,6 +195,25 @@ def test_a_model_that_does_not_hold_roll_is_said_to_tip_over(
     assert ("may tip over" in use.reason) is warned
 
 
+@pytest.mark.parametrize(
+    ("column", "axes", "words"),
+    [
+        ("phi_rms_rad", "no axis", "its roll runs err 3 times as much as no change"),
+        ("v_rms_m_s", "surge, heave, roll, pitch and yaw", "damping identified"),
+    ],
+)
+def test_no_controller_is_designed_on_a_model_that_loses_its_tilts(
+    run: ExampleRun, column: str, axes: str, words: str
+) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "identified", "XYZKMN")
+    run.free_run = free_runs("coe", lost=0)
+    run.free_run[0][column] = 1.5
+    (use,) = (use for use in summary_of(run).uses if use.label == "Control design")
+    assert (use.axes, words in use.reason) == (axes, True)
+
+
 def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, object]]:
     """Rows of free runs of a model, and of no change with an error of .5."""
     names = [f"{v}_rms_{'m_s' if v in 'uvw' else 'rad_s'}" for v in "uvwpqr"]
