@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from auvid.data_schemas.records.models import (
@@ -15,6 +15,7 @@ from auvid.data_schemas.records.models import (
 )
 from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.arrays import AXES
+from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
@@ -175,6 +176,15 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
         if (axes := [axis for axis, item in part.lacking.items() if item.verdict == verdict])
     ]
     return f"{words}; {', '.join(lacking)}" if lacking else words
+
+
+def coverage_words(shares: Mapping[str, float]) -> str:
+    """Return how often intervals held the truth of twins: true model -> share."""
+    parts = [
+        f"{100.0 * share:.0f} % where the truth is {model_named(name).title}"
+        for name, share in shares.items()
+    ]
+    return f"On twins, 95 % intervals of identified coefficients held the truth in {listed(parts)}."
 
 
 def failing_axes(model: MeritRecord) -> list[str]:

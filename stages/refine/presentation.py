@@ -8,6 +8,7 @@ from typing import Any
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.constants import NORMAL_95
+from auvid.stages.model_use import coverage_words
 from auvid.stages.presentation import (
     NOISE_95,
     Block,
@@ -117,7 +118,7 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
             f" Limits that hold coefficients back: {names}. They lower the log-likelihood by"
             f" {fit.limits_cost:.2g}."
         )
-    blocks = [text(words)]
+    blocks = [text(f"{words} {coverage_words(card.coverage_on_twins)}")]
     if fit.left_out:
         blocks.append(remark(f"{card.title}, left out: {'; '.join(fit.left_out)}."))
     return blocks

@@ -7,12 +7,12 @@ from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.stages.model_use import coverage_words
 from auvid.stages.presentation import (
     NOISE_95,
     Block,
@@ -135,14 +135,7 @@ def _method(card: ModelCard) -> str:
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
     if card.coverage_on_twins:
-        shares = [
-            f"{100.0 * part:.0f} % where the truth is {model_named(name).title}"
-            for name, part in card.coverage_on_twins.items()
-        ]
-        note += (
-            " On twins, 95 % intervals of identified coefficients held the truth in"
-            f" {' and '.join(shares)}."
-        )
+        note += f" {coverage_words(card.coverage_on_twins)}"
     if not card.left_out and card.method != "error function":
         note += " There is one training leg: whether signs hold without it is not tested."
     if card.spreads:

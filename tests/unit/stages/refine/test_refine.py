@@ -180,6 +180,12 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert noise["depth"] == pytest.approx(0.004, rel=0.2)
     assert (fit.force_time_s is None) == (estimator == "output_error")
     assert warned(refined) == ""
+    share = {"output_error": "94 %", "filter_error": "90 %"}[estimator]
+    words = (
+        f"95 % intervals of identified coefficients held the truth in {share} where the truth is"
+    )
+    assert refined.section is not None
+    assert words in str(refined.section["blocks"])
 
 
 def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:

@@ -1,4 +1,4 @@
-"""Terms switched off by the data, and pursuit against scikit-learn's."""
+"""Terms switched off by the data, and pursuit against scikit-learn and pysindy."""
 
 import numpy as np
 import pytest
@@ -96,6 +96,30 @@ def test_pursuit_takes_the_terms_of_scikit_learn(axis):
             fit.solution * scale, values * scale, atol=1e-7 * np.abs(values * scale).max()
         )
         assert found.sse[k] == pytest.approx(fit.sse, rel=1e-9)
+
+
+def test_pursuit_finds_what_pysindy_finds():
+    """A sparse truth, by forward regression, and by least squares with a threshold."""
+    from pysindy import FROLS, STLSQ  # here, since it takes seconds
+
+    names = ("u", "v", "w", "p", "q", "r", "v*|v|", "r*|r|", "u*r", "p*q")
+    dive = Dive(800, seed=3, noise=0.01)
+    rows = basis_rows(dive.nu.T, None, names)
+    noise = np.random.default_rng(4).normal(size=rows.shape[1])
+    force = np.zeros((rows.shape[1], 6))
+    force[:, 1] = -30.0 * rows[1] + 8.0 * rows[5] - 60.0 * rows[6] + 0.01 * noise
+    factor = TriangularFactor.empty(names).update(rows, force)
+    pursuit = pursue(factor, "Y", names, always=(), most=3)
+    values = solve_axis(factor, "Y", pursuit.order).solution
+    ours = dict(zip(pursuit.order, values, strict=True))
+    assert set(ours) == {"v", "r", "v*|v|"}
+    forward = FROLS(normalize_columns=True, max_iter=3)
+    threshold = STLSQ(threshold=1.0, alpha=0.0)
+    for oracle in (forward, threshold):
+        found = oracle.fit(rows.T, force[:, 1:2]).coef_[0]
+        np.testing.assert_allclose(
+            found, [ours.get(name, 0.0) for name in names], rtol=1e-7, atol=1e-7
+        )
 
 
 def test_pursuit_finds_a_sparse_truth_and_stops():
