@@ -718,7 +718,9 @@ def export(
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Of files, functions, classes. (default: VEHICLE_MODEL)"),
+        typer.Option(
+            metavar="NAME", help="Name of files, functions, classes. (default: VEHICLE_MODEL)"
+        ),
     ] = None,
     lossy: Annotated[
         bool,
@@ -732,9 +734,11 @@ def export(
             "--force", help="Overwrite files, and export a model that is usable for nothing."
         ),
     ] = False,
-    draws: Annotated[int, typer.Option(metavar="N", min=1, help="Of target draws.")] = 1000,
+    draws: Annotated[
+        int, typer.Option(metavar="N", min=1, help="How many draws target draws writes.")
+    ] = 1000,
 ) -> None:
-    """Write a model for a simulator, and print what that cannot hold of it.
+    """Write a model for a simulator, and print what the simulator cannot hold.
 
     Exit codes: 0 written; 1 refused; 2 wrong use.
     """

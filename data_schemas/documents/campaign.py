@@ -149,7 +149,7 @@ class CampaignDocument(Model):
     apparatus: str | None = None
     """Bench campaigns: path of the document of pendulums and timed oscillations."""
     published: str | None = None
-    """Path of the document of published values that the results are held against."""
+    """Path of the document of published values to compare the results with."""
     shelf: list[str] | None = None
     """Published vehicles to judge on this dive: names in vehicles/shelf, with * for any
     letters, or paths.

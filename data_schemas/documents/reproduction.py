@@ -57,7 +57,7 @@ class FigureLegsEntry(Model):
     processed: str | None = None
     """Leg of raw against processed signals."""
     forces: str | None = None
-    """Leg on which models are held against the measured force."""
+    """Leg on which models are compared with the measured force."""
 
 
 class ExpectedEntry(Model):
@@ -115,7 +115,7 @@ class ReproductionDocument(Model):
     text: str | None = None
     """Jinja template of the text of the page, in the campaign folder."""
     plans: list[PlanEntry]
-    """Plans to fly; the first is the one that is held against the published tables."""
+    """Plans to fly; the first is the one that is compared with the published tables."""
     variants: list[VariantEntry]
     """Ways to go from the logs to the models."""
     compared: ComparedEntry
@@ -123,4 +123,4 @@ class ReproductionDocument(Model):
     figures: FigureLegsEntry | None = None
     """Legs of the figures; the first leg of the use unless said."""
     expected: list[ExpectedEntry]
-    """Bounds that the results are held against."""
+    """Bounds that the results must meet."""

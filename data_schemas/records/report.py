@@ -109,7 +109,7 @@ class PublishedErrorRow(Model):
 
 
 class PublishedTables(Model):
-    """Published error tables and coefficients that a reproduction is held against."""
+    """Published error tables and coefficients to compare a reproduction with."""
 
     source: str
     """File of the tables."""

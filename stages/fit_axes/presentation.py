@@ -56,7 +56,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
             [words_of(item.axis), item.verdict, item.words, lacking_axis(item).remedy]
             for item in fits.lacking
         ]
-        blocks.append(table("Axes that are not fitted", ["axis", "why", "", "remedy"], rows))
+        blocks.append(table("Axes that are not fitted", ["axis", "verdict", "why", "remedy"], rows))
     blocks += _coefficients(card)
     blocks += _beside_damping(card)
     blocks += _free_of_newtons(card)

@@ -42,7 +42,7 @@ class Params:
     minimum_speed_m_s: float = param(
         "m/s",
         0.05,
-        meaning="lower bound of U in eta = u_c(n)/U that a simulator is told to take",
+        meaning="lower bound of U in eta = u_c(n)/U for simulators",
         low=1e-3,
         high=1.0,
     )

@@ -333,7 +333,7 @@ def _damping_table(item: DecayResult) -> Block:
         ("RMSE recursive", "rad"),
         ("RMSE batch", "rad"),
         (f"RMSE on {item.judged_on}", "rad"),
-        "",
+        "choice",
     ]
     return table(
         f"{item.entry.id}: damping models (as Tables 12, 14, 15)",

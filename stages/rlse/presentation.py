@@ -315,7 +315,7 @@ def _damping_table(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
         ),
         ("RMSE", unit),
         ("RMSE, last third", unit),
-        "",
+        "choice",
     ]
     note = (
         "Chosen by the last third; of nearly equal ones (5 %) the simpler, unless the term that it"

@@ -111,19 +111,19 @@ def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
         return (
             bounds_met[:1].upper() + bounds_met[1:]
             if bounds_met
-            else f"{plural(rows, 'figure')} found"
+            else f"{plural(rows, 'value')} found"
         )
     if good == judged:
         words = (
-            "Every figure that was asked for is determined"
+            "Every value that was asked for is determined"
             if judged > 1
-            else "The figure that was asked for is determined"
+            else "The value that was asked for is determined"
         )
     else:
         words = (
-            f"{good} of {plural(judged, 'figure')} determined"
+            f"{good} of {plural(judged, 'value')} determined"
             if good
-            else "The recordings determine none of the figures"
+            else "The recordings determine none of the values"
         )
     return (
         f"{words}, {bounds_met}"
@@ -199,7 +199,7 @@ def _facts(
     if judged:
         facts.append(
             Fact(
-                "figures determined",
+                "values determined",
                 f"{len(good)} of {len(judged)}",
                 f"{len(rows)} with all methods and models",
             )

@@ -151,8 +151,11 @@ def _uses(
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     parts = []
     for name, speed in usable.speeds.items():
-        factor, unit = degrees("m/s" if name in "uvw" else "rad/s")
-        parts.append(f"{name} {factor * speed.low:.2g} to {factor * speed.high:.2g} {unit}")
+        factor, unit = 1.0, ""
+        if name in (*"uvwpqr", "V"):
+            factor, unit = degrees("m/s" if name in (*"uvw", "V") else "rad/s")
+        low, high = f"{factor * speed.low:.2g}", f"{factor * speed.high:.2g}"
+        parts.append(f"{name} {low} to {high} {unit}".rstrip())
     words = f"{', '.join(parts)}: where the training legs went"
     uses.append(Use("Within", "", true_minus(words)))
     return tuple(uses)

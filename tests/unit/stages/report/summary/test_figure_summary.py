@@ -45,7 +45,7 @@ LOGS = {"tank": LogInfo.model_construct(status="damaged", files=[FILE, FILE])}
 def test_undetermined_figures_are_named_with_their_reason() -> None:
     summary = summarise_results(RESULTS, LOGS, {}, VEHICLE)
     assert summary.level == "fair"
-    assert summary.headline.startswith("1 of 2 figures determined")
+    assert summary.headline.startswith("1 of 2 values determined")
     assert "Sway, one step: not persistently exciting: m - Y_vdot." in summary.missing
     assert "Log tank is damaged." in summary.missing
     assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
@@ -76,7 +76,7 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
     assert (
         summary.headline
-        == "The figure that was asked for is determined, every bound on printed values is met"
+        == "The value that was asked for is determined, every bound on printed values is met"
     )
     assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
     only = summarise_results({"check_published": bounds}, {}, {}, VEHICLE)

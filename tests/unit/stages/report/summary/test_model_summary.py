@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from auvid.data_schemas.records.models import VelocityRange
 from auvid.stages.base import collection
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.html import anchor
@@ -223,6 +224,14 @@ def free_runs(model: str, *, lost: int, error: float = 0.1) -> list[dict[str, ob
         {**head, "model": model, "diverged": lost, **dict.fromkeys(names, error)},
         {**head, "model": "persistence", "diverged": 0, **dict.fromkeys(names, 0.5)},
     ]
+
+
+def test_the_flown_range_gives_each_velocity_its_unit(run: ExampleRun) -> None:
+    ranges = dict.fromkeys((*"uvwpqr", "eta-1"), VelocityRange(rms=0.5, low=-1.0, high=1.0))
+    run.cards["coe"] = run.cards["coe"].model_copy(update={"conditions": ranges})
+    (use,) = (use for use in summary_of(run).uses if use.label == "Within")
+    assert use.reason.startswith("u −1 to 1 m/s, v −1 to 1 m/s")
+    assert "r −57 to 57 deg/s, eta-1 −1 to 1: where" in use.reason
 
 
 def test_a_leg_that_a_simpler_model_predicts_better_is_named(run: ExampleRun) -> None:
