@@ -273,7 +273,7 @@ def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> lis
 
 
 def _rows(table: pa.Table, group: Document, rows: dict[tuple[str, ...], pa.Table]) -> pa.Table:
-    """Return the rows of a group; `rows`: those of other groups, by what was filtered."""
+    """Return the rows of a group; `rows`: those of other groups, by their filter."""
     filters = {name: str(value) for name, value in (group.get("filter") or {}).items()}
     chosen = tuple(part for pair in filters.items() for part in pair)
     if chosen not in rows:
