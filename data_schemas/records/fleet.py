@@ -68,6 +68,8 @@ class LogSurvey(Model):
     """Axes in which it moves."""
     findings: list[FindingRecord] = Field(default_factory=list)
     """What was found, the severe first."""
+    conditions: dict[str, float | str] = Field(default_factory=dict)
+    """What may make one dive differ from another: firmware, battery_v, mean_depth_m."""
     motion: MotionTrace | None = None
     """Its motion; null for a log that is refused."""
 
@@ -91,6 +93,8 @@ class FleetCoefficient(Model):
     """Standard error by noise."""
     verdict: str
     """What the data say of it."""
+    correlation: float | None = None
+    """With the other damping term, linear or quadratic, of the axis; null for none."""
 
 
 class FleetVerdict(Model):

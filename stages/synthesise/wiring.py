@@ -1,12 +1,19 @@
-"""Whether the training legs show exchanged outputs, or a reversed thruster."""
+"""Whether training legs show exchanged outputs, or a reversed, weak or dead thruster."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+import pyarrow as pa
 
 from auvid.data_schemas.tables import has_columns, matrix
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
+from auvid.hydro.identification.fleet.thruster_strength import (
+    BLOCK_S,
+    ThrusterLeg,
+    ThrusterStrength,
+    thruster_strengths,
+)
 from auvid.hydro.identification.fleet.wiring import WiringFault, wiring_fault
 from auvid.stages.columns import VELOCITY, clock, force_columns
 from auvid.stages.presentation import Block, remark
@@ -18,29 +25,68 @@ MOST_SAMPLES = 30_000
 
 
 def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
-    """Return a warning that names the outputs, or nothing."""
+    """Return a warning that names the outputs, those of weak thrusters, or nothing.
+
+    Strengths are looked at where the wiring is right: two exchanged outputs make all of
+    them wrong.
+    """
     if vehicle.thrusters is None:
         return []
+    parts = thruster_legs(((leg.residual, leg.controls) for leg in legs), vehicle)
+    if not parts:
+        return []
+    fault = wiring_fault(parts, vehicle.thrusters.allocation)
+    if fault is not None:
+        return [remark(_words(fault, vehicle.thrusters.outputs), "warning")]
+    return [
+        remark(_strength_words(item, vehicle.thrusters.outputs), "warning")
+        for item in strengths(parts, vehicle)
+        if item.verdict in ("weak", "dead")
+    ]
+
+
+def thruster_legs(
+    tables: Iterable[tuple[pa.Table, pa.Table | None]], vehicle: Vehicle
+) -> list[ThrusterLeg]:
+    """Return legs of residual and controls, none where a leg lacks thrusts."""
+    assert vehicle.thrusters is not None
     count = vehicle.thrusters.allocation.shape[1]
     names = [f"thruster_{number}_N" for number in range(1, count + 1)]
     parts: list[ThrusterLeg] = []
-    for leg in legs:
-        if leg.controls is None or not has_columns(leg.controls, names):
+    for residual, controls in tables:
+        if controls is None or not has_columns(controls, names):
             return []
-        t_s = clock(leg.residual)
+        t_s = clock(residual)
         rows = slice(0, None, max(1, round(STEP_S / float(t_s[1] - t_s[0]))))
         parts.append(
             ThrusterLeg(
                 t_s[rows],
-                matrix(leg.residual, VELOCITY)[rows],
-                matrix(leg.residual, force_columns("tau_bar"))[rows],
-                matrix(leg.controls, names)[rows],
+                matrix(residual, VELOCITY)[rows],
+                matrix(residual, force_columns("tau_bar"))[rows],
+                matrix(controls, names)[rows],
             )
         )
         if sum(part.t_s.size for part in parts) > MOST_SAMPLES:
             break
-    fault = wiring_fault(parts, vehicle.thrusters.allocation)
-    return [] if fault is None else [remark(_words(fault, vehicle.thrusters.outputs), "warning")]
+    return parts
+
+
+def strengths(legs: Sequence[ThrusterLeg], vehicle: Vehicle) -> tuple[ThrusterStrength, ...]:
+    """Return the strength of each thruster; none where the legs are too short."""
+    length_s = sum(float(leg.t_s[-1] - leg.t_s[0]) for leg in legs)
+    if vehicle.thrusters is None or length_s < 4.0 * BLOCK_S:
+        return ()
+    return thruster_strengths(legs, vehicle.thrusters.allocation)
+
+
+def _strength_words(item: ThrusterStrength, outputs: tuple[int, ...]) -> str:
+    others = ", ".join(str(outputs[number - 1]) for number in item.others)
+    return (
+        f"The thruster of output {outputs[item.thruster - 1]} looks {item.verdict}:"
+        f" {item.strength:.2f} of the thrust of those that act as it does (outputs {others};"
+        f" standard error {item.standard_error:.2f}). Look at its propeller, its motor and its"
+        " cable; the forces of this dive are wrong by what it lacks."
+    )
 
 
 def _words(fault: WiringFault, outputs: tuple[int, ...]) -> str:

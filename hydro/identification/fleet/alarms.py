@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp
 
 from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.identification.fleet.pooling import Interval
@@ -73,7 +72,7 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
     wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
     prior = variance + wide[..., None]
     odds = 0.5 * (np.log(variance / prior) + difference**2 * (1.0 / variance - 1.0 / prior))
-    return np.asarray(logsumexp(odds + scatter.log_weight[..., None], axis=-2))
+    return np.asarray(np.logaddexp.reduce(odds + scatter.log_weight[..., None], axis=-2))
 
 
 def change_alarms(

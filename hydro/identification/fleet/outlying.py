@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import ndtri
 
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, Interval
 from auvid.hydro.identification.fleet.scatter import between_dives
@@ -65,6 +64,8 @@ def outlying_dives(
     figures is compared with level / (number of looks), the next with one look less
     (Holm 1979). Fewer than four dives with a figure are not looked at.
     """
+    from scipy.special import ndtri
+
     looks = []
     for name, (values, errors) in figures.items():
         y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)

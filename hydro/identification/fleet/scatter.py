@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp, ndtr
 
 from auvid.hydro.arrays import Array
 
@@ -122,7 +121,7 @@ def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
     likelihood = 0.5 * (np.log(weight).sum(axis=-1) - np.log(total) - squares)
     # tau: equal steps of the logarithm.
     posterior = likelihood + np.log(tau / (typical[..., None] + tau))
-    log_weight = posterior - logsumexp(posterior, axis=-1, keepdims=True)
+    log_weight = posterior - np.logaddexp.reduce(posterior, axis=-1, keepdims=True)
     return BetweenDives(tau, log_weight, mean, 1.0 / total, likelihood, squares)
 
 
@@ -142,6 +141,8 @@ def typical_error(errors: ArrayLike) -> Array:
 
 def _mixture(value: Array, weight: Array, mean: Array, sd: Array) -> Array:
     """Return the distribution function (...) of normals with weights (..., g)."""
+    from scipy.special import ndtr
+
     return np.asarray((weight * ndtr((value[..., None] - mean) / sd)).sum(axis=-1))
 
 

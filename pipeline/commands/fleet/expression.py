@@ -52,17 +52,18 @@ class Token:
     at: int
 
 
-def parse(expression: str, fields: Collection[str]) -> Test:
+def parse(expression: str, fields: Collection[str], coefficients: Collection[str] = ()) -> Test:
     """Return the test of a row. Raises `UsageError` for what the language has not.
 
-    fields: columns of table `runs`. What a row does not have is neither equal nor
+    fields: columns of table `runs`. coefficients: those that the logs have; where there
+    are any, another one is refused. What a row does not have is neither equal nor
     unequal to anything.
 
     >>> parse("surge = identified and J/J0 < .5", ["surge", "ratio"])(
     ...     {"surge": "identified", "ratio": 0.3})
     True
     """
-    reader = _Reader(expression, tuple(fields))
+    reader = _Reader(expression, tuple(fields), tuple(coefficients))
     test = reader.either(0)
     reader.end()
     return test
@@ -71,8 +72,11 @@ def parse(expression: str, fields: Collection[str]) -> Test:
 class _Reader:
     """Reads an expression from the left: or binds less than and, and less than not."""
 
-    def __init__(self, expression: str, fields: tuple[str, ...]) -> None:
+    def __init__(
+        self, expression: str, fields: tuple[str, ...], coefficients: tuple[str, ...]
+    ) -> None:
         self.expression, self.fields, self.place = expression, fields, 0
+        self.coefficients = coefficients
         self.tokens = list(_tokens(expression))
 
     def either(self, depth: int) -> Test:
@@ -119,8 +123,18 @@ class _Reader:
 
     def _field(self, token: Token) -> str:
         name = ALIASES.get(token.text, token.text)
-        if name in self.fields or COEFFICIENT.fullmatch(name):
+        if name in self.fields or name in self.coefficients:
             return name
+        if COEFFICIENT.fullmatch(name):
+            if not self.coefficients:
+                return name
+            raise UsageError(
+                "no log has this coefficient",
+                field=self.expression,
+                value=token.text,
+                allowed=self.coefficients,
+                remedy=nearest(token.text, self.coefficients),
+            )
         raise UsageError(
             "no such field",
             field=self.expression,

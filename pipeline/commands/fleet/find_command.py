@@ -20,15 +20,17 @@ def find(fleet: FleetFolder, expression: str) -> list[dict[str, Any]]:
     Raises `UsageError` for what the language of `expression` has not.
     """
     fields = list(schema(TABLES["runs"]).columns)
-    test = parse(expression, fields)
     rows: dict[str, dict[str, Any]] = {
         row["log"]: row for row in read_table(fleet, "runs").to_pylist()
     }
     cells: dict[str, dict[str, Any]] = {log: dict(row) for log, row in rows.items()}
+    coefficients: dict[str, None] = {}
     for item in read_table(fleet, "coefficients").to_pylist():
         if item["recommended"] and item["axis"]:
             name = f"{item['axis']}_{item['term'].replace('*', '')}"
+            coefficients[name] = None
             cells[item["log"]] |= {name: item["value"], f"{name} verdict": item["verdict"]}
+    test = parse(expression, fields, list(coefficients))
     return [rows[log] for log, cell in cells.items() if test(cell)]
 
 

@@ -14,6 +14,7 @@ from auvid.data_schemas.errors import UsageError, nearest
 from auvid.data_schemas.records.fleet import FleetRun, FleetVerdict, LogSurvey
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
 from auvid.pipeline.store.artefacts import encode, load
@@ -21,6 +22,7 @@ from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS
 
 Rows = list[dict[str, Any]]
+VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,7 @@ def _run_rows(row: FleetRow) -> Rows:
             word: "" if part is None else part.damping,
             f"ratio_{word}": _ratio(part),
             f"use_{word}": "" if part is None else part.use,
+            f"speed_{word}": result.speeds.get(VELOCITY_OF[axis]),
         }
     return [
         {
@@ -100,6 +103,9 @@ def _run_rows(row: FleetRow) -> Rows:
             "identified": 0 if every is None else every.identified,
             "coefficients": 0 if every is None else every.coefficients,
             **by_axis,
+            "firmware": survey.conditions.get("firmware", ""),
+            "battery_v": survey.conditions.get("battery_v"),
+            "mean_depth_m": survey.conditions.get("mean_depth_m"),
             "headline": result.headline,
             "report": result.report,
             "recording": result.recording,

@@ -40,7 +40,7 @@ from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_file, hash_value
 from auvid.stages.base import Stage
 
-FORMAT = 2
+FORMAT = 3
 """It goes up when documents of an earlier auvid must be made again."""
 GROWING = "still growing: it changed while it was read; the next auvid fleet run takes it"
 MARK = "at_work"
@@ -218,7 +218,7 @@ def _described(
         reason=reason,
         routes=list(routes),
         kind="" if campaign is None else campaign.kind,
-        vehicle=named if named not in ("", "vehicle") else str(health["vehicle"] or UNNAMED),
+        vehicle=named if named not in ("", "vehicle") else _unnamed(health["vehicle"]),
         vehicle_why="" if campaign is None else campaign.vehicle.why,
         lacking="" if campaign is None else campaign.vehicle.lacking,
         formats=sorted(set(health["formats"])),
@@ -232,8 +232,30 @@ def _described(
         legs_s=0.0 if campaign is None else float(campaign.legs[1]),
         excited=[axis for axis, item in health["excitation"].items() if item["excited"]],
         findings=[FindingRecord.model_validate(item) for item in health["findings"]],
+        conditions=_conditions(page),
         motion=_motion(page),
     )
+
+
+def _unnamed(firmware: object) -> str:
+    """Return how a vehicle without a name is called: by its autopilot, not its version."""
+    return f"{UNNAMED} ({str(firmware).split()[0]})" if firmware else UNNAMED
+
+
+def _conditions(page: LogPage) -> dict[str, float | str]:
+    """Return firmware, median battery voltage and mean depth, where the log has them."""
+    result: dict[str, float | str] = {}
+    if page.health is not None and page.health["vehicle"]:
+        result["firmware"] = str(page.health["vehicle"])
+    for name, stream, field, middle in (
+        ("battery_v", "battery", "voltage_v", np.median),
+        ("mean_depth_m", "depth", "depth_m", np.mean),
+    ):
+        values = column(page.streams[stream], field) if stream in page.streams else np.empty(0)
+        values = values[np.isfinite(values)]
+        if values.size:
+            result[name] = round(float(middle(values)), 3)
+    return result
 
 
 def _utc(start_us: int, offset_us: int | None) -> str | None:

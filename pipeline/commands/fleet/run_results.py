@@ -6,16 +6,25 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from auvid.data_schemas.records.fleet import FleetCoefficient, FleetRun, FleetVerdict
-from auvid.data_schemas.records.models import ModelCard, RankingRecord, VelocityRange
+from auvid.data_schemas.records.models import AxisCard, ModelCard, RankingRecord, VelocityRange
+from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.hydro.arrays import AXES
+from auvid.hydro.identification.fleet.drag import drag_terms
+from auvid.hydro.identification.fleet.figures import covariance_of, figures_of_installation
+from auvid.hydro.identification.fleet.thruster_strength import ThrusterStrength
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE
 from auvid.stages.model_use import damping_verdict
 from auvid.stages.page.first_screen import ALL
+from auvid.stages.synthesise.wiring import strengths, thruster_legs
 
 DETERMINED = ("identified", "weak", "persistently exciting")
 USES = ("control", "simulation", "forces")
+INSTALLATION, THRUSTERS = "installation", "thrusters"
+"""In place of a model: figures of how sensors sit, and strengths of thrusters."""
 
 
 def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
@@ -52,6 +61,8 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
         coefficients=[
             *(item for card in cards for item in _terms(card, recommended=card.name == choice)),
             *(_figure(title, row) for title, row in figures),
+            *(item for record in _artefacts(run, "installation") for item in _sensors(record)),
+            *_thrusters(run),
         ],
         speeds={name: item.rms for name, item in speeds.items()},
         report=_path(run, "report_html", root),
@@ -64,6 +75,14 @@ def _artefacts(run: Run, schema: str) -> Iterator[Any]:
         for item in run.manifests[port.stage.name].records:
             for artefact in run.artefacts_of(port, item).values():
                 yield artefact.load()
+
+
+def _strengths(run: Run) -> Iterator[ThrusterStrength]:
+    """Yield the strengths of the thrusters of the legs that a model is fitted on."""
+    vehicle = run.campaign.vehicle
+    if vehicle.thrusters is not None:
+        tables = zip(_artefacts(run, "residual"), _artefacts(run, "controls"), strict=True)
+        yield from strengths(thruster_legs(tables, vehicle), vehicle)
 
 
 def _path(run: Run, schema: str, root: Path) -> str:
@@ -99,6 +118,7 @@ def _verdicts(ranking: RankingRecord, cards: list[ModelCard]) -> Iterator[FleetV
 
 def _terms(card: ModelCard, *, recommended: bool) -> Iterator[FleetCoefficient]:
     for axis in (axis for axis in AXES if axis in card.axes):
+        correlation = _trade(card.axes[axis], axis)
         for item in card.axes[axis].terms:
             yield FleetCoefficient(
                 model=card.name,
@@ -109,7 +129,55 @@ def _terms(card: ModelCard, *, recommended: bool) -> Iterator[FleetCoefficient]:
                 value=item.value,
                 standard_error=item.standard_error,
                 verdict=item.verdict,
+                correlation=correlation if item.term in drag_terms(axis) else None,
             )
+
+
+def _trade(part: AxisCard, axis: str) -> float | None:
+    """Return the correlation of linear and quadratic damping of an axis."""
+    terms = part.covariance.terms
+    if any(term not in terms for term in drag_terms(axis)):
+        return None
+    linear, quadratic = map(terms.index, drag_terms(axis))
+    covariance = covariance_of(part)
+    scale = covariance[linear, linear] * covariance[quadratic, quadratic]
+    return float(covariance[linear, quadratic] / np.sqrt(scale)) if scale > 0.0 else None
+
+
+def _sensors(record: InstallationRecord) -> Iterator[FleetCoefficient]:
+    """Yield the departures of sensors that the legs show."""
+    for name, (value, error) in figures_of_installation(record).items():
+        quantity, _, unit = name.rpartition(" [")
+        yield _extra(INSTALLATION, quantity, unit.rstrip("]"), value, error, "identified")
+
+
+def _thrusters(run: Run) -> Iterator[FleetCoefficient]:
+    """Yield the strength of each thruster over those like it, where legs separate it."""
+    for thruster in _strengths(run):
+        if np.isfinite(thruster.strength):
+            yield _extra(
+                THRUSTERS,
+                f"thruster {thruster.thruster}",
+                "1",
+                thruster.strength,
+                thruster.standard_error,
+                "identified" if thruster.verdict == "as the others" else thruster.verdict,
+            )
+
+
+def _extra(
+    model: str, term: str, unit: str, value: float, error: float, verdict: str
+) -> FleetCoefficient:
+    return FleetCoefficient(
+        model=model,
+        recommended=False,
+        axis="",
+        term=term,
+        unit=unit,
+        value=value,
+        standard_error=error,
+        verdict=verdict,
+    )
 
 
 def _figure(title: str, row: dict[str, Any]) -> FleetCoefficient:

@@ -42,3 +42,10 @@ def test_right_wiring_and_missing_thrusts_say_nothing() -> None:
     assert wiring_blocks([right], HEAVY) == []
     without = LegTables(right.residual, right.segment, None, None, None)
     assert wiring_blocks([without], HEAVY) == []
+
+
+def test_a_thruster_at_half_strength_is_named_by_its_output() -> None:
+    whole = tables(B * np.where(np.arange(8) == 2, 0.5, 1.0))
+    (weak,) = wiring_blocks([whole], HEAVY)
+    assert str(weak["text"]).startswith("The thruster of output 3 looks weak")
+    assert weak["level"] == "warning"

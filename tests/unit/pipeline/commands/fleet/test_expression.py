@@ -79,3 +79,10 @@ def test_an_expression_holds_or_not(expression: str, holds: bool) -> None:
 def test_what_the_language_has_not_is_refused(expression: str, words: str) -> None:
     with pytest.raises(UsageError, match=words.replace("(", r"\(")):
         parse(expression, FIELDS)
+
+
+def test_a_coefficient_that_no_log_has_is_refused_with_the_nearest() -> None:
+    with pytest.raises(UsageError, match=r"no log has this coefficient") as fault:
+        parse("X_uu < 0", FIELDS, ["X_u|u|", "N_r"])
+    assert "X_u|u|" in str(fault.value)
+    assert parse("X_u|u| < 0", FIELDS, ["X_u|u|", "N_r"])({"X_u|u|": -3.0})
