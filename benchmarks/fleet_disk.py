@@ -20,8 +20,8 @@ from pathlib import Path
 import yaml
 
 from auvid.pipeline.commands.fleet.fleet_folder import open_fleet
-from auvid.pipeline.commands.fleet.fleet_page import write_page
 from auvid.pipeline.commands.fleet.fleet_run import run_fleet
+from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 from auvid.pipeline.commands.simulate import write_campaign
 from auvid.pipeline.execution.engines import make_engine
 

@@ -950,7 +950,7 @@ def fleet_report(
     dive with what they agree on, outlying dives and changes.
     """
     from auvid.pipeline.commands.fleet.fleet_folder import TABLES, open_fleet
-    from auvid.pipeline.commands.fleet.fleet_page import write_page
+    from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 
     place = open_fleet(folder)
     write_page(place)

@@ -15,8 +15,8 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.fleet import fleet_run, log_work
 from auvid.pipeline.commands.fleet.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
-from auvid.pipeline.commands.fleet.fleet_page import write_page
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
+from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 from auvid.pipeline.execution.engines import Serial
 from auvid.pipeline.execution.task import Outcome, Task, execute
 from tests.support.small_logs import DATA

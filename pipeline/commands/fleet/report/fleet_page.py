@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
 
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
-from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
-from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
+from auvid.hydro.identification.fleet.alarms import ChangeAlarm
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
-from auvid.pipeline.commands.fleet.fleet_tables import finite, read_table
+from auvid.pipeline.commands.fleet.fleet_tables import read_table
+from auvid.pipeline.commands.fleet.report.time_picture import time_picture
+from auvid.pipeline.commands.fleet.report.vehicle_figures import VehicleFigures, vehicle_figures
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
 from auvid.stages.number_format import estimate, significant, term, true_minus
@@ -26,45 +25,14 @@ from auvid.stages.page.pictures.whisker_picture import WhiskerBox, Whiskers, whi
 from auvid.stages.presentation import fold, section, table, text
 
 STATES = ("done", "partly", "refused")
-FIGURE_VERDICTS = ("identified", "persistently exciting")
-FEWEST_DIVES = 2
 MOST_BOXES, MOST_DIVES = 12, 6
 """Of one vehicle: figures that are drawn, and the last dives of each."""
 KEPT_ROWS = 40
+MOST_AGREED, MOST_WEAK = 3, 3
+"""On the first screen: drags, and weak thrusters of a vehicle."""
 MOST_CELLS = 20_000
 """Of the table of figures dive by dive; the rest stands in the Parquet table."""
 Row = dict[str, Any]
-
-
-@dataclass(frozen=True)
-class DiveFigure:
-    """One coefficient of one vehicle over its dives in order of time.
-
-    `values`, `errors` (k,): nan where a dive has none. `dives`: their logs.
-    """
-
-    name: str
-    unit: str
-    dives: tuple[str, ...]
-    values: np.ndarray
-    errors: np.ndarray
-
-
-@dataclass(frozen=True)
-class VehicleFigures:
-    """What the dives of one vehicle agree on."""
-
-    vehicle: str
-    model: str
-    figures: tuple[DiveFigure, ...]
-    pooled: Mapping[str, PooledFigure]
-    outlying: tuple[OutlyingDive, ...]
-    alarms: tuple[ChangeAlarm, ...]
-
-    @property
-    def dives(self) -> tuple[str, ...]:
-        """Return the logs of its dives, by time."""
-        return self.figures[0].dives if self.figures else ()
 
 
 def write_page(fleet: FleetFolder) -> None:
@@ -77,18 +45,20 @@ def write_page(fleet: FleetFolder) -> None:
 def fleet_page(title: str, tables: Mapping[str, Sequence[Row]]) -> bytes:
     """Return the page of a fleet as HTML; `tables`: rows of the four tables."""
     runs = sorted(tables["runs"], key=_time)
-    order = {row["log"]: place for place, row in enumerate(runs)}
-    vehicles = list(_vehicle_figures(tables["coefficients"], runs, order))
+    vehicles = list(vehicle_figures(tables["coefficients"], runs))
     names = {row["log"]: _name(row) for row in runs}
     documents = {
         "usable": _usable_section(runs, order=1),
-        "states": _states_section(runs, order=2),
+        "states": _states_section(runs, order=5),
         "findings": _findings_section(tables["findings"], runs, order=3),
         "figures": _figures_section(vehicles, names, order=4),
-        "changes": _changes_section(vehicles, names, order=5),
+        "changes": _changes_section(vehicles, names, order=2),
         "time": _time_section(runs, tables["findings"], order=6),
     }
-    pictures = [picture for each in vehicles for picture in _pictures(each, names)]
+    pictures = [
+        *time_picture(runs),
+        *(picture for each in vehicles for picture in _pictures(each, names)),
+    ]
     return render(
         f"Fleet: {title}",
         "",
@@ -109,57 +79,6 @@ def _name(row: Row) -> str:
     return f"{file} ({row['start_utc'][:10]})" if row["start_utc"] else file
 
 
-def _vehicle_figures(
-    coefficients: Sequence[Row], runs: Sequence[Row], order: Mapping[str, int]
-) -> Iterator[VehicleFigures]:
-    """Yield the figures of each vehicle, of the model that most of its dives take."""
-    by_vehicle: dict[str, list[Row]] = defaultdict(list)
-    for row in coefficients:
-        by_vehicle[row["vehicle"]].append(row)
-    recommended = {row["log"]: row["model"] for row in runs}
-    for vehicle, rows in sorted(by_vehicle.items()):
-        models = Counter(recommended[log] for log in {row["log"] for row in rows})
-        models.pop("", None)
-        model = min(models, key=lambda name: (-models[name], name)) if models else ""
-        chosen = [row for row in rows if row["model"] == model or not row["axis"]]
-        figures = tuple(_figures(chosen, order))
-        series = {item.name: (item.values, item.errors) for item in figures}
-        pooled = {name: pool(*pair) for name, pair in series.items()}
-        enough = {
-            name: pair for name, pair in series.items() if np.isfinite(pair[0]).sum() > FEWEST_DIVES
-        }
-        yield VehicleFigures(
-            vehicle,
-            model,
-            figures,
-            pooled,
-            outlying_dives(enough) if enough else (),
-            change_alarms(enough) if enough else (),
-        )
-
-
-def _figures(rows: Sequence[Row], order: Mapping[str, int]) -> Iterator[DiveFigure]:
-    """Yield the figures that two dives and more identify."""
-    dives = tuple(sorted({row["log"] for row in rows}, key=order.__getitem__))
-    place = {log: index for index, log in enumerate(dives)}
-    units: dict[str, str] = {}
-    cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-    for row in rows:
-        certain = finite(row["value"]) and finite(row["standard_error"])
-        if not certain or row["standard_error"] <= 0.0 or row["verdict"] not in FIGURE_VERDICTS:
-            continue
-        name = f"{row['axis']}_{row['term']}" if row["axis"] else f"{row['model']}: {row['term']}"
-        units.setdefault(name, row["unit"])
-        if units[name] == row["unit"]:
-            cells[name][place[row["log"]]] = row["value"], row["standard_error"]
-    for name, items in cells.items():
-        if len(items) >= FEWEST_DIVES:
-            columns = np.full((2, len(dives)), np.nan)
-            for index, pair in items.items():
-                columns[:, index] = pair
-            yield DiveFigure(name, units[name], dives, *columns)
-
-
 def _label(name: str) -> str:
     axis, _, words = name.partition("_")
     return f"{axis}_{term(words)}" if axis in AXIS_WORDS else name
@@ -169,8 +88,7 @@ def _summary(
     runs: Sequence[Row], vehicles: Sequence[VehicleFigures], names: Mapping[str, str]
 ) -> Summary:
     counts = Counter(row["state"] for row in runs)
-    usable = {word: sum(bool(row[f"use_{word}"]) for row in runs) for word in AXIS_WORDS.values()}
-    words = ", ".join(f"{word} in {count}" for word, count in usable.items() if count)
+    words = "; ".join(_uses(runs))
     doubts = [*_look_first(vehicles, names)]
     reasons = Counter(
         row["reason"].partition(";")[0][:120] for row in runs if row["state"] != "done"
@@ -180,11 +98,19 @@ def _summary(
         for reason, count in reasons.most_common(5)
         if count > 1
     ]
+    look = max(vehicles, key=lambda each: each.concerns, default=None)
+    first = f"; look at {look.vehicle} first" if look is not None and look.concerns else ""
+    agreed = _agreed(vehicles)
     level = "poor" if not counts["done"] else "fair" if doubts or notes else "good"
     return Summary(
         level=level,  # type: ignore[arg-type]
-        headline=f"{counts['done']} of {len(runs)} logs gave a model or figures",
-        explanation=f"Usable by axis: {words}." if words else "No axis of any dive is usable.",
+        headline=f"{counts['done']} of {len(runs)} logs gave a model or figures{first}",
+        explanation=" ".join(
+            [
+                f"Dives to use, by axis: {words}." if words else "No axis of any dive is usable.",
+                f"They agree on {agreed}." if agreed else "No figure is pooled over three dives.",
+            ]
+        ),
         recommended=None,
         judged_on="validation",
         facts=(
@@ -201,21 +127,66 @@ def _summary(
     )
 
 
+def _uses(runs: Sequence[Row]) -> Iterator[str]:
+    """Yield by axis how many dives serve for what, as `surge control 3, forces 2`."""
+    for word in AXIS_WORDS.values():
+        counts = Counter(row[f"use_{word}"] for row in runs if row[f"use_{word}"])
+        if counts:
+            yield f"{word} " + ", ".join(f"{use} {count}" for use, count in counts.most_common())
+
+
+def _agreed(vehicles: Sequence[VehicleFigures]) -> str:
+    """Return the drag that the dives of each vehicle agree on, in words."""
+    words = []
+    for each in vehicles:
+        for item in each.figures:
+            pooled = each.pooled[item.name]
+            if item.name.startswith("drag") and pooled.next_dive is not None:
+                words.append(
+                    f"{item.name} {significant(pooled.mean)} {item.unit} ({each.vehicle},"
+                    f" {pooled.dives} dives; the next {_interval(pooled.next_dive)})"
+                )
+    return "; ".join(words[:MOST_AGREED])
+
+
+def _change(alarm: ChangeAlarm) -> str:
+    """Return a change in per cent; of a departure, that may be about 0, in its unit."""
+    if alarm.figure.startswith("sensor"):
+        return f"by {significant(alarm.change)}"
+    return f"by {100.0 * alarm.share:+.0f} %"
+
+
 def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) -> Iterator[Alert]:
     """Yield the changes and the outlying dives, changes first."""
     for each in vehicles:
         for alarm in each.alarms:
             yield Alert(
-                f"{each.vehicle}: {_label(alarm.figure)} changed by {100.0 * alarm.share:+.0f} %"
+                f"{each.vehicle}: {_label(alarm.figure)} changed {_change(alarm)}"
                 f" from {names[each.dives[alarm.first_dive]]} on",
                 anchor("changes"),
                 "poor",
             )
+        for row in each.weak[:MOST_WEAK]:
+            yield Alert(
+                f"{each.vehicle}: {row['term']} is {row['verdict']} in {names[row['log']]}:"
+                f" {row['value']:.2f} of those like it",
+                anchor("changes"),
+                "poor",
+            )
     for each in vehicles:
+        for name, slope in each.trends.items():
+            yield Alert(
+                f"{each.vehicle}: {_label(name)} drifts by {significant(30.0 * slope.slope)} a"
+                f" month (95 % {_interval(slope.interval, 30.0)})",
+                anchor("changes"),
+                "fair",
+            )
         for item in each.outlying:
+            different = "; ".join(f"{x.condition} {x.words}" for x in item.differences)
             yield Alert(
                 f"{each.vehicle}: {names[each.dives[item.dive]]} departs in"
-                f" {_label(item.figure)} by {abs(item.deviation):.1f} standard deviations",
+                f" {_label(item.figure)} by {abs(item.deviation):.1f} standard deviations"
+                + (f"; different: {different}" if different else ""),
                 anchor("changes"),
                 "fair",
             )
@@ -360,10 +331,11 @@ def _figures_section(
     )
 
 
-def _interval(interval: tuple[float, float] | None) -> str:
+def _interval(interval: tuple[float, float] | None, scale: float = 1.0) -> str:
     if interval is None:
         return ""
-    return true_minus(f"{significant(interval[0])} to {significant(interval[1])}")
+    low, high = (significant(scale * end) for end in interval)
+    return true_minus(f"{low} to {high}")
 
 
 def _changes_section(
@@ -376,7 +348,7 @@ def _changes_section(
             names[each.dives[alarm.first_dive]],
             alarm.before,
             alarm.after,
-            100.0 * alarm.share,
+            _change(alarm),
         ]
         for each in vehicles
         for alarm in each.alarms
@@ -389,15 +361,51 @@ def _changes_section(
             item.value,
             _interval(item.expected),
             item.deviation,
-            "; ".join(difference.words for difference in item.differences),
+            "; ".join(f"{x.condition} {x.words}" for x in item.differences),
         ]
         for each in vehicles
         for item in each.outlying
     ]
+    weak = [
+        [
+            each.vehicle,
+            names[row["log"]],
+            row["term"],
+            row["value"],
+            row["standard_error"],
+            row["verdict"],
+        ]
+        for each in vehicles
+        for row in each.weak
+    ]
+    trends = [
+        [
+            each.vehicle,
+            _label(name),
+            slope.dives,
+            30.0 * slope.slope,
+            _interval(slope.interval, 30.0),
+        ]
+        for each in vehicles
+        for name, slope in each.trends.items()
+    ]
     blocks = []
     if alarms:
-        heads: list[str | tuple[str, str]] = ["vehicle", "figure", "from", "before", "after"]
-        blocks.append(table("Changes", [*heads, ("change", "%")], alarms))
+        heads = ["vehicle", "figure", "from", "before", "after", "change"]
+        blocks.append(table("Changes", heads, alarms))
+    if weak:
+        heads = [
+            "vehicle",
+            "dive",
+            "thruster",
+            "share of those like it",
+            "standard error",
+            "verdict",
+        ]
+        blocks.append(table("Thrusters that give less", heads, weak))
+    if trends:
+        heads = ["vehicle", "figure", "dives", "per 30 days", "95 %"]
+        blocks.append(table("Trends", heads, trends))
     if dives:
         heads = ["vehicle", "dive", "figure", "value", "expected", "deviation", "what is different"]
         blocks.append(table("Outlying dives", heads, dives))

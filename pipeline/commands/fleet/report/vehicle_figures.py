@@ -1,0 +1,223 @@
+"""What the dives of each vehicle of a fleet agree on, from the tables of the fleet."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
+from auvid.hydro.identification.fleet.drag import drag_at_speed, drag_terms
+from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
+from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
+from auvid.hydro.identification.fleet.trend import FEWEST_DIVES as FEWEST_OF_TREND
+from auvid.hydro.identification.fleet.trend import Trend, trend
+from auvid.pipeline.commands.fleet.fleet_tables import finite
+from auvid.pipeline.commands.fleet.run_results import INSTALLATION, THRUSTERS
+from auvid.stages.number_format import significant
+from auvid.stages.page.first_screen import AXIS_WORDS
+
+FIGURE_VERDICTS = ("identified", "persistently exciting")
+THRUSTER_VERDICTS = (*FIGURE_VERDICTS, "weak", "dead", "reversed")
+FEWEST_DIVES = 2
+DAY_S = 86_400.0
+CONDITIONS = {
+    "firmware": "firmware",
+    "battery_v": "battery in V",
+    "mean_depth_m": "mean depth in m",
+    "format": "format",
+}
+"""Column of table `runs` -> its name on the page: what may make a dive differ."""
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class DiveFigure:
+    """One figure of one vehicle over its dives in order of time.
+
+    `values`, `errors` (k,): nan where a dive has none. `dives`: their logs. `watched`:
+    whether changes and outlying dives are sought in it.
+    """
+
+    name: str
+    unit: str
+    dives: tuple[str, ...]
+    values: Array
+    errors: Array
+    watched: bool = True
+
+
+@dataclass(frozen=True)
+class VehicleFigures:
+    """What the dives of one vehicle agree on, and what changed.
+
+    `weak`: dive and name of each thruster that gives less than those like it.
+    """
+
+    vehicle: str
+    model: str
+    figures: tuple[DiveFigure, ...]
+    pooled: Mapping[str, PooledFigure]
+    outlying: tuple[OutlyingDive, ...]
+    alarms: tuple[ChangeAlarm, ...]
+    trends: Mapping[str, Trend]
+    weak: tuple[Row, ...]
+
+    @property
+    def dives(self) -> tuple[str, ...]:
+        """Return the logs of its dives, by time."""
+        return self.figures[0].dives if self.figures else ()
+
+    @property
+    def concerns(self) -> int:
+        """Return how much speaks for a look at this vehicle."""
+        return 3 * (len(self.alarms) + len(self.weak)) + len(self.trends) + len(self.outlying)
+
+
+def vehicle_figures(coefficients: Sequence[Row], runs: Sequence[Row]) -> Iterator[VehicleFigures]:
+    """Yield the figures of each vehicle, of the model that most of its dives take.
+
+    `runs`: in order of time.
+    """
+    by_log = {row["log"]: row for row in runs}
+    by_vehicle: dict[str, list[Row]] = defaultdict(list)
+    for row in coefficients:
+        by_vehicle[row["vehicle"]].append(row)
+    for vehicle, rows in sorted(by_vehicle.items()):
+        models = Counter(by_log[log]["model"] for log in {row["log"] for row in rows})
+        models.pop("", None)
+        model = min(models, key=lambda name: (-models[name], name)) if models else ""
+        chosen = [row for row in rows if row["model"] == model or not row["axis"]]
+        logs = {row["log"] for row in chosen}
+        dives = [row for row in runs if row["log"] in logs]
+        figures = tuple(_figures(chosen, dives))
+        series = {item.name: (item.values, item.errors) for item in figures}
+        watched = {
+            item.name: series[item.name]
+            for item in figures
+            if item.watched and np.isfinite(item.values).sum() > FEWEST_DIVES
+        }
+        days = [_day(row) for row in dives]
+        trends = {name: _trend(days, *pair) for name, pair in watched.items()}
+        yield VehicleFigures(
+            vehicle,
+            model,
+            figures,
+            {name: pool(*pair) for name, pair in series.items()},
+            outlying_dives(watched, _conditions(dives)) if watched else (),
+            change_alarms(watched) if watched else (),
+            {name: item for name, item in trends.items() if item is not None and item.clear},
+            tuple(
+                row
+                for row in rows
+                if row["model"] == THRUSTERS and row["verdict"] not in FIGURE_VERDICTS
+            ),
+        )
+
+
+def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
+    """Yield drag at a common speed, then the other figures that two dives determine."""
+    logs = tuple(row["log"] for row in dives)
+    place = {log: index for index, log in enumerate(logs)}
+    drags = list(_drags(rows, dives, place))
+    yield from (item for _, item in drags)
+    within = {(axis, term) for axis, _ in drags for term in drag_terms(axis)}
+    units: dict[str, str] = {}
+    cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
+    watched: dict[str, bool] = {}
+    for row in rows:
+        certain = finite(row["value"]) and finite(row["standard_error"])
+        verdicts = THRUSTER_VERDICTS if row["model"] == THRUSTERS else FIGURE_VERDICTS
+        if not certain or row["standard_error"] <= 0.0 or row["verdict"] not in verdicts:
+            continue
+        name = _name(row)
+        units.setdefault(name, row["unit"])
+        watched[name] = (row["axis"], row["term"]) not in within
+        if units[name] == row["unit"]:
+            cells[name][place[row["log"]]] = row["value"], row["standard_error"]
+    for name, items in cells.items():
+        if len(items) >= FEWEST_DIVES:
+            values, errors = _columns(items, len(logs))
+            yield DiveFigure(name, units[name], logs, values, errors, watched[name])
+
+
+def _name(row: Row) -> str:
+    if row["axis"]:
+        return f"{row['axis']}_{row['term']}"
+    if row["model"] == THRUSTERS:
+        return str(row["term"])
+    return f"{'sensor' if row['model'] == INSTALLATION else row['model']}: {row['term']}"
+
+
+def _drags(
+    rows: Sequence[Row], dives: Sequence[Row], place: Mapping[str, int]
+) -> Iterator[tuple[str, DiveFigure]]:
+    """Yield each axis and its drag at the median speed of the dives.
+
+    Linear and quadratic terms trade from dive to dive; their sum at a speed does not.
+    """
+    for axis, word in AXIS_WORDS.items():
+        speeds = [row[f"speed_{word}"] for row in dives if finite(row[f"speed_{word}"])]
+        if not speeds:
+            continue
+        speed = float(f"{np.median(speeds):.2g}")
+        parts: dict[str, list[Row]] = defaultdict(list)
+        for row in rows:
+            if row["axis"] == axis and row["term"] in drag_terms(axis):
+                parts[row["log"]].append(row)
+        cells = {}
+        for log, terms in parts.items():
+            sd = np.array([np.nan if (e := row["standard_error"]) is None else e for row in terms])
+            covariance = np.diag(sd**2)
+            if len(terms) == 2:
+                share = terms[0]["correlation"]
+                covariance[0, 1] = covariance[1, 0] = (
+                    np.nan if share is None else share
+                ) * sd.prod()
+            drag = drag_at_speed(
+                [row["term"] for row in terms],
+                [np.nan if row["value"] is None else row["value"] for row in terms],
+                covariance,
+                axis=axis,
+                speed=speed,
+            )
+            if drag is not None and drag.standard_error > 0.0:
+                cells[place[log]] = drag.force, drag.standard_error
+        if len(cells) >= FEWEST_DIVES:
+            moment = axis in "KMN"
+            name = f"drag in {word} at {significant(speed)} {'rad/s' if moment else 'm/s'}"
+            values, errors = _columns(cells, len(place))
+            logs = tuple(place)
+            yield axis, DiveFigure(name, "N m" if moment else "N", logs, values, errors)
+
+
+def _columns(cells: Mapping[int, tuple[float, float]], count: int) -> tuple[Array, Array]:
+    columns = np.full((2, count), np.nan)
+    for index, pair in cells.items():
+        columns[:, index] = pair
+    return columns[0], columns[1]
+
+
+def _conditions(dives: Sequence[Row]) -> dict[str, list[float | str | None]]:
+    return {name: [row[key] or None for row in dives] for key, name in CONDITIONS.items()}
+
+
+def _day(row: Row) -> float:
+    """Return the start in days; nan for a dive without a clock."""
+    if row["start_utc"] is None:
+        return float("nan")
+    return datetime.fromisoformat(row["start_utc"]).timestamp() / DAY_S
+
+
+def _trend(days: Sequence[float], values: Array, errors: Array) -> Trend | None:
+    """Return the slope per day; None for too few dives with a clock."""
+    times = np.array(days)
+    present = np.isfinite(times) & np.isfinite(values)
+    if present.sum() < FEWEST_OF_TREND or np.ptp(times[present]) == 0.0:
+        return None
+    return trend(times, values, errors)

@@ -1,0 +1,120 @@
+"""The page of a fleet from tables: what its first screen says of changed vehicles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.schemas import schema
+from auvid.pipeline.commands.fleet.fleet_folder import TABLES
+from auvid.pipeline.commands.fleet.report.fleet_page import fleet_page
+from auvid.pipeline.commands.fleet.report.vehicle_figures import vehicle_figures
+from auvid.pipeline.commands.fleet.run_results import THRUSTERS
+
+Row = dict[str, Any]
+LINEAR, QUADRATIC = 4.0, 30.0
+"""Damping of surge [N/(m/s), N/(m/s)^2]."""
+SPEED = 0.3
+DIVES = 10
+
+
+def empty_row(table: str) -> Row:
+    fillings = {"string": "", "int64": 0, "float64": None, "bool": False}
+    columns = schema(TABLES[table]).columns
+    return {name: fillings[str(item.dtype)] for name, item in columns.items()}
+
+
+def tables(fouled_from: int = DIVES, weak: bool = False) -> dict[str, list[Row]]:
+    """Return a fleet whose linear and quadratic drag trade, fouled by half from a dive on."""
+    random = np.random.default_rng(3)
+    runs, coefficients = [], []
+    for dive in range(DIVES):
+        head = {
+            "log": f"dive{dive}",
+            "vehicle": "rov",
+            "start_utc": f"2024-05-{dive + 1:02d}T10:00:00Z",
+        }
+        runs.append(
+            empty_row("runs")
+            | head
+            | {
+                "file": f"/disk/dive{dive}.BIN",
+                "state": "done",
+                "model": "diagonal",
+                "ratio": 0.3,
+                "surge": "identified",
+                "use_surge": "control",
+                "speed_surge": SPEED,
+                "duration_s": 600.0,
+                "warnings": dive % 3,
+                "firmware": "4.5" if dive == fouled_from else "4.1",
+            }
+        )
+        drag = (LINEAR * SPEED + QUADRATIC * SPEED**2) * (1.5 if dive >= fouled_from else 1.0)
+        drag *= 1.0 + 0.02 * random.standard_normal()
+        traded = 0.3 * drag * random.standard_normal()
+        head |= {"kind": "identification"}
+        for term, value, error in (
+            ("u", -(0.4 * drag + traded) / SPEED, 0.3 * drag / SPEED),
+            ("u*|u|", -(0.6 * drag - traded) / SPEED**2, 0.3 * drag / SPEED**2),
+        ):
+            coefficients.append(
+                empty_row("coefficients")
+                | head
+                | {
+                    "model": "diagonal",
+                    "recommended": True,
+                    "axis": "X",
+                    "term": term,
+                    "value": value,
+                    "standard_error": error,
+                    "verdict": "identified",
+                    "correlation": -0.998,
+                }
+            )
+        coefficients.append(
+            empty_row("coefficients")
+            | head
+            | {
+                "model": THRUSTERS,
+                "term": "thruster 3",
+                "value": 0.5 if weak and dive == DIVES - 1 else 1.0,
+                "standard_error": 0.05,
+                "unit": "1",
+                "verdict": "weak" if weak and dive == DIVES - 1 else "identified",
+            }
+        )
+    return {"runs": runs, "coefficients": coefficients, "findings": [], "verdicts": []}
+
+
+def test_drag_at_a_common_speed_is_watched_not_its_terms() -> None:
+    rows = tables(fouled_from=6)
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (alarm,) = rov.alarms
+    assert alarm.figure == "drag in surge at 0.3 m/s"
+    assert rov.dives[alarm.first_dive] == "dive6"
+    assert 0.4 < alarm.share < 0.6
+    assert not next(item for item in rov.figures if item.name == "X_u").watched
+
+
+def test_a_healthy_fleet_raises_nothing_and_gives_the_next_dive() -> None:
+    rows = tables()
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    assert (rov.alarms, rov.outlying, rov.trends, rov.weak) == ((), (), {}, ())
+    true = LINEAR * SPEED + QUADRATIC * SPEED**2
+    next_dive = rov.pooled["drag in surge at 0.3 m/s"].next_dive
+    assert next_dive is not None
+    assert next_dive[0] < true < next_dive[1]
+    page = fleet_page("disk", rows).decode()
+    assert "surge control 10" in page
+    assert "They agree on drag in surge at 0.3 m/s" in page
+    assert "look at" not in page.partition("</h1>")[0]
+
+
+def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> None:
+    page = fleet_page("disk", tables(fouled_from=6, weak=True)).decode()
+    assert "look at rov first" in page
+    assert "drag in surge at 0.3 m/s changed by" in page
+    assert "thruster 3 is weak in dive9.BIN" in page
+    assert "Vehicles and findings over time" in page
