@@ -139,9 +139,12 @@ def _agreed(vehicles: Sequence[VehicleFigures]) -> str:
     """Return the drag that the dives of each vehicle agree on, in words."""
     words = []
     for each in vehicles:
+        changed = {alarm.figure for alarm in each.alarms}
         for item in each.figures:
             pooled = each.pooled[item.name]
-            if item.name.startswith("drag") and pooled.next_dive is not None:
+            if item.name in changed or not item.name.startswith("drag"):
+                continue
+            if pooled.next_dive is not None:
                 words.append(
                     f"{item.name} {significant(pooled.mean)} {item.unit} ({each.vehicle},"
                     f" {pooled.dives} dives; the next {_interval(pooled.next_dive)})"
@@ -174,10 +177,11 @@ def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) ->
                 "poor",
             )
     for each in vehicles:
+        units = {item.name: item.unit for item in each.figures}
         for name, slope in each.trends.items():
             yield Alert(
-                f"{each.vehicle}: {_label(name)} drifts by {significant(30.0 * slope.slope)} a"
-                f" month (95 % {_interval(slope.interval, 30.0)})",
+                f"{each.vehicle}: {_label(name)} drifts by {significant(30.0 * slope.slope)}"
+                f" {units[name]} in 30 days (95 % {_interval(slope.interval, 30.0)})",
                 anchor("changes"),
                 "fair",
             )
@@ -450,7 +454,7 @@ def _pictures(each: VehicleFigures, names: Mapping[str, str]) -> Iterator[Markup
         ends = (pooled.mean_interval, pooled.next_dive)
         boxes.append(
             WhiskerBox(
-                _label(item.name),
+                _label(item.name.partition(" at ")[0]),
                 item.unit,
                 (*dives, *(_whiskers(pooled.mean, end) for end in ends)),
             )

@@ -56,7 +56,7 @@ class DiveFigure:
 class VehicleFigures:
     """What the dives of one vehicle agree on, and what changed.
 
-    `weak`: dive and name of each thruster that gives less than those like it.
+    `trends`: the clear ones, of figures without a change. `weak`: dive and name of each thruster that gives less than those like it.
     """
 
     vehicle: str
@@ -103,14 +103,18 @@ def vehicle_figures(coefficients: Sequence[Row], runs: Sequence[Row]) -> Iterato
             if item.watched and np.isfinite(item.values).sum() > FEWEST_DIVES
         }
         days = [_day(row) for row in dives]
-        trends = {name: _trend(days, *pair) for name, pair in watched.items()}
+        alarms = change_alarms(watched) if watched else ()
+        changed = {alarm.figure for alarm in alarms}
+        trends = {
+            name: _trend(days, *pair) for name, pair in watched.items() if name not in changed
+        }
         yield VehicleFigures(
             vehicle,
             model,
             figures,
             {name: pool(*pair) for name, pair in series.items()},
             outlying_dives(watched, _conditions(dives)) if watched else (),
-            change_alarms(watched) if watched else (),
+            alarms,
             {name: item for name, item in trends.items() if item is not None and item.clear},
             tuple(
                 row

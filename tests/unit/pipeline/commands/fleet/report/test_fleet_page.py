@@ -118,3 +118,5 @@ def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> Non
     assert "drag in surge at 0.3 m/s changed by" in page
     assert "thruster 3 is weak in dive9.BIN" in page
     assert "Vehicles and findings over time" in page
+    assert "They agree on" not in page
+    assert "drifts by" not in page
