@@ -56,7 +56,8 @@ class DiveFigure:
 class VehicleFigures:
     """What the dives of one vehicle agree on, and what changed.
 
-    `trends`: the clear ones, of figures without a change. `weak`: dive and name of each thruster that gives less than those like it.
+    `trends`: the clear ones, of figures without a change. `weak`: row of each thruster
+    and dive where it gives less than those like it.
     """
 
     vehicle: str
