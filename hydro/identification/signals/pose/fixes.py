@@ -78,7 +78,7 @@ def metres_from_degrees(latitude_rad: Array, longitude_rad: Array) -> Array:
     >>> metres_from_degrees(np.radians([63.0, 63.001]), np.radians([10.0, 10.0]))[1].round(1)
     array([111.2,   0. ])
     """
-    first = int(np.argmax(np.isfinite(latitude_rad) & np.isfinite(longitude_rad)))
+    first = int(np.argmax(np.isfinite(latitude_rad + longitude_rad)))
     north = EARTH_M * (latitude_rad - latitude_rad[first])
     east = EARTH_M * np.cos(latitude_rad[first]) * (longitude_rad - longitude_rad[first])
     return np.column_stack([north, east])
@@ -91,7 +91,7 @@ def fix_track(t_s: Array, position: Array) -> FixTrack:
     """
     good = np.isfinite(position).all(axis=1)
     t, y = t_s[good], position[good]
-    fresh = np.append(True, (np.diff(y, axis=0) != 0.0).any(axis=1)) if t.size else good[:0]
+    fresh = np.append(t.size > 0, (np.diff(y, axis=0) != 0.0).any(axis=1))[: t.size]
     t, y = t[fresh], y[fresh]
     if t.size < FEWEST:
         raise DataError(
