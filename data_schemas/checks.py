@@ -48,6 +48,40 @@ the run before anything is fitted.
 | mistake | found as |
 |---|---|
 """
+TRIED = """
+## Damage and faults that were tried
+
+One campaign of `make fuzz` (short and small logs; stopped after 96,965 of 170,600 cases, an
+even sample of each kind) and one of `python -m tests.faults.disk_faults` (toy stages;
+stopped after 971 of 2,534 cases, every fault at each of the first 139 of 362 operations).
+No crash, no hang and no wrong value of a whole record among them.
+
+| class | tried | failed | recovered, mean % |
+|---|---|---|---|
+| one bit of DataFlash | 17,512 | 1 (a) | 99.9997 |
+| one bit of telemetry | 16,400 | 0 | 99.9997 |
+| one bit of ULog | 20,800 | 1 (a) | 99.9981 |
+| DataFlash cut | 2,359 | 0 | 99.9962 |
+| telemetry cut | 2,142 | 0 | 100 |
+| ULog cut | 2,727 | 0 | 100 |
+| DataFlash, overwritten, removed, doubled, mixed | 7,005 | 0 | 99.9998 |
+| DataFlash as text, the same | 7,005 | 0 | 100 |
+| telemetry, the same | 7,005 | 1 (b) | 99.9990 |
+| ULog, the same | 7,005 | 0 | 99.9852 |
+| CSV, the same | 7,005 | 0 | 100 |
+| process killed at a file operation | 139 | 0 | |
+| killed with half of it written | 139 | 0 | |
+| ENOSPC once, and for good | 277 | 0 | |
+| EIO | 139 | 0 | |
+| EACCES | 139 | 0 | |
+| EDQUOT | 138 | 0 | |
+| two thrusters exchanged, or one reversed, on the real dive | 36 | 13 (c) | |
+| thrusters as they are: 30 dives of a twin, the real dive | 31 | 0 | |
+
+(a) The three records of a type are lost whose number a damaged definition took. (b) Two
+halves of messages whose checksum of 16 bits fits by chance; pymavlink reads it too. (c) The
+fault is the best explanation each time, but below the threshold that names it.
+"""
 
 
 @dataclass(frozen=True)
@@ -176,7 +210,7 @@ def documentation() -> str:
         f"| {mistake} | {name if name == 'refused' else f'`{name}`'} |\n"
         for mistake, name in mistakes().items()
     ]
-    return "".join(parts)
+    return "".join([*parts, TRIED])
 
 
 def _unit(unit: str) -> str:
