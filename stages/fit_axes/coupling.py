@@ -40,8 +40,9 @@ def fitted_together(
 ) -> tuple[tuple[FittedAxis, ...], Together | None]:
     """Return the axes, and which of them were tried together; None where none were.
 
-    Those whose velocity is measured and that predict by themselves, from two on; what
-    they start from are the fits one by one.
+    All whose velocity is measured, and of these only the ones that predict by themselves,
+    from two on: what errs least over all of them is taken. A Coriolis force may be what an
+    axis lacks to predict. They start from the fits one by one.
     """
     using = {key: leg for key, leg in legs.items() if leg.windows.use == "training"}
     measured = all(
@@ -50,13 +51,35 @@ def fitted_together(
     joining = [
         item
         for item in singles
-        if item.predicts
-        and item.surge is None
+        if item.surge is None
         and all(np.isfinite(leg.record.rate[item.equation.speed]).any() for leg in using.values())
     ]
-    if options.together == "never" or not measured or len(joining) < 2:
+    groups = [joining, [item for item in joining if item.predicts]]
+    groups = [item for item in groups[: 1 + (groups[0] != groups[1])] if len(item) > 1]
+    if options.together == "never" or not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
+    tried = [_joined(group, using, legs, vehicle, options) for group in groups]
+    # Axes that a group leaves out err in it as they do one by one.
+    joint, together = min(tried, key=lambda item: _total(item[1]))
+    if not together.chosen:
+        return tuple(singles), together
+    return tuple(joint.get(item.axis, item) for item in singles), together
+
+
+def _total(item: Together) -> float:
+    """Return the logarithm of the ratio, summed over what was held out; nan as 0."""
+    return item.pairs * float(np.log(item.error_ratio)) if item.pairs else 0.0
+
+
+def _joined(
+    joining: Sequence[FittedAxis],
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+) -> tuple[dict[str, FittedAxis], Together]:
+    """Return some axes of one common fit, and whether that is better than one by one."""
     fit = fit_coupled(
         [leg.record for leg in using.values()],
         tuple(item.equation.speed for item in joining),
@@ -71,10 +94,7 @@ def fitted_together(
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
     ratio, pairs = error_ratio([(item.held_out, by_axis[item.axis].held_out) for item in joining])
     chosen = options.together == "always" or ratio < 1.0
-    together = Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
-    if not chosen:
-        return tuple(singles), together
-    return tuple(by_axis.get(item.axis, item) for item in singles), together
+    return by_axis, Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
 
 
 def error_ratio(

@@ -60,6 +60,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         ties = {}  # what a full command means differs between the legs
     fitted: list[FittedAxis] = []
     lacking: list[Lacking] = []
+    doubtful: dict[str, Lacking] = {}
     for step, axis in enumerate(AXES):
         tell(f"axis {axis}", step, len(AXES))
         using = {
@@ -73,14 +74,16 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         else:
             fit = _fit(axis, using, legs, vehicle, options)
             refused = _refused(fit, using, vehicle, options)
-            if refused is None:
+            if refused is None or refused.verdict == "not predicted":
                 fitted.append(fit)
+                doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
     every, together = fitted_together(fitted, legs, vehicle, options)
+    lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
     return AxisFits(
-        fitted=every,
-        lacking=tuple(lacking),
+        fitted=tuple(item for item in every if item.predicts or item.axis not in doubtful),
+        lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,
         full_force=dict(first.full_force.items()),
         full_thrust=dict(ties.items()),

@@ -36,13 +36,14 @@ def body() -> Vehicle:
 
 
 @cache
-def fits(coriolis: bool) -> AxisFits:
+def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
     """Return the fits of two legs that turn while they move, and of a third."""
+    truth = {**TRUTH, "r": (-1.0, -0.8, torque, 0.03)}
     inertia = np.array([apparent_inertia(body(), axis) for axis in AXES])
     legs = {}
     for seed, use in ((1, "training"), (2, "training"), (3, "validation")):
         moved = axis_leg(
-            seed, TRUTH, seconds=80.0, step_s=0.1, inertia=inertia if coriolis else None,
+            seed, truth, seconds=80.0, step_s=0.1, inertia=inertia if coriolis else None,
             normalised=True, idle=("r",) if seed == 2 else (),
         )  # fmt: skip
         still = np.zeros(len(moved.t_s))
@@ -77,6 +78,18 @@ def test_a_body_with_coriolis_force_is_fitted_together() -> None:
     assert "Fitted together, with Coriolis force" in section
     assert "not commanded" in section
     assert all(item.whole_legs["leg_3"] > 85.0 for item in fitted.fitted)
+
+
+def test_an_axis_that_predicts_nothing_by_itself_is_fitted_with_the_others() -> None:
+    """Turned at up to 3 rad/s, Coriolis force moves it more than its thrusters do."""
+    fitted = fits(True, 12.0)
+    assert fitted.together is not None
+    assert fitted.together.axes == ("X", "Y", "N")
+    assert fitted.together.error_ratio < 0.3
+    assert not fitted.lacking or {item.axis for item in fitted.lacking} == set("ZKM")
+    for item in fitted.fitted[:2]:
+        assert item.predicts
+        assert item.equation.value("force") == pytest.approx(2.0, rel=0.03)
 
 
 def test_a_body_without_coriolis_force_is_fitted_one_by_one() -> None:
