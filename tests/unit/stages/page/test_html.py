@@ -207,7 +207,7 @@ def test_the_table_of_coefficients_names_intervals_by_noise_alone(shifts: dict[s
         axes = {**card.axes, "X": part.model_copy(update={"terms": items})}
         made.cards[name] = card.model_copy(update={"axes": axes})
     page = run(made.inputs(), Params()).report_html.decode()
-    together = "by noise and assumed figures of the vehicle together"
+    together = "by noise and assumed values of the vehicle together"
     assert (together in page, "± is 95 %, by noise alone." in page) == (bool(shifts), not shifts)
     assert (" (noise alone)</td>" in page) == bool(shifts)
 
