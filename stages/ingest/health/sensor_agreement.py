@@ -375,7 +375,7 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     depth, t_s = log.column("depth", "depth_m"), log.t_s("depth")
     level = float(np.median(depth))
-    if level < limit("depth_above_water"):
+    if level < limit("depth_above_water") and not _of_a_pose(log, depth):
         yield finding(
             "depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level
         )
@@ -383,6 +383,14 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
     yield from _other_depths(log, t_s, depth)
+
+
+def _of_a_pose(log: CheckedLog, depth: Array) -> bool:
+    """Return whether depth is z of a pose, whose zero need not be the surface."""
+    if not log.has("position") or log.source("position") != log.source("depth"):
+        return False
+    z = log.column("position", "z_m")
+    return z.size == depth.size and bool(np.allclose(z, depth, equal_nan=True))
 
 
 def _other_depths(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:

@@ -618,3 +618,18 @@ def test_a_leg_over_a_stretch_by_hand_is_named() -> None:
     )
     assert before["unusable"] == ["5 to 12 s moved by hand"]
     assert after["unusable"] == []
+
+
+def test_the_height_of_a_pose_is_no_depth_above_water() -> None:
+    """Its zero is where the tracking system stands, not the surface."""
+    log = sound()
+    SPOIL["depth_above_water"](log)
+    depth, time_us = (log.streams["depth"][name] for name in ("depth_m", "time_us"))
+    assert "depth_above_water" in log.ids()
+    level = np.zeros(depth.size)
+    log.streams["position"] = {"time_us": time_us, "x_m": level, "y_m": level, "z_m": depth}
+    for name in ("depth", "position"):
+        log.info["streams"][name] = {"source": "run.csv"}
+    assert "depth_above_water" not in log.ids()
+    log.streams["position"]["z_m"] = depth + 1.0
+    assert "depth_above_water" in log.ids()

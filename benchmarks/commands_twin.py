@@ -1,0 +1,70 @@
+"""What commands without newtons determine: errors of one twin after another.
+
+    python -m benchmarks.commands_twin {single,together} SEEDS ROWS.json [LEGS] [SECONDS]
+
+Legs with steps of all commands every second, white noise of 20 mm/s and .02 rad/s at
+10 Hz, the lag fitted.
+Prints, of what a user quotes, the share of twins within 2 %, and how far 95 % of them lie:
+gain ratio (c over that of surge), damping over inertia at the RMS speed, time constant
+at it, steady speed of a full command. Rows that the file has are not made again.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from auvid.hydro.identification.axes.coupled import fit_coupled
+from auvid.hydro.identification.axes.quantities import steady_speed
+from benchmarks import coverage_axes
+from benchmarks.coverage_axes import INERTIA, TRUTH, leg
+
+WITHIN = 0.02
+PLANE = ("u", "v", "w", "r")
+
+
+def row(kind: str, seed: int, legs: int, seconds: float) -> dict[str, float]:
+    """Return the relative error of each quantity of one twin."""
+    coverage_axes.NOISE.update(dict.fromkeys(PLANE, 0.02))
+    rng = np.random.default_rng(seed)
+    inertia = INERTIA if kind == "together" else None
+    records = [leg(rng, PLANE, seconds=seconds, step_s=0.1, inertia=inertia) for _ in range(legs)]
+    if kind == "together":
+        fit = fit_coupled(records, PLANE, inertia=inertia, leave_out=False)
+        blocks = {v: (fit.block(v)[0], fit.speeds[v]) for v in PLANE}
+    else:
+        fits = {v: fit_coupled(records, (v,), leave_out=False) for v in PLANE}
+        blocks = {v: (fits[v].block(v)[0], fits[v].speeds[v]) for v in PLANE}
+    out = {}
+    for v in PLANE:
+        (a, b, c, _), speed = blocks[v]
+        a0, b0, c0, _ = TRUTH[v]
+        gain = (c / blocks["u"][0][2], c0 / TRUTH["u"][2])
+        drag = (a + b * speed, a0 + b0 * speed)
+        slope = (a0 + 2.0 * b0 * speed, a + 2.0 * b * speed)
+        steady = (steady_speed(a, b, c), steady_speed(a0, b0, c0))
+        pairs = {"gain ratio": gain, "drag over inertia": drag, "time constant": slope,
+                 "steady speed": steady}  # fmt: skip
+        out |= {f"{v} {name}": float(x / y - 1.0) for name, (x, y) in pairs.items()}
+    return out
+
+
+def main(kind: str, seeds: int, path: Path, legs: int = 3, seconds: float = 120.0) -> None:
+    """Make the rows that are missing, and print how far they are off."""
+    rows = json.loads(path.read_text()) if path.exists() else {}
+    for seed in range(seeds):
+        if str(seed) not in rows:
+            rows[str(seed)] = row(kind, seed, legs, seconds)
+            path.write_text(json.dumps(rows))
+    for name in rows["0"]:
+        off = np.abs([item[name] for item in rows.values()])
+        print(f"{name:22s} within 2 % {np.mean(off < WITHIN):.2f}, 95 % of {len(off)} within "
+              f"{100 * np.quantile(off, 0.95):.1f} %")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]), *map(int, sys.argv[4:5]),
+         *map(float, sys.argv[5:6]))  # fmt: skip
