@@ -114,7 +114,7 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
         blocks.append(
             table(
                 "Leg by leg",
-                ["axis", "leg", "", ("fit", "%"), "windows", ("one free run over it", "%")],
+                ["axis", "leg", "use", ("fit", "%"), "windows", ("one free run over it", "%")],
                 legs,
                 note="Legs left out and those for validation are flown by a fit that does not use"
                 " them, window by window and once from the first window to the last.",
