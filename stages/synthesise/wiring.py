@@ -72,11 +72,16 @@ def thruster_legs(
 
 
 def strengths(legs: Sequence[ThrusterLeg], vehicle: Vehicle) -> tuple[ThrusterStrength, ...]:
-    """Return the strength of each thruster; none where the legs are too short."""
+    """Return the strength of each thruster; none where the legs are too short.
+
+    Also none where several look weak: that is a fault of the model more than of them.
+    """
     length_s = sum(float(leg.t_s[-1] - leg.t_s[0]) for leg in legs)
     if vehicle.thrusters is None or length_s < 4.0 * BLOCK_S:
         return ()
-    return thruster_strengths(legs, vehicle.thrusters.allocation)
+    result = thruster_strengths(legs, vehicle.thrusters.allocation)
+    weak = [item for item in result if item.verdict in ("weak", "dead", "reversed")]
+    return () if len(weak) > 1 else result
 
 
 def _strength_words(item: ThrusterStrength, outputs: tuple[int, ...]) -> str:
