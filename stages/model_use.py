@@ -18,7 +18,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, MAY_IDENTIFY
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
@@ -78,7 +78,7 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
 
 
 def lost_tilts(model: MeritRecord) -> dict[str, float]:
-    """Return roll and pitch with free runs worse than no change: axis -> error in parts of it."""
+    """Return roll and pitch that run worse than no change, axis -> how many times."""
     runs = {axis: model.axes[axis].free_run for axis in TILTS}
     return {axis: error for axis, error in runs.items() if error is not None and error > 1.0}
 
@@ -178,13 +178,16 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
     return f"{words}; {', '.join(lacking)}" if lacking else words
 
 
-def coverage_words(shares: Mapping[str, float]) -> str:
-    """Return how often intervals held the truth of twins: true model -> share."""
+def coverage_words(shares: Mapping[str, float], method: str) -> str:
+    """Return how often a method's intervals held the truth: true model -> share."""
     parts = [
         f"{100.0 * share:.0f} % where the truth is {model_named(name).title}"
         for name, share in shares.items()
     ]
-    return f"On twins, 95 % intervals of identified coefficients held the truth in {listed(parts)}."
+    may = method in MAY_IDENTIFY
+    which = "identified coefficients" if may else "coefficients of four standard errors and more"
+    end = "." if may else f": too few, so that {method} calls none identified."
+    return f"On twins, 95 % intervals of {which} held the truth in {listed(parts)}{end}"
 
 
 def failing_axes(model: MeritRecord) -> list[str]:

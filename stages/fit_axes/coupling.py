@@ -79,7 +79,7 @@ def _joined(
     vehicle: Vehicle,
     options: FitOptions,
 ) -> tuple[dict[str, FittedAxis], Together]:
-    """Return some axes of one common fit, and whether that is better than one by one."""
+    """Return some axes of one common fit, and whether it is better than one by one."""
     fit = fit_coupled(
         [leg.record for leg in using.values()],
         tuple(item.equation.speed for item in joining),

@@ -118,7 +118,7 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
             f" Limits that hold coefficients back: {names}. They lower the log-likelihood by"
             f" {fit.limits_cost:.2g}."
         )
-    blocks = [text(f"{words} {coverage_words(card.coverage_on_twins)}")]
+    blocks = [text(f"{words} {coverage_words(card.coverage_on_twins, card.method)}")]
     if fit.left_out:
         blocks.append(remark(f"{card.title}, left out: {'; '.join(fit.left_out)}."))
     return blocks

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from auvid.hydro.identification.regression.verdicts import (
     VIF_LIMIT,
     WEAK,
     TermStatus,
+    strongest,
 )
 from auvid.stages.refine.fitting import SensorFit
 
@@ -65,7 +67,7 @@ def refined_card(
     the legs -> axis or all -> J/J0 on it from the others. left_out: legs without sensors.
     """
     card, words = fit.problem.card, estimator.replace("_", " ")
-    status = _statuses(fit)
+    status = _statuses(fit, words)
     return card.model_copy(
         update={
             "name": name,
@@ -86,14 +88,17 @@ def refined_card(
                 for item in fit.limited.active
             ],
             "limits_cost": 0.0,
-            "inertia": [_inertia(item, fit, status) for item in card.inertia],
+            "inertia": [_inertia(item, fit, status, words) for item in card.inertia],
             "likelihood": _likelihood(fit, estimator, legs, left_out),
         }
     )
 
 
-def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
-    """Return the status of every unknown; what the motion rules out stays so."""
+def _statuses(fit: SensorFit, method: str) -> dict[Unknown, EstimateStatus]:
+    """Return the status of every unknown; what the motion rules out stays so.
+
+    Identified only where the method may say it.
+    """
     unknowns, estimate, signs = fit.problem.unknowns, fit.estimate, fit.problem.signs
     card = fit.problem.card
     beforehand = {
@@ -103,7 +108,7 @@ def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
     }
     prior = fit.problem.prior
     bounded = {item.unknowns[0] for item in fit.limited.active if len(item.unknowns) == 1}
-    words = estimate_statuses(
+    statuses = estimate_statuses(
         fit.limited.values,
         estimate.standard_errors,
         estimate.information_covariance * np.outer(signs, signs),
@@ -111,7 +116,8 @@ def _statuses(fit: SensorFit) -> dict[Unknown, EstimateStatus]:
         estimate.at_bound | np.array([unknown in bounded for unknown in unknowns]),
         {i: word for i, unknown in enumerate(unknowns) if (word := beforehand.get(unknown))},
     )
-    return dict(zip(unknowns, words, strict=True))
+    may_say = (replace(item, status=strongest(item.status, method)) for item in statuses)
+    return dict(zip(unknowns, may_say, strict=True))
 
 
 def _of_motion(item: TermCard, card: ModelCard) -> str:
@@ -198,7 +204,7 @@ def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombin
 
 
 def _inertia(
-    item: InertiaCard, fit: SensorFit, status: Mapping[Unknown, EstimateStatus]
+    item: InertiaCard, fit: SensorFit, status: Mapping[Unknown, EstimateStatus], method: str
 ) -> InertiaCard:
     """Return a fitted inertia, and how far the lag fitted beside it takes its place."""
     unknowns = fit.problem.unknowns
@@ -229,7 +235,7 @@ def _inertia(
             "lag_error_s": lag_error if np.isfinite(lag_error) else 0.0,
             "correlation": correlation,
         }
-    return item.model_copy(update=update)
+    return item.model_copy(update={**update, "verdict": strongest(update["verdict"], method)})
 
 
 def _clear(value: float, error: float) -> TermStatus:

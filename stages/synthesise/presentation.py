@@ -135,7 +135,7 @@ def _method(card: ModelCard) -> str:
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
     if card.coverage_on_twins:
-        note += f" {coverage_words(card.coverage_on_twins)}"
+        note += f" {coverage_words(card.coverage_on_twins, card.method)}"
     if not card.left_out and card.method != "error function":
         note += " There is one training leg: whether signs hold without it is not tested."
     if card.spreads:

@@ -1,4 +1,4 @@
-"""Whether training legs show exchanged outputs, or a reversed, weak or dead thruster."""
+"""Whether training legs show exchanged outputs, a reversed, weak or dead thruster."""
 
 from __future__ import annotations
 

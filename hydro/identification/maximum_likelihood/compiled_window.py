@@ -685,7 +685,9 @@ def _loop(sources: int) -> Any:
         n, m, parameters = len(x0), jacobian.shape[1], len(kinds)
         sensitive, tangent = jacobian.shape[0] > 0, variance_slopes.shape[0] > 0
         # Not as literals, for each of which numba compiles a function anew.
-        axes, motion, channels = np.int64(6), np.int64(MOTION), np.int64(MEASURED)
+        axes: Any = np.int64(6)
+        motion: Any = np.int64(MOTION)
+        channels: Any = np.int64(MEASURED)
         x, P, S = _line(n), _table(n, n), _table(n, m)
         for i in range(n):
             x[i] = x0[i]

@@ -247,7 +247,7 @@ def velocity_lag(
     much earlier, explains most of the depth rate: the attitude is on the clock of the
     other one. None for too few windows.
     """
-    shares = {}
+    shares: dict[float, float] = {}
     for lag in np.asarray(lags_s, dtype=np.float64):
         for late, early in ((lag, 0.0), (0.0, lag)):
             times = t_depth + early, depth, t_attitude, euler, t_velocity - late, velocity

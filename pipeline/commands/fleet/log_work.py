@@ -238,12 +238,12 @@ def _described(
 
 
 def _unnamed(firmware: object) -> str:
-    """Return how a vehicle without a name is called: by its autopilot, not its version."""
+    """Return the name of a vehicle without one: by its autopilot, not its version."""
     return f"{UNNAMED} ({str(firmware).split()[0]})" if firmware else UNNAMED
 
 
 def _conditions(page: LogPage) -> dict[str, float | str]:
-    """Return firmware, median battery voltage and mean depth, where the log has them."""
+    """Return firmware, median battery voltage, mean depth, where the log has them."""
     result: dict[str, float | str] = {}
     if page.health is not None and page.health["vehicle"]:
         result["firmware"] = str(page.health["vehicle"])

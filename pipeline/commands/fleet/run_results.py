@@ -152,7 +152,7 @@ def _sensors(record: InstallationRecord) -> Iterator[FleetCoefficient]:
 
 
 def _thrusters(run: Run) -> Iterator[FleetCoefficient]:
-    """Yield the strength of each thruster over those like it, where legs separate it."""
+    """Yield the strength of each thruster over its like, where legs separate it."""
     for thruster in _strengths(run):
         if np.isfinite(thruster.strength):
             yield _extra(

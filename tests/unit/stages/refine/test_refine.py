@@ -160,6 +160,8 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert name == card.name == f"symmetric_{estimator}"
     assert card.title == f"Symmetric ({estimator.replace('_', ' ')})"
     first = twin.model_card["symmetric"]
+    # Too few of filter error's intervals held the truth of twins.
+    word = {"output_error": "identified", "filter_error": "weak"}[estimator]
     for axis, row in TRUTH.items():
         for term, true in row.items():
             # Least squares pays for the lag of the thrusters, up to a third in roll.
@@ -167,7 +169,7 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
             error = abs(card.predictor[axis][term] - true)
             assert error < max(abs(first.predictor[axis][term] - true), 0.01 * abs(true))
             entry = next(item for item in card.axes[axis].terms if item.term == term)
-            assert entry.verdict == "identified"
+            assert entry.verdict == word
     fit = card.likelihood
     assert fit is not None
     assert fit.lag is not None
@@ -180,12 +182,11 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert noise["depth"] == pytest.approx(0.004, rel=0.2)
     assert (fit.force_time_s is None) == (estimator == "output_error")
     assert warned(refined) == ""
-    share = {"output_error": "94 %", "filter_error": "90 %"}[estimator]
-    words = (
-        f"95 % intervals of identified coefficients held the truth in {share} where the truth is"
-    )
     assert refined.section is not None
-    assert words in str(refined.section["blocks"])
+    words = str(refined.section["blocks"])
+    share = {"output_error": "94 %", "filter_error": "90 %"}[estimator]
+    assert f"held the truth in {share} where the truth is" in words
+    assert ("filter error calls none identified" in words) == (estimator == "filter_error")
 
 
 def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:
