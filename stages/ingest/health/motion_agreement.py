@@ -43,7 +43,7 @@ SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
 """By how much more of the motion other axes must explain than the velocity's own."""
 ABSENT_GAIN = 0.3
-OTHER_AXES, OWN_AXES, LESS_LEFT = 0.7, 0.9, 3.0
+OTHER_AXES, OWN_AXES, LESS_LEFT = 0.7, 0.8, 3.0
 """Part of the depth rate that other axes must explain, and the velocity's own must not,
 and how much less they must leave.
 """
