@@ -81,6 +81,8 @@ def fix_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> FixMot
         if not finite.all():
             by_stream = {key: _rows(columns, finite) for key, columns in by_stream.items()}
             time_us, rows = time_us[finite], rows[finite]
+        if depth is None:
+            about += "; without a depth its vertical speed is taken as 0: heave is not measured"
         about += (
             "; no sensor measures u, v, w, and what changes within a few seconds is smoothed away"
         )

@@ -27,6 +27,10 @@ T_LIMIT = 3.0
 OF_FILE = "by the apparent mass of the vehicle file"
 
 
+DRIFT_95 = 2.57
+"""Student's factor of the mean of six blocks."""
+
+
 def passive_results(motions: PassiveMotions, vehicle: Vehicle) -> dict[str, Any]:
     """Return all figures as a `results` document."""
     rows: list[Figure] = []
@@ -41,7 +45,15 @@ def passive_results(motions: PassiveMotions, vehicle: Vehicle) -> dict[str, Any]
         for name, value, spread in zip(("north", "east"), velocity, error, strict=True):
             note = "the water carries it: a current, no drag"
             rows.append(
-                _row(f"drift to the {name}, {leg}", value, spread, "m/s", note, headline=True)
+                _row(
+                    f"drift to the {name}, {leg}",
+                    value,
+                    spread,
+                    "m/s",
+                    note,
+                    half_95=DRIFT_95,
+                    headline=True,
+                )
             )
     return {"title": "body without actuators", "rows": rows}
 
@@ -92,7 +104,15 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
         if fit.free[at]:
             note = "by the tow force" + ("" if both else "; holds all drag")
             rows.append(
-                _row(f"{force}_{term}", -fit.values[at], errors[at], unit, note, half_95=half)
+                _row(
+                    f"{force}_{term}",
+                    -fit.values[at],
+                    errors[at],
+                    unit,
+                    note,
+                    half_95=half,
+                    verdict="" if both else "weak",
+                )
             )
     note = "by how it gathers speed" if fit.free[0] else "too steady a tow: that of the file"
     rows.append(
@@ -154,7 +174,7 @@ def _of_coasts(
             verdict="from the prior",
         )
     )
-    if tow is not None and rate > 0.0:
+    if tow is not None and tow.free[1] and tow.free[2] and rate > 0.0:
         drag, drag_error = tow.drag(speed)
         mass = drag / (rate * speed)
         spread = mass * float(np.hypot(drag_error / drag, error / rate))
@@ -205,7 +225,9 @@ def _of_swings(channel: str, swings: list[FreeSwing], vehicle: Vehicle) -> list[
     for (name, unit), value, error in zip(terms, values[1:], errors[1:], strict=True):
         if value != 0.0 or error != 0.0:
             label = f"damping over apparent {what} in {channel}, {name}"
-            rows.append(_row(label, float(value), float(error), unit, swings[0].damping))
+            weak = "weak" if value <= 0.0 else ""
+            note = swings[0].damping
+            rows.append(_row(label, float(value), float(error), unit, note, verdict=weak))
     size, spread = apparent_mass(vehicle, channel)
     unit = "N/m" if channel == "heave" else "N m/rad"
     share = float(np.hypot(k_error / k, spread / size))

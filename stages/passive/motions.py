@@ -30,6 +30,8 @@ from auvid.stages.leg_streams import Streams
 
 ROLES = ("tow", "coast", "decay", "drift")
 SPEEDS = {"surge": "u", "sway": "v", "heave": "w", "yaw": "r"}
+TOWED_ALONG = ("surge", "sway")
+"""In heave the line carries the weight in water as well."""
 SWINGS = {"roll": 0, "pitch": 1}
 DEGREES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_SWING = {"roll": 0.05, "pitch": 0.05, "heave": 0.1}
@@ -183,7 +185,9 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
         mass, spread = apparent_mass(vehicle, channel)
         try:
             records = [record for _, record in tows]
-            out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=spread)
+            # A mass that is assumed only says how large it may be.
+            assumed = spread if vehicle.spreads else mass
+            out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=assumed)
         except DataError as fault:
             out.left_out.append(f"tow, {channel}: {fault}")
     for channel, coasts in out.coasts.items():
@@ -228,7 +232,12 @@ def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
     elif channel not in SPEEDS or not np.isfinite(leg.speed(channel)).any():
         out.left_out.append(f"{name}: nothing measures the speed in {channel}")
     elif role == "tow":
-        if leg.force_N is None:
+        if channel not in TOWED_ALONG:
+            out.left_out.append(
+                f"{name}: a tow is along surge or sway; in {channel} the line"
+                " carries weight or turns"
+            )
+        elif leg.force_N is None:
             out.left_out.append(f"{name}: no tow force is logged (stream tow, tow_force_n)")
         else:
             record = TowRecord(leg.t_s, leg.speed(channel), leg.force_N)
@@ -248,7 +257,7 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
         least = rules.rate_rad_s if channel == "yaw" else rules.speed_m_s
         if not np.isfinite(speed).any():
             continue
-        if force is not None and channel == channel_of_tow:
+        if force is not None and channel == channel_of_tow and channel in TOWED_ALONG:
             for first, last in towed(force, step):
                 part = slice(first, last)
                 record = TowRecord(leg.t_s[part], speed[part], force[part])

@@ -29,9 +29,11 @@ LAGS_S = (0.0, 0.1, 0.2, 0.3)
 """Thrust lags that are tried; the one with the least residuals is taken."""
 BLOCK_S = 5.0
 """Pieces of a dive that count as independent."""
-FEWEST_BLOCKS = 6
-CERTAIN = 2.0
-"""Standard deviations of the mean over blocks by which a fault must be the better one."""
+FEWEST_BLOCKS = 12
+CERTAIN = 3.5
+"""Standard deviations of the mean over blocks by which a fault must be the better one: that
+of 36 tries which chance exceeds in 1 of 120 dives.
+"""
 LEAST_GAIN = 0.05
 """Least part of what is left as it stands that a fault must explain, mean of the axes. On
 the bundled dive all 36 single faults come out as the best; 23 of them are named.

@@ -6,8 +6,10 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
 
-TOWED, FREE = 0.1, 0.04
-"""Shares of the largest tow force above which a body is towed, and below which it is free."""
+TOWED, FREE, SPIKES = 0.03, 0.01, 99.0
+"""Shares of the largest tow force (that percentile of it) above which a body is towed,
+and below which it is free: drag goes with the square of the speed.
+"""
 LEAST_TOW_S, LEAST_COAST_S = 8.0, 1.0
 FADES_TO = 0.7
 """A coast without a logged force falls to this share of its peak and lower."""
@@ -28,20 +30,25 @@ def stretches(mask: Mask) -> list[Stretch]:
 def towed(force_N: Array, step_s: float) -> list[Stretch]:
     """Return where a body is towed; nan is a pause."""
     size = np.abs(np.nan_to_num(force_N))
-    mask = size > TOWED * float(np.max(size, initial=0.0))
+    mask = size > TOWED * _largest(size)
     return [(a, b) for a, b in stretches(mask) if (b - a) * step_s >= LEAST_TOW_S]
 
 
 def released(force_N: Array, step_s: float, longest_s: float) -> list[Stretch]:
     """Return the stretches after a tow in which nothing pulls, each at most so long."""
     size = np.abs(np.nan_to_num(force_N, nan=np.inf))
-    limit = FREE * float(np.max(size[np.isfinite(size)], initial=0.0))
+    limit = FREE * _largest(size[np.isfinite(size)])
     most = int(longest_s / step_s)
     return [
         (a, min(b, a + most))
         for a, b in stretches(size <= limit)
         if a > 0 and (b - a) * step_s >= LEAST_COAST_S
     ]
+
+
+def _largest(size: Array) -> float:
+    """Return the size of a force without its spikes, 0 of nothing."""
+    return float(np.percentile(size, SPIKES)) if size.size else 0.0
 
 
 def fading(speed: Array, step_s: float, *, least: float, longest_s: float) -> list[Stretch]:

@@ -77,7 +77,8 @@ class NoCampaignError(DataError):
         head = "no campaign can be written: "
         if len(lines) > 1:
             head = "no campaign can be written\n"
-        more = "" if in_full else "--verbose tells why of every kind of campaign."
+        routes = any(item.routes for item in refusals)
+        more = "" if in_full or not routes else "--verbose tells why of every kind of campaign."
         fault = cls(head + "\n".join(lines).rstrip("."), remedy=more or None)
         fault.refusals = tuple(refusals)
         return fault

@@ -43,6 +43,8 @@ SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
 """By how much more of the motion other axes must explain than the velocity's own."""
 ABSENT_GAIN = 0.3
+LEAST_TILT = 0.02
+"""Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
 OTHER_AXES, OWN_AXES, LESS_LEFT = 0.7, 0.8, 3.0
 """Part of the depth rate that other axes must explain, and the velocity's own must not,
 and how much less they must leave.
@@ -157,6 +159,9 @@ def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
     if 1.0 - gains.explained < LESS_LEFT * (1.0 - shares[best]) and not absent.any():
         return
     over_ground = "exchanged" not in best
+    tilts = np.sin(log.values("attitude", ATTITUDE)[:, :2])
+    if over_ground and float(np.max(np.nanstd(tilts, axis=0))) < LEAST_TILT:
+        return  # an offset of the mounting looks the same
     yield finding(
         "velocity_axes",
         f"The depth rate follows the velocity ({log.source('velocity')})"
@@ -260,7 +265,8 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     if lag is None:
         return
     at, there, zero = lag
-    if abs(at) > limit("velocity_lag") and there > 0.8 and there - zero > 0.1:
+    slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
+    if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > 0.1:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
         text = (
             f"The {late} comes {abs(at):.1f} s after the {early}: read so much earlier it explains"

@@ -95,7 +95,7 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=_largest(log),
         )
-    elif still := _resting_outputs(log):
+    elif moving.any() and (still := _resting_outputs(log)):
         yield finding(
             "outputs_held",
             f"No output changes from the first to the last sample{still}: they are set points, or"
@@ -331,7 +331,8 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
             value=-best.lag_s,
         )
     far = [axis for axis in answers if answers[axis].lag_s > limit("commands_early")]
-    if far and len(far) == len(answers):
+    # One axis alone may be slow, or repeat within the shift.
+    if len(far) > 1 and len(far) == len(answers):
         axis = max(far, key=lambda name: answers[name].explained)
         best = answers[axis]
         if best.explained > LEAST_EXPLAINED:

@@ -221,7 +221,6 @@ def odometry_pose(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns
 def globe_fixes(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     """Return fixes of GPS_INPUT in metres from the first; NaN without a fix."""
     degrees = np.column_stack([messages.floats("lat"), messages.floats("lon")]) * 1e-7
-    degrees[(degrees == 0.0).all(axis=1)] = np.nan
     if "fix_type" in messages.columns:
         degrees[messages.floats("fix_type") < FIX_2D] = np.nan
     north, east = metres_from_degrees(*np.radians(degrees).T).T

@@ -62,7 +62,7 @@ def misfit(
         if begins[i]:
             x[0], x[1] = y[i], 0.0
             P[:] = 0.0
-            P[0, 0], P[1, 1] = noise * noise, speed * speed
+            P[0, 0], P[1, 1] = noise * noise if used[i] else FAR, speed * speed
             continue
         _carried(t[i] - t[i - 1], speed, lag, P, out, phi)
         x[0] += phi[0, 1] * x[1]

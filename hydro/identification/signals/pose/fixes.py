@@ -24,7 +24,7 @@ PRIOR_SD = np.log([2.5, 3.0])
 """Standard deviations of the logarithms of sigma and tau."""
 STUDENT, GATE = 4.0, 4.5
 """Degrees of freedom; errors over their deviation that are an outlier."""
-MEDIAN, FASTEST, NOISIEST = 9, 4.0, 5.0
+MEDIAN, FASTEST, NOISIEST = 9, 12.0, 5.0
 """Fixes of a median; what a vehicle moves between two, in usual speeds and in noise."""
 PATIENCE = 6
 """So many outliers in a row are another track."""
@@ -75,9 +75,16 @@ class FixTrack:
 def metres_from_degrees(latitude_rad: Array, longitude_rad: Array) -> Array:
     """Return north and east (n, 2) [m] of the first finite fix, on a sphere.
 
+    Nan without a fix, and where both angles are 0.
+
     >>> metres_from_degrees(np.radians([63.0, 63.001]), np.radians([10.0, 10.0]))[1].round(1)
     array([111.2,   0. ])
     """
+    # Receivers report 0, 0 before their first fix.
+    nowhere = (latitude_rad == 0.0) & (longitude_rad == 0.0)
+    latitude_rad, longitude_rad = (
+        np.where(nowhere, np.nan, angle) for angle in (latitude_rad, longitude_rad)
+    )
     first = int(np.argmax(np.isfinite(latitude_rad + longitude_rad)))
     north = EARTH_M * (latitude_rad - latitude_rad[first])
     east = EARTH_M * np.cos(latitude_rad[first]) * (longitude_rad - longitude_rad[first])
@@ -196,7 +203,12 @@ def _fitted(t: Array, y: Array, used: Mask, begins: Mask, dof: float) -> tuple[f
 
     from auvid.hydro.identification.signals.pose.compiled_fixes import misfit
 
-    rows = slice(0, FITTED_FIXES)
+    # The stretch that moves most: a vehicle may wait at the start for as long.
+    firsts = range(0, t.size, FITTED_FIXES)
+    first_row = max(firsts, key=lambda i: float(np.std(y[i : i + FITTED_FIXES])))
+    rows = slice(first_row, first_row + FITTED_FIXES)
+    anew = begins[rows].copy()
+    anew[0] = True
     at, values = t[rows], np.ascontiguousarray(y[rows])
     usual = np.log([USUAL_SPEED, USUAL_LAG_S])
     scatter = _scatter(values)
@@ -205,7 +217,7 @@ def _fitted(t: Array, y: Array, used: Mask, begins: Mask, dof: float) -> tuple[f
         logs = np.clip(logs, [np.log(LEAST_NOISE_M), -7.0, -2.0], [7.0, 3.0, 6.0])
         prior = float(np.sum(((logs[1:] - usual) / PRIOR_SD) ** 2))
         noise, speed, lag = np.exp(logs)
-        value = misfit(at, values, used[rows], begins[rows], noise, speed, lag, dof)
+        value = misfit(at, values, used[rows], anew, noise, speed, lag, dof)
         return float(value) + 0.5 * prior
 
     starts = [np.array([np.log(scatter * share), *usual]) for share in (1.0, 0.2)]

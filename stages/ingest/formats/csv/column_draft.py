@@ -677,7 +677,7 @@ def _unit(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> 
         return unit, "by its size"
     if stream == "battery":
         return ("mV", "by its size") if size > 1000.0 else ("V", "by its size")
-    assumed = {"propeller_rev_s": "rpm", "interval_s": "s", "quality": "1"}
+    assumed = {"propeller_rev_s": "rpm", "interval_s": "s", "quality": "1", "tow_force_n": "N"}
     return assumed.get(name, "m"), depth or "assumed"
 
 

@@ -152,7 +152,12 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     ),
     (r"^(?:usbl|ugps|lbl|acoustic|fix) (north|east)(?:ing)?$", "fixes", "{}_m", {}),
     (r"\b(northing|easting)$", "position", "{}_m", PLACE),
-    (r"\b(?:tow(?:ing)? (?:force|tension|load)|tension|load cell)$", "tow", "tow_force_n", {}),
+    (
+        r"\b(?:tow(?:ing)? (?:force|tension|load)|tension|load cell)(?: n| newtons?)?$",
+        "tow",
+        "tow_force_n",
+        {},
+    ),
     (r"\b(?:voltage|volt|vbat|vbatt|millivolt|batt v|battery v)\b", "battery", "voltage_v", {}),
 )
 BUOYANCY = re.compile(r"\b(?:buoyancy|ballast|oil vol|oil volume|bladder|vbd)\b")

@@ -294,11 +294,10 @@ def _slow_commands(log: Log) -> None:
 
 @spoils("commands_early")
 def _early_commands(log: Log) -> None:
-    """Of one axis: the others of this log repeat within the shift."""
-    del log.streams["imu"]
+    """Of surge and turning: sway and heave of this log repeat within the shift."""
     for name in ("v_m_s", "w_m_s"):
         log.streams["velocity"][name] = 0.0 * log.streams["velocity"][name]
-    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] - 1_700_000
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] - 1_900_000
 
 
 @spoils("outputs_held")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -156,4 +158,7 @@ def test_a_csv_with_latitude_and_longitude_gives_a_velocity() -> None:
     assert outputs.fixes is not None
     assert outputs.velocity is not None
     assert outputs.log_info.streams["velocity"].source == "fixes of usbl.csv"
-    assert any("noise 0.3" in note for note in outputs.log_info.notes)
+    (note,) = (note for note in outputs.log_info.notes if "noise" in note)
+    noise = re.search(r"noise ([\d.]+) m", note)
+    assert noise is not None
+    assert float(noise[1]) == pytest.approx(0.3, rel=0.1)
