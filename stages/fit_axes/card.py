@@ -160,7 +160,7 @@ def righting_and_surge(fits: AxisFits, scaled: ScaledAxes) -> dict[str, object]:
     out: dict[str, object] = {}
     moments = []
     for item in fits.fitted:
-        if item.righting is not None and item.righting.value < 0.0:
+        if item.righting is not None and item.righting.high < 0.0:
             mass = scaled.forces[item.axis].inertia
             half = (item.righting.high - item.righting.low) / (2.0 * NORMAL_95)
             moments.append((item.axis, -item.righting.value * mass, half * mass))

@@ -20,6 +20,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.structure import RIGHTING
+from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.fitted import FittedAxis, HeldOutFit, Together
@@ -28,6 +29,8 @@ from auvid.stages.steps import tell
 
 HORIZONTAL = "uvr"
 """Velocities that have to be measured: their products are the largest Coriolis forces."""
+FEWEST_WINDOWS = 4
+"""Windows that all axes share, below which nothing is fitted together."""
 LEAST_ERROR = 0.01
 """Shares of error below that count as that: both are as good as the measurement."""
 
@@ -55,7 +58,13 @@ def fitted_together(
         and all(np.isfinite(leg.record.rate[item.equation.speed]).any() for leg in using.values())
     ]
     groups = [joining, [item for item in joining if item.predicts]]
-    groups = [item for item in groups[: 1 + (groups[0] != groups[1])] if len(item) > 1]
+    records = [leg.record for leg in using.values()]
+    groups = [
+        item
+        for item in groups[: 1 + (groups[0] != groups[1])]
+        if len(item) > 1
+        and len(windows_of(records, [axis.equation.speed for axis in item])) >= FEWEST_WINDOWS
+    ]
     if options.together == "never" or not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
@@ -102,19 +111,23 @@ def error_ratio(
 ) -> tuple[float, int]:
     """Return the geometric mean of e_together / e_single, and of how many; nan of none.
 
+    Infinite where a free run of the common fit is lost.
+
     pairs: held-out fits of an axis by itself, and together with others.
 
     >>> single, joint = HeldOutFit("leg a", 0.0, 3, 50.0), HeldOutFit("leg a", 0.0, 3, 75.0)
     >>> error_ratio([([single], [joint])])[0]
     0.5
     """
-    logs = []
+    logs: list[float] = []
     for single, joint in pairs:
         others = {part.what: _error(part) for part in joint if not _validation(part)}
         for part in single:
             values = _error(part), others.get(part.what, np.nan)
+            if np.isfinite(values[0]) and part.what in others and not np.isfinite(values[1]):
+                return float("inf"), len(logs) + 1  # the common fit is lost there
             if np.isfinite(values).all():
-                logs.append(np.log(values[1] / values[0]))
+                logs.append(float(np.log(values[1] / values[0])))
     return (float(np.exp(np.mean(logs))) if logs else float("nan")), len(logs)
 
 

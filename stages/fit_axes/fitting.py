@@ -81,8 +81,12 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
                 lacking.append(refused)
     every, together = fitted_together(fitted, legs, vehicle, options)
     lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
+    kept = tuple(item for item in every if item.predicts or item.axis not in doubtful)
+    if together is not None and together.chosen:
+        there = {item.axis for item in kept}
+        together = replace(together, axes=tuple(a for a in together.axes if a in there))
     return AxisFits(
-        fitted=tuple(item for item in every if item.predicts or item.axis not in doubtful),
+        fitted=kept,
         lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,
         full_force=dict(first.full_force.items()),

@@ -189,7 +189,9 @@ def judged(
     checks = {
         key: flown_leg(flown, key, leg)
         for key, leg in legs.items()
-        if leg.windows.use == "validation" and not idle(leg.record, axis)
+        if leg.windows.use == "validation"
+        and not idle(leg.record, axis)
+        and windows_of([leg.record], flown.pool.structure.velocities)
     }
     judgements = [
         HeldOutFit(

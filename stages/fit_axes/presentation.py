@@ -77,10 +77,10 @@ def together_words(item: Together) -> str:
     )
     if item.chosen:
         return f"Fitted together, with Coriolis force by the ratios of inertia: {names}; {ratio}."
-    return (
-        f"Fitted one by one, and no Coriolis force is in the model: {names}; {ratio}, so that"
-        " Coriolis force does not help here."
-    )
+    if np.isposinf(item.error_ratio):
+        ratio = "together, a free run over a leg is lost"
+    helps = "" if np.isnan(item.error_ratio) else ", so that Coriolis force does not help here"
+    return f"Fitted one by one, and no Coriolis force is in the model: {names}; {ratio}{helps}."
 
 
 def _fit_tables(fits: AxisFits) -> list[Block]:

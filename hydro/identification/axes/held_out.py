@@ -136,9 +136,12 @@ def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
 
 
 def whole_leg(pool: Pool, fit: PoolFit, leg: int) -> dict[str, float]:
-    """Return the fit [%] of one free run, first window to last, by velocity."""
+    """Return the fit [%] of one free run over a leg, by velocity; nan if it is lost."""
     span = span_of(pool, leg)
-    pairs = signals(pool, span, free_run(pool, fit, span))
+    states = free_run(pool, fit, span)
+    if not np.isfinite(states).all():
+        return dict.fromkeys(pool.structure.velocities, float("nan"))
+    pairs = signals(pool, span, states)
     return {
         velocity: percent_of(*pair)
         for velocity, pair in zip(pool.structure.velocities, pairs, strict=True)

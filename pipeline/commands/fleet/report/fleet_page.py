@@ -69,6 +69,11 @@ def fleet_page(title: str, tables: Mapping[str, Sequence[Row]]) -> bytes:
     )
 
 
+def _hours(runs: Sequence[Row]) -> float:
+    """Return the hours of all dives, one of two recorders each."""
+    return float(sum(row["duration_s"] for row in runs if not row["same_as"])) / 3600.0
+
+
 def _time(row: Row) -> tuple[bool, str, str]:
     return row["start_utc"] is None, row["start_utc"] or "", row["file"]
 
@@ -108,7 +113,9 @@ def _summary(
         explanation=" ".join(
             [
                 f"Dives to use, by axis: {words}." if words else "No axis of any dive is usable.",
-                f"They agree on {agreed}." if agreed else "No figure is pooled over three dives.",
+                f"They agree on {agreed}."
+                if agreed
+                else "The dives of no vehicle agree on a drag.",
             ]
         ),
         recommended=None,
@@ -118,7 +125,7 @@ def _summary(
             Fact("partly", str(counts["partly"]), "ended before; the table says where"),
             Fact("refused", str(counts["refused"]), "damaged, doubled, or nothing to fit"),
             Fact("vehicles", str(len({row["vehicle"] for row in runs if row["vehicle"]})), ""),
-            Fact("hours", f"{sum(row['duration_s'] for row in runs) / 3600.0:.1f}", "of logs"),
+            Fact("hours", f"{_hours(runs):.1f}", "of logs"),
         ),
         models=(),
         identified=(),

@@ -24,6 +24,8 @@ from auvid.stages.page.first_screen import AXIS_WORDS
 
 FIGURE_VERDICTS = ("identified", "persistently exciting")
 THRUSTER_VERDICTS = (*FIGURE_VERDICTS, "weak", "dead", "reversed")
+NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited")
+"""Verdicts on what is no dive's own: repeated, it would count as many measurements."""
 FEWEST_DIVES = 2
 DAY_S = 86_400.0
 CONDITIONS = {
@@ -173,10 +175,17 @@ def _drags(
         speed = float(f"{np.median(speeds):.2g}")
         parts: dict[str, list[Row]] = defaultdict(list)
         for row in rows:
-            if row["axis"] == axis and row["term"] in drag_terms(axis):
+            # Terms of models without newtons are in other units.
+            if (
+                row["axis"] == axis
+                and row["term"] in drag_terms(axis)
+                and row["unit"].startswith(("N", "kg"))
+            ):
                 parts[row["log"]].append(row)
         cells = {}
         for log, terms in parts.items():
+            if any(row["verdict"] in NOT_MEASURED for row in terms):
+                continue
             sd = np.array([np.nan if (e := row["standard_error"]) is None else e for row in terms])
             covariance = np.diag(sd**2)
             if len(terms) == 2:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES
@@ -25,7 +26,9 @@ def empty_row(table: str) -> Row:
     return {name: fillings[str(item.dtype)] for name, item in columns.items()}
 
 
-def tables(fouled_from: int = DIVES, weak: bool = False) -> dict[str, list[Row]]:
+def tables(
+    fouled_from: int = DIVES, weak: bool = False, newtons: bool = True
+) -> dict[str, list[Row]]:
     """Return a fleet whose linear and quadratic drag trade, fouled by half from a dive on."""
     random = np.random.default_rng(3)
     runs, coefficients = [], []
@@ -67,6 +70,7 @@ def tables(fouled_from: int = DIVES, weak: bool = False) -> dict[str, list[Row]]
                     "recommended": True,
                     "axis": "X",
                     "term": term,
+                    "unit": "N s/m" if newtons else "1/s",
                     "value": value,
                     "standard_error": error,
                     "verdict": "identified",
@@ -86,6 +90,15 @@ def tables(fouled_from: int = DIVES, weak: bool = False) -> dict[str, list[Row]]
             }
         )
     return {"runs": runs, "coefficients": coefficients, "findings": [], "verdicts": []}
+
+
+@pytest.mark.parametrize(("newtons", "verdict"), [(False, "identified"), (True, "from the prior")])
+def test_no_drag_of_models_without_newtons_nor_of_priors(newtons: bool, verdict: str) -> None:
+    rows = tables(newtons=newtons)
+    for row in rows["coefficients"]:
+        row["verdict"] = verdict
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    assert not any(name.startswith("drag") for name in rov.pooled)
 
 
 def test_drag_at_a_common_speed_is_watched_not_its_terms() -> None:
