@@ -52,6 +52,12 @@ def test_document_has_what_the_command_prints(dive: Path) -> None:
     assert "Nearest: BlueROV2 Heavy, von Benzon et al. 2022." in result.output
 
 
+def test_readme_has_the_table_of_the_document() -> None:
+    readme = printed_rows((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(readme) == 9
+    assert readme == printed_rows(PAGE)
+
+
 def test_a_model_file_scores_as_in_the_tables_of_its_run(
     short_workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
