@@ -24,7 +24,10 @@ from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
 HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
+SMALLER = 0.95
+"""Ratio of errors below which a model not taken is mentioned beside the one that is."""
 TILTS = ("K", "M")
+TILTED = ("roll", "pitch")
 ORIGIN = "force at the origin"
 UNKNOWN, FITTED = "unknown", "fitted"
 TELLING = (
@@ -43,8 +46,10 @@ _decimals = partial(fixed, places=2, empty="unknown")
 def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
     """Return what a model is usable for: forces, simulation and control, by axis.
 
-    An axis is simulated where its own drive does not tip the model over; roll and pitch
-    where none does and their damping rests on data or a prior. A controller is designed
+    An axis is simulated where its own drive does not tip the model over, and under attitude
+    hold where it does, but no free run is lost: the autopilot that flew them held roll and
+    pitch. These two are simulated where no drive tips it over and their damping rests on
+    data or a prior. A controller is designed
     on no axis of a model whose roll or pitch runs are worse than no change: it would act
     through tilts that the model gets wrong.
     """
@@ -55,17 +60,21 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
     merits = {axis: model.axes[axis] for axis in AXES}
     forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
     holds = model.runs > 0 and not model.faults
+    runs = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
     simulation = [
         axis
-        for axis in AXES
-        if holds
-        and below(merits[axis].free_run, 1.0)
-        and axis not in tipping_axes(model)
-        and (axis not in TILTS or _keeps_upright(model, card))
+        for axis in runs
+        if axis not in tipping_axes(model) and (axis not in TILTS or _keeps_upright(model, card))
     ]
+    tipped = (
+        set()
+        if model.motion is None
+        else {item.axis for item in own_drives(model.motion) if item.tips_in in TILTED}
+    )
     return UsableFor(
         forces=forces,
         simulation=simulation,
+        under_attitude_hold=[axis for axis in runs if axis in tipped and axis not in TILTS],
         control=[
             axis
             for axis in simulation
@@ -120,7 +129,8 @@ def recommendation(
     words = f"On the validation legs J/J0 = {_decimals(validation)}"
     words += f" (training {_decimals(training)})" if training is not None else ""
     words += f": the error is {100 * (validation or 0):.0f} % of the force itself."
-    if best is not chosen and (best.axes[ALL].validation or 0) < 1:
+    smaller = (best.axes[ALL].validation or 0) < min(1.0, SMALLER * (validation or 0))
+    if best is not chosen and smaller:
         words += f" {best.title} has a smaller error ({_decimals(best.axes[ALL].validation)})"
         words += f" with {best.terms} terms"
         words += f", but {best.faults[-1]}." if best.faults else "."
@@ -135,13 +145,18 @@ def use_words(usable: UsableFor, *, flown: bool) -> str:
     if not usable.forces:
         return "use it for nothing"
     words = "use it to predict forces"
-    if not usable.simulation:
+    held = usable.under_attitude_hold
+    if not usable.simulation and not held:
         return f"{words}, not to simulate" if flown else words
-    lacking = [axis for axis in AXES if axis not in usable.simulation]
-    if not lacking:
+    lacking = [axis for axis in AXES if axis not in (*usable.simulation, *held)]
+    if not lacking and not held:
         return f"{words} and to simulate all axes"
-    simulated, missing = axes_listed(usable.simulation), axes_listed(lacking)
-    return f"{words} and to simulate {simulated}, not {missing}"
+    parts = [axes_listed(usable.simulation)] if usable.simulation else []
+    parts += [f"under attitude hold {axes_listed(held)}"] if held else []
+    simulated = ", ".join(parts)
+    return f"{words} and to simulate {simulated}" + (
+        f", not {axes_listed(lacking)}" if lacking else ""
+    )
 
 
 def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:

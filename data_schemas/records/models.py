@@ -388,6 +388,10 @@ class UsableFor(Model):
     """Axes whose force it predicts on the validation legs (J/J0 below 1)."""
     simulation: list[str]
     """Axes that it simulates better than expecting no change, where no run is lost."""
+    under_attitude_hold: list[str] = Field(default_factory=list)
+    """Further axes that it simulates so where an autopilot, or the simulator, holds roll and
+    pitch: left free, driving along them tips it over.
+    """
     control: list[str]
     """Of those, axes with identified damping and a force error below half."""
     speeds: dict[str, VelocityRange]

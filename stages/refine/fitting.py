@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import (
@@ -24,10 +23,8 @@ from auvid.hydro.identification.constrained.equations import (
 from auvid.hydro.identification.constrained.estimates import LimitedEstimate, nearest_within
 from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
-    damping,
-    dissipation_cuts,
+    damping_limits,
     flown_reach,
-    linear_dissipation,
     positive_inertia,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
@@ -154,18 +151,8 @@ class CardUnknowns:
 
     def limits(self) -> tuple[list[InequalityRows], list[Cuts]]:
         """Return the limits of the card on physical values, as rows and as cuts."""
-        rows: list[InequalityRows] = []
-        cuts: list[Cuts] = []
-        if self.card.damping != "free":
-            rows.append(damping(self.unknowns))
-        if self.card.damping == "dissipative":
-            viscous = [u for u in self.unknowns if u.term in BASIS_TERMS]
-            if all(u.term in VELOCITIES for u in viscous):
-                cuts.append(linear_dissipation(self.unknowns))
-            else:
-                flown = {n: (span.low, span.high) for n, span in self.card.conditions.items()}
-                high = flown_reach(flown)
-                cuts.append(dissipation_cuts(self.unknowns, -high, high))
+        flown = {name: (span.low, span.high) for name, span in self.card.conditions.items()}
+        rows, cuts = damping_limits(self.unknowns, self.card.damping, flown_reach(flown))
         if self.inertia:
             rows.append(added_mass_bounds(self.unknowns, self.vehicle.added_mass))
             cuts.append(positive_inertia(self.unknowns, self.vehicle.mass_matrix))

@@ -95,7 +95,7 @@ class Inputs:
 class Params:
     models: tuple[str, ...] = param(
         "1",
-        ("diagonal", "symmetric", *(model.name for model in MODELS)),
+        ("diagonal", "symmetric", "symmetric_quadratic", *(model.name for model in MODELS)),
         meaning="models to fit",
     )
     structures: Mapping[str, Mapping[str, list[str]]] = param(

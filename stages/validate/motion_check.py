@@ -36,7 +36,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.force_input import driven_by_force
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.model_use import ORIGIN, TILTS, damping_of, listed, own_drives
+from auvid.stages.model_use import ORIGIN, TILTED, TILTS, damping_of, listed, own_drives
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 DRIVEN = ("X", "Y", "Z", "N")
@@ -49,10 +49,9 @@ GROWS_1_S = 0.05
 TILTED_RAD = np.radians(10.0)
 """Tilt that is said, of a vehicle at rest and under way."""
 UNSTABLE = "unstable"
-TILTED = ("roll", "pitch")
 WORST = ("", UNSTABLE, NO_MOTION, *TILTED)
 """What ends a range, the worst last."""
-ENDS = {NO_MOTION: "no steady motion was found", UNSTABLE: "leaves it unstable"}
+ENDS = {NO_MOTION: "no steady motion was found", UNSTABLE: "it is unstable"}
 
 
 @dataclass(frozen=True)
@@ -260,7 +259,7 @@ def _words(check: MotionCheck) -> str:
         items = [item for item in check.ranges if item.drive == ORIGIN] if parts is None else parts
         tips = [item for item in items if item.tips_in]
         if parts is None:
-            driver = "a force at its origin alone"
+            driver = "under a force at its origin alone"
         if tips:
             colon = ":" if tips[0].tips_in == NO_MOTION else ""
             words.append(f"{driver}{colon} " + listed(_tips(tips)))
@@ -296,7 +295,7 @@ def _tips(items: Sequence[SteadyRange]) -> list[str]:
             for side, end, flown in zip(("below", "above"), item.upright, item.flown, strict=True)
             if end != flown
         ]
-        what = ENDS.get(item.tips_in, f"tips it over in {item.tips_in}")
+        what = ENDS.get(item.tips_in, f"it tips over in {item.tips_in}")
         cause = f" (most of it by {_named(item)})" if item.cause else ""
         words.append(f"{what} {listed(beyond)} {unit} of {AXIS_WORDS[item.axis]}{cause}")
     return words

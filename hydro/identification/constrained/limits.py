@@ -121,9 +121,12 @@ def dissipation_cuts(
 
 
 def linear_dissipation(unknowns: Sequence[Unknown]) -> Cuts:
-    """Return cuts for nu' K nu <= 0 at every nu, for models of linear terms alone.
+    """Return cuts for nu' K nu <= 0 at every nu, K (6, 6) the linear damping.
 
-    -(K + K') / 2 is positive semidefinite. Raises `PipelineError` for other terms.
+    -(K + K') / 2 is positive semidefinite. With terms x|x| on their own axes, none above 0,
+    it is what no motion gains energy means, exactly: nu' K nu + sum d_x |x|^3 <= 0 at every
+    nu if d_x <= 0, and only then, because slow motions leave the first part alone. Raises
+    `PipelineError` for other terms.
     """
     parts = {}
     for u in unknowns:
@@ -133,8 +136,10 @@ def linear_dissipation(unknowns: Sequence[Unknown]) -> Cuts:
             matrix[i, j] -= 0.5
             matrix[j, i] -= 0.5
             parts[u] = matrix
-        elif u.term in BASIS_TERMS:
-            raise PipelineError("the model is not linear in the velocities", value=str(u))
+        elif u.term in BASIS_TERMS and u.term not in _drag_terms(u.axis):
+            raise PipelineError(
+                "the model has terms beside linear ones and drag along each axis", value=str(u)
+            )
     return semidefinite("damping matrix", np.zeros((6, 6)), parts, unknowns)
 
 
@@ -144,16 +149,16 @@ def damping_limits(
     """Return limits on damping: none (`free`), along each axis, or `dissipative`.
 
     reach (6,): largest velocity either way [m/s, rad/s] of the range in which no motion
-    gains energy; of linear terms alone none does anywhere.
+    gains energy; of linear terms and drag along each axis none does anywhere.
     """
     if kind == "free":
         return [], []
     viscous = [u for u in unknowns if u.term in BASIS_TERMS]
     if kind != "dissipative" or not viscous:
         return [damping(unknowns)], []
-    if all(u.term in VELOCITIES for u in viscous):
-        # Of linear terms the power has one sign in every direction or at none.
-        return [damping(unknowns)], [linear_dissipation(unknowns)]
+    if all(u.term in (*VELOCITIES, *_drag_terms(u.axis)) for u in viscous):
+        linear = any(u.term in VELOCITIES for u in viscous)
+        return [damping(unknowns)], [linear_dissipation(unknowns)] if linear else []
     high = np.asarray(reach, dtype=np.float64)
     rows = [damping(unknowns), dissipation(unknowns, envelope(-high, high))]
     return rows, [dissipation_cuts(unknowns, -high, high)]

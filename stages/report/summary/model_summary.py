@@ -123,12 +123,14 @@ def _uses(
         reason = f"{chosen.lost} of {chosen.runs} free runs leave all bounds"
     elif chosen.faults:
         reason = "; ".join(chosen.faults)
-    elif not usable.simulation:
+    elif not usable.simulation and not usable.under_attitude_hold:
         reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than no change"
     else:
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
-        rest = [axis for axis in AXES if axis not in usable.simulation]
+        held = usable.under_attitude_hold
+        rest = [axis for axis in AXES if axis not in (*usable.simulation, *held)]
         reason += f", {axes_listed(rest)} not" if rest else ""
+        reason += f"; {axes_listed(held)} where an autopilot holds roll and pitch" if held else ""
         if set(TILTS) & set(rest) and chosen.motion is None:
             reason += ": in motions unlike those of the validation legs it may tip over"
     uses.append(Use("Simulation", _some(usable.simulation), reason))

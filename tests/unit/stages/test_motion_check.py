@@ -47,7 +47,7 @@ def test_drag_at_the_height_of_the_thrusters_holds_and_a_force_at_the_origin_doe
     surge = next(item for item in check.ranges if (item.axis, item.drive) == ("X", ORIGIN))
     assert (surge.tips_in, surge.cause) == ("pitch", "M_u")
     assert 0.1 < surge.upright[1] < 0.3
-    assert "alone tips it over in pitch above" in check.words
+    assert "alone it tips over in pitch above" in check.words
     assert any("0.085 N m of pitch to each N of surge" in words for words in check.remedies)
     assert any("righting moment" in words for words in check.remedies)
 
@@ -60,7 +60,7 @@ def test_a_drive_that_tips_over_is_the_verdict_with_its_speed() -> None:
     assert check.verdict == "tips over"
     assert 0.3 * limit < surge.upright[1] < limit
     assert surge.upright[0] < 0.0
-    assert "driven by its thrusters tips it over in pitch" in check.words
+    assert "driven by its thrusters it tips over in pitch" in check.words
     assert "of surge (most of it by M_u" in check.words
 
 
@@ -103,7 +103,7 @@ def test_quadratic_damping_with_a_constant_heave_force_stays_upright() -> None:
 def test_an_unstable_roll_is_worded_with_the_sign_of_the_flown_end() -> None:
     check = checked(K={"p": 0.5})
     assert check.verdict == "unstable"
-    assert "leaves it unstable below 0 and above 0 m/s of sway" in check.words
+    assert "it is unstable below 0 and above 0 m/s of sway" in check.words
     assert check.decays_lost > 0
     assert f"{check.decays_lost} of {check.decays} decays" in check.words
 

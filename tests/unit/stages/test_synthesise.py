@@ -172,12 +172,15 @@ def test_chunks_give_the_factor_of_the_whole(monkeypatch: pytest.MonkeyPatch) ->
                 list(cards[name].predictor[axis].values())
                 for cards in (chunked.model_card, whole.model_card)
             )
+            # Cuts leave a curved limit to 1e-11 of an eigenvalue: a coefficient that slides
+            # along it moves by the root of that.
+            close = 1e-5 if name == "symmetric_quadratic" else 1e-9
             np.testing.assert_allclose(
                 # A number at its bound of 0 is 0 up to rounding of the others.
                 ours,
                 theirs,
-                rtol=1e-9,
-                atol=1e-9 * max(map(abs, theirs), default=0.0) + 1e-12,
+                rtol=close,
+                atol=close * max(map(abs, theirs), default=0.0) + 1e-12,
             )
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
+from auvid.stages.model_use import use_words
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -145,10 +146,16 @@ def test_roll_and_pitch_are_simulated_with_known_damping_and_no_tipping(
     usable = ranked(run, rows("coe", ALWAYS)).usable
     assert usable is not None
     assert usable.simulation == list(AXES)
+    assert usable.under_attitude_hold == []
     record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, check=lambda _: tipping("Y"))
     assert record.choice == "coe"
     assert record.usable is not None
     assert record.usable.simulation == ["X", "Z", "N"], "it tips over in sway"
+    assert record.usable.under_attitude_hold == ["Y"]
+    assert use_words(record.usable, flown=True) == (
+        "use it to predict forces and to simulate surge, heave and yaw, under attitude hold sway,"
+        " not roll and pitch"
+    )
     expected = ["X", "Z", "N"] if verdict == "identified" else ["X"]
     assert record.usable.control == expected, "it tips over in sway"
 

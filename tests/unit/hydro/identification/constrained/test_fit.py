@@ -5,6 +5,7 @@ import pytest
 
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.hydro.dynamics.viscous.models import MODELS, without_propeller_terms
+from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import diagonal, symmetric
 from auvid.hydro.identification.constrained.equations import (
     Unknown,
@@ -18,6 +19,7 @@ from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
     bounds,
     damping,
+    damping_limits,
     dissipation,
     dissipation_cuts,
     envelope,
@@ -112,12 +114,16 @@ def test_cuts_hold_the_power_between_the_points(factor):
     assert np.max(check @ fit.values / gross) < 1e-4
 
 
-def test_linear_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive, factor):
+@pytest.mark.parametrize("quadratic", [False, True])
+def test_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive, factor, quadratic):
+    """With own x|x| too: no motion gains energy where K + K' does and no x|x| is above 0."""
     from cvxpy import bmat  # here, since it takes seconds
 
-    equations = viscous_equations(symmetric(), trim=True)
+    equations = viscous_equations(symmetric(quadratic=quadratic), trim=True)
     unknowns = equations.unknowns
-    fit = fit_within(factor, equations, cuts=[linear_dissipation(unknowns)])
+    limits, cuts = damping_limits(unknowns, "dissipative", HIGH)
+    fit = fit_within(factor, equations, limits=limits, cuts=cuts)
+    drag = [i for i, u in enumerate(unknowns) if "|" in u.term]
 
     def constrain(x):
         K = [
@@ -129,7 +135,8 @@ def test_linear_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive,
         ]
         K = bmat(K)
         size = np.diag([7.0, 10.0, 8.0, 0.3, 0.3, 2.0])
-        return [-np.linalg.inv(size) @ (K + K.T) @ np.linalg.inv(size) >> 0]
+        dissipates = -np.linalg.inv(size) @ (K + K.T) @ np.linalg.inv(size) >> 0
+        return [dissipates, *(x[i] <= 0 for i in drag)]
 
     expected, scale = oracle(dive, equations, fit.noise, constrain, tolerance=SEMIDEFINITE)
     close(fit, expected, scale)
@@ -294,8 +301,8 @@ def test_faults_are_named(factor, dive):
     twice = NormalPrior("campaign", u[:2], np.zeros(2), np.ones((2, 2)))
     with pytest.raises(PipelineError, match="not positive definite"):
         fit_within(factor, equations, priors=[twice])
-    with pytest.raises(PipelineError, match="not linear"):
-        linear_dissipation(viscous_equations(diagonal(quadratic=True)).unknowns)
+    with pytest.raises(PipelineError, match="terms beside linear ones and drag"):
+        linear_dissipation(viscous_equations(model_named("coe")).unknowns)
     with pytest.raises(PipelineError, match="Did you mean 'N_rdot'"):
         inertia_equations(["N_rdott"])
 
