@@ -145,14 +145,14 @@ def use_words(usable: UsableFor, *, flown: bool) -> str:
     if not usable.forces:
         return "use it for nothing"
     words = "use it to predict forces"
-    held = usable.under_attitude_hold
-    if not usable.simulation and not held:
+    steadied = usable.under_attitude_hold
+    if not usable.simulation and not steadied:
         return f"{words}, not to simulate" if flown else words
-    lacking = [axis for axis in AXES if axis not in (*usable.simulation, *held)]
-    if not lacking and not held:
+    lacking = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
+    if not lacking and not steadied:
         return f"{words} and to simulate all axes"
     parts = [axes_listed(usable.simulation)] if usable.simulation else []
-    parts += [f"under attitude hold {axes_listed(held)}"] if held else []
+    parts += [f"under attitude hold {axes_listed(steadied)}"] if steadied else []
     simulated = ", ".join(parts)
     return f"{words} and to simulate {simulated}" + (
         f", not {axes_listed(lacking)}" if lacking else ""

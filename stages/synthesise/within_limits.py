@@ -67,6 +67,8 @@ from auvid.stages.synthesise.model_card import Prior, held_out_card
 from auvid.stages.synthesise.training import others_of
 
 DAMPING = ("free", "negative", "dissipative")
+ROUNDING = 1e-9
+"""Share of the standard error without limits below which a number is 0."""
 CHANGED = 0.1
 """Share of the standard error without limits from which on limits changed a value."""
 
@@ -285,6 +287,8 @@ def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:
 
 def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus) -> TermCard:
     value, free, error = float(fit.values[i]), float(fit.free[i]), float(fit.standard_errors[i])
+    spread = float(np.sqrt(fit.free_covariance[i, i]))
+    value = value if abs(value) > ROUNDING * spread else 0.0
     update: dict[str, object] = {"verdict": strongest(status.status, "within limits")}
     if status.status == AT_BOUND:
         update |= {"value": value, "standard_error": None, "assumed_shifts": {}}
@@ -298,7 +302,6 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         if status.status == IDENTIFIED and abs(value) < T_LIMIT * wider:
             # The data alone were clear, of a value that the limits moved.
             update["verdict"] = WEAK
-    spread = float(np.sqrt(fit.free_covariance[i, i]))
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free
     return item.model_copy(update=update)

@@ -2,7 +2,7 @@
 
 The samples live once, in the path itself: `M x y l dx dy dx dy ...` in whole steps, x
 in `X_STEPS` steps of the plot's time range and y in `Y_STEPS` steps of the series' own
-range, so a value is exact to 1/16000 of its range. Lines keep their width under any
+range, so a value is exact to 1/8000 of its range. Lines keep their width under any
 scale (`vector-effect`), so plots.js zooms by changing `viewBox`, and reads values back
 from the path. Colours are CSS variables: themes and print need no redrawing.
 """
@@ -20,7 +20,7 @@ from auvid.hydro.arrays import Array
 from auvid.stages.page.colours import Ink, ink, is_model, key
 
 X_STEPS = 30_000
-Y_STEPS = 8_000
+Y_STEPS = 4_000
 PANEL_STEPS = 8_000
 MARGIN = 0.06
 MODELS_SHOWN = 3

@@ -127,10 +127,12 @@ def _uses(
         reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than no change"
     else:
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
-        held = usable.under_attitude_hold
-        rest = [axis for axis in AXES if axis not in (*usable.simulation, *held)]
+        steadied = usable.under_attitude_hold
+        rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
         reason += f", {axes_listed(rest)} not" if rest else ""
-        reason += f"; {axes_listed(held)} where an autopilot holds roll and pitch" if held else ""
+        reason += (
+            f"; {axes_listed(steadied)} where an autopilot holds roll and pitch" if steadied else ""
+        )
         if set(TILTS) & set(rest) and chosen.motion is None:
             reason += ": in motions unlike those of the validation legs it may tip over"
     uses.append(Use("Simulation", _some(usable.simulation), reason))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import DataError, PipelineError
-from auvid.hydro.dynamics.viscous.models import MODELS, without_propeller_terms
-from auvid.hydro.dynamics.viscous.models import model_named
+from auvid.hydro.dynamics.viscous.models import MODELS, model_named, without_propeller_terms
 from auvid.hydro.dynamics.viscous.structures import diagonal, symmetric
 from auvid.hydro.identification.constrained.equations import (
     Unknown,
