@@ -13,7 +13,7 @@ class TimeEntry(Model):
     column: str
     """Header."""
     unit: str
-    """Unit, or iso8601 or time_of_day (12:30:05.2) for text."""
+    """Unit; iso8601 or time_of_day (12:30:05.2) for text; hhmmss for 123005.2."""
     epoch: Literal["boot", "unix", "arbitrary"] | None = None
     """What zero means; default boot."""
     shift_s: float | None = None

@@ -209,3 +209,27 @@ def test_what_a_spreadsheet_makes_of_a_log_is_refused_with_the_remedy(
     with pytest.raises(LogError) as refused:
         read_csv(RawFile("dive.csv", np.frombuffer(content, np.uint8), SIMPLE))
     assert message_part in str(refused.value)
+
+
+def clock_log(first_s: float, count: int) -> RawFile:
+    """Depth at 5 Hz; time 101530.25 is 10:15:30.25."""
+    t = first_s + 0.2 * np.arange(count)
+    digits = t % 86400 // 3600 * 1e4 + t // 60 % 60 * 100 + t % 60
+    rows = "".join(f"{stamp:.2f},{5 + number}\n" for number, stamp in enumerate(digits))
+    mapping = {"time": {"column": "t", "unit": "hhmmss"}, "columns": [DEPTH]}
+    return RawFile("dive.csv", np.frombuffer(f"t,d\n{rows}".encode(), np.uint8), mapping)
+
+
+@pytest.mark.parametrize("first_s", [36_930.0, 86_370.0])
+def test_digits_of_a_clock_are_read_over_minutes_and_midnight(first_s: float) -> None:
+    (decoded,) = read_csv(clock_log(first_s, 600))[:1]
+    (message,) = decoded.messages.values()
+    time_us = np.asarray(message.columns["time_us"])
+    np.testing.assert_allclose(np.diff(time_us), 200_000, atol=1.5)  # us, digits are rounded
+
+
+def test_digits_of_a_clock_are_no_seconds() -> None:
+    file = clock_log(36_930.0, 600)
+    mapping = {"time": {"column": "t", "unit": "s"}, "columns": [DEPTH]}
+    with pytest.raises(LogError, match=r"digits of a clock.*hhmmss"):
+        read_csv(RawFile(file.name, file.buffer, mapping))

@@ -509,6 +509,13 @@ def response_lag(
     return Response(_peak(lags / rate_hz, shares), float(shares.max()))
 
 
+def without_drift(motion: ArrayLike, t_s: ArrayLike) -> Array:
+    """Return a signal (n,) at t_s (n,) [s] less its moving mean over 10 s."""
+    step = float(np.median(np.diff(np.asarray(t_s, dtype=np.float64))))
+    width = max(1, round(DRIFT_S / step)) if step > 0.0 else 1
+    return _without_drift(np.asarray(motion, dtype=np.float64), width)
+
+
 def _without_drift(values: Array, width: int) -> Array:
     """Return values (n,) or (n, k) less their moving mean over `width` samples."""
     from scipy.ndimage import uniform_filter1d

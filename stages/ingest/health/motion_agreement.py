@@ -5,6 +5,7 @@ And of the motion against the forces of the thrusters.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -15,6 +16,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.identification.signals.answers import track_turn
 from auvid.hydro.identification.signals.motion_checks import (
     AxisGains,
     accelerometer_changes,
@@ -27,6 +29,7 @@ from auvid.hydro.identification.signals.motion_checks import (
 )
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.sensor_agreement import ESTIMATED, OF_POSES
 from auvid.stages.ingest.health.vehicle import command_lead, responses
 from auvid.stages.number_format import percent, significant
 
@@ -42,6 +45,10 @@ LEAST_RESPONSE_HZ = 4.0
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
 """By how much more of the motion other axes must explain than the velocity's own."""
+SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
+"""Largest standard error of a turn of the track, and the angle [deg] beyond which one
+axis or both have the wrong sign.
+"""
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -104,6 +111,7 @@ def motion_findings(log: CheckedLog) -> Iterator[Finding]:
     if depth is not None and not any(item["id"] == "depth_sign" for item in found_depth):
         turned.take(depth, range(3), "the depth rate follows it")
     turned.take(_position_gains(log), range(2), "the position follows it")
+    yield from _heading(log)
     changes = _changes(log)
     if changes is not None:
         correlation = own_and_cross(changes[0], changes[1] + changes[2])
@@ -183,6 +191,44 @@ def _position_gains(log: CheckedLog) -> AxisGains | None:
     if not log.has("position"):
         return None
     return position_gains(log.t_s("position"), log.values("position", POSITION), *_poses(log))
+
+
+def _heading(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a heading that is off against the track, or that nothing shows."""
+    turn = None
+    if log.has("position") and not _of_the_heading(log):
+        turn = track_turn(log.t_s("position"), log.values("position", POSITION), *_poses(log))
+    if turn is None or turn.explained < LEAST_EXPLAINED or turn.sd > SURE_TURN_RAD:
+        yield finding(
+            "heading_unseen",
+            "Whether the heading is off by a constant is not observable: no position of its own"
+            " moves enough beside the velocity.",
+            stream="attitude",
+        )
+        return
+    off = math.degrees(turn.angle)
+    if abs(off) < max(limit("heading_offset"), math.degrees(CLEAR * turn.sd)):
+        return
+    if abs(off) > TURNED_ROUND:
+        return  # a matter of signs
+    yield finding(
+        "heading_offset",
+        f"The track ({log.source('position')}) is turned by {off:+.0f} +-"
+        f" {math.degrees(2.0 * turn.sd):.0f} degrees against heading and velocity"
+        f" ({log.source('velocity')}), clockwise from above: the heading reads so much too"
+        f" {'little' if off > 0.0 else 'much'}, or the velocity's axes are turned so much.",
+        stream="attitude",
+        value=off,
+        fields=(ATTITUDE[2],),
+    )
+
+
+def _of_the_heading(log: CheckedLog) -> bool:
+    """Return whether the position was made with the heading, so that both agree."""
+    source = log.source("position")
+    return source.startswith(OF_POSES) or any(
+        note.startswith("position") and ESTIMATED.search(note) for note in log.info.notes
+    )
 
 
 def _changes(log: CheckedLog) -> tuple[Array, Array, Array] | None:

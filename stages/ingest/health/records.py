@@ -62,6 +62,8 @@ DEPTH_FACTOR = 10.0
 """Depth comes in steps of millimetres to centimetres, so the same value for a while is
 nothing odd.
 """
+USUAL_RUNS = 5
+"""A run of repeats is none of a column's usual ones if it is so many times as long."""
 MIN_LIVE_SAMPLES = 20
 MIN_CLIPPED_RAD_S = 1.0
 
@@ -276,6 +278,19 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
 def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
     still = _constant(names, values)
+    frozen = [index for index in still if stream == "velocity" and values[0, index] != 0.0]
+    if frozen and len(still) < len(names):
+        index = frozen[0]
+        yield finding(
+            "velocity_frozen",
+            f"{listed([names[i] for i in frozen])} of the velocity ({log.source(stream)})"
+            f" {'is' if len(frozen) == 1 else 'are'} constant ({significant(values[0, index])} m/s)"
+            " from the first to the last sample, while the rest of it changes.",
+            stream=stream,
+            value=float(values[0, index]),
+            fields=tuple(names[i] for i in frozen),
+        )
+        still = [index for index in still if index not in frozen]
     yield from _constant_findings(stream, names, values, still)
     if len(still) == len(names):
         return
@@ -290,6 +305,8 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
             f" {t_s[same.run_start]:.1f} s on."
         )
         yield finding("stuck_sensor", text, stream=stream, value=run_s)
+    elif len(names) > 1:
+        yield from _stuck_columns(log, stream, names, still)
     if stream != "depth":
         moving = np.delete(values, slice(same.run_start, last), axis=0) if stuck else values
         share = repeats(moving).share
@@ -301,6 +318,37 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
                 f" {significant(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
+
+
+def _stuck_columns(
+    log: CheckedLog, stream: str, names: tuple[str, ...], still: list[int]
+) -> Iterator[Finding]:
+    """Yield columns that repeat one value for long while the others go on."""
+    t_s = log.t_s(stream)
+    for index, name in enumerate(names):
+        column = log.column(stream, name)[:, None]
+        same = repeats(column)
+        last = same.run_start + same.run_count - 1
+        run_s = float(t_s[last] - t_s[same.run_start])
+        if (
+            index in still
+            or run_s <= limit("stuck_sensor")
+            or same.run_count < MIN_LIVE_SAMPLES
+            or same.leap <= MIN_STEP_RATIO
+        ):
+            continue
+        # A column that is held again and again, or cut off at zero, repeats by design.
+        rest = repeats(np.delete(column, slice(same.run_start, last), axis=0))
+        if USUAL_RUNS * max(rest.run_count, 2) < same.run_count:
+            yield finding(
+                "stuck_sensor",
+                f"{name} of {stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s"
+                f" from {t_s[same.run_start]:.1f} s on, while the rest of the stream changes.",
+                stream=stream,
+                value=run_s,
+                at_s=float(t_s[same.run_start]),
+                fields=(name,),
+            )
 
 
 def _constant(names: tuple[str, ...], values: Array) -> list[int]:

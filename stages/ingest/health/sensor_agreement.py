@@ -52,8 +52,15 @@ UNIT_SCALES = {
     30.0 / math.pi: ("it is in turns per minute, declared as rad/s", "rpm"),
 }
 """Gyro over rate of the attitude, which unit makes it so large, and the right one."""
+GRADIANS = 400.0 / 360.0
+WRAP_PART, SCALE_PART, SURE_TURN = 0.04, 0.05, 0.97
+"""How near a wrap and a scale must be to that of gradians, and the least correlation;
+healthy logs that correlate so well have scales from 0.96 to 1.03.
+"""
 SMALLEST_MOVE_M_S = 0.03
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
+OF_POSES = "pose of "
+"""How the sources of streams begin that are made from the poses."""
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
 ESTIMATED = re.compile(
     r"estimate of the navigation filter|relative altitude of the navigation filter"
@@ -87,6 +94,10 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
     agreement = rate_agreement(t_s, angles, *gyro)
     if agreement is None:
         return
+    gradians = list(_gradians(log, agreement, angles))
+    if gradians:
+        yield from gradians
+        return
     if not _agrees(agreement):
         for other, item in _turned(log, angles):
             again = rate_agreement(t_s, other, *gyro)
@@ -109,6 +120,38 @@ def _gyro(log: CheckedLog) -> Iterator[Finding]:
             value=math.degrees(agreement.largest_jump),
             at_s=agreement.jump_at_s,
         )
+
+
+def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Iterator[Finding]:
+    """Yield an attitude in gradians declared as degrees, or the reverse.
+
+    Yaw leaps by 400 at its wrap, or gyro and attitude differ by 0.9 about every axis
+    that moves.
+    """
+    moved = _moved(agreement)
+    leaps = np.abs(np.diff(angles[:, 2])) / (2.0 * math.pi)
+    for turn, words, unit in (
+        (GRADIANS, "gradians, declared as degrees", "grad"),
+        (1.0 / GRADIANS, "degrees, declared as gradians", "deg"),
+    ):
+        wraps = np.abs(leaps / turn - 1.0) < WRAP_PART
+        wrapped = turn > 1.0 and bool(wraps.any()) and not (np.abs(leaps - 1.0) < WRAP_PART).any()
+        scale = agreement.scale[moved] * turn
+        turned = bool(moved) and bool(
+            (np.abs(scale - 1.0) < SCALE_PART).all()
+            and all(agreement.correlation[axis, axis] > SURE_TURN for axis in moved)
+        )
+        if turned or wrapped:
+            how = (
+                f"the gyro turns {significant(float(np.median(agreement.scale[moved])))} times as"
+                " much about every axis that moves"
+                if turned
+                else f"yaw leaps by {360.0 * turn:.0f} degrees at its wrap"
+            )
+            yield _attitude_unit(
+                f"The attitude ({log.source('attitude')}) is in {words}: {how}.", unit
+            )
+            return
 
 
 def _all_jumps(begins: Array) -> str:
@@ -375,7 +418,7 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     depth, t_s = log.column("depth", "depth_m"), log.t_s("depth")
     level = float(np.median(depth))
-    if level < limit("depth_above_water") and not _of_a_pose(log, depth):
+    if level < limit("depth_above_water") and not _of_a_pose(log):
         yield finding(
             "depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level
         )
@@ -385,12 +428,12 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
     yield from _other_depths(log, t_s, depth)
 
 
-def _of_a_pose(log: CheckedLog, depth: Array) -> bool:
-    """Return whether depth is z of a pose, whose zero need not be the surface."""
-    if not log.has("position") or log.source("position") != log.source("depth"):
-        return False
-    z = log.column("position", "z_m")
-    return z.size == depth.size and bool(np.allclose(z, depth, equal_nan=True))
+def _of_a_pose(log: CheckedLog) -> bool:
+    """Return whether depth is made from a pose, whose zero need not be the surface.
+
+    A column that is mapped to depth says that it is one, whatever else it is mapped to.
+    """
+    return log.source("depth").startswith(OF_POSES)
 
 
 def _other_depths(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:

@@ -8,10 +8,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.identification.signals.answers import slow_answer
 from auvid.hydro.identification.signals.signal_checks import (
     Response,
     clock_statistics,
     response_lag,
+    without_drift,
 )
 from auvid.stages.columns import GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
@@ -30,8 +32,17 @@ AT_LIMIT_US = 5.0
 FULL_COMMAND = 0.99
 ACTIVE_COMMAND = 0.02
 LAGS_S = (-1.5, 2.5)
+ANSWER_LAGS_S = np.arange(0.0, 2.6, 0.2)
+SLOWEST_S, EQUALLY_WELL = 15.0, 0.05
+"""Longest time constant of a hull, and by how much less of the motion it may explain
+than commands that are early.
+"""
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
+LIVELY_MOTION = 0.05
+"""Standard deviation [m/s, rad/s] about its mean over 10 s of a motion that constant
+forces do not make; a moored vehicle at full thrust stays below.
+"""
 LEAST_EXPLAINED = 0.6
 DEPTH_RATE_S = 1.0
 SIMULATOR = re.compile(r"^(SIM\d?|SIMSTATE|SIM_STATE|.*_groundtruth)$")
@@ -96,17 +107,37 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
             value=_largest(log),
         )
     elif moving.any() and (still := _resting_outputs(log)):
-        yield finding(
-            "outputs_held",
-            f"No output changes from the first to the last sample{still}: they are set points, or"
-            " their record froze.",
-            stream="actuators",
-            value=0.0,
-        )
+        yield _never_changing(log, still)
     elif moving.any() and share < limit("little_actuation"):
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
     yield from _saturation(log)
+
+
+def _never_changing(log: CheckedLog, still: str) -> Finding:
+    """Return what outputs that never change mean, by the motion."""
+    text = f"No output changes from the first to the last sample{still}"
+    changes = {
+        axis: float(np.std(without_drift(motion, at)))
+        for axis, (at, motion, _) in motions(log).items()
+        if at.size > 1
+    }
+    axis = max(changes, key=lambda name: changes[name], default="")
+    if not axis or changes[axis] > LIVELY_MOTION:
+        return finding(
+            "outputs_held",
+            f"{text}: they are set points, or their record froze.",
+            stream="actuators",
+            value=0.0,
+        )
+    return finding(
+        "outputs_constant",
+        f"{text}, and the vehicle moves as steadily: {MOTION_WORDS[axis]}, which changes most, by"
+        f" {significant(changes[axis])} {'m/s' if axis in 'uvw' else 'rad/s'} (standard"
+        " deviation).",
+        stream="actuators",
+        value=changes[axis],
+    )
 
 
 def _resting_outputs(log: CheckedLog) -> str:
@@ -316,6 +347,18 @@ def command_lead(answers: Mapping[str, Response]) -> tuple[str, Response] | None
     return (axis, best) if late else None
 
 
+def _slow(log: CheckedLog, axis: str) -> bool:
+    """Return whether drag and inertia explain by themselves how late a motion comes."""
+    at, motion, _ = motions(log)[axis]
+    commands = np.nan_to_num(log.values("actuators", log.thrusters() + log.commands()))
+    answer = slow_answer(log.t_s("actuators"), commands, at, motion, lags_s=ANSWER_LAGS_S)
+    return (
+        answer is not None
+        and answer.time_constant_s < SLOWEST_S
+        and answer.slow > answer.late - EQUALLY_WELL
+    )
+
+
 def response_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield how much later motion follows the outputs, per axis."""
     answers = responses(log)
@@ -335,7 +378,7 @@ def response_findings(log: CheckedLog) -> Iterator[Finding]:
     if len(far) > 1 and len(far) == len(answers):
         axis = max(far, key=lambda name: answers[name].explained)
         best = answers[axis]
-        if best.explained > LEAST_EXPLAINED:
+        if best.explained > LEAST_EXPLAINED and not all(_slow(log, name) for name in far):
             yield finding(
                 "commands_early",
                 f"{MOTION_WORDS[axis].capitalize()} follows the outputs that drive it by"

@@ -22,6 +22,11 @@ from auvid.hydro.arrays import Array
 from auvid.stages.base import RawFile
 from auvid.stages.columns import POSITION
 from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.clock_digits import (
+    CLOCK_DIGITS,
+    clock_seconds,
+    counts_like_a_clock,
+)
 from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
 from auvid.stages.ingest.formats.csv.column_names import (
     QUATERNION,
@@ -412,6 +417,9 @@ def _clock(
     steps = np.diff(finite)
     if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or finite[-1] <= finite[0]:
         return None
+    if counts_like_a_clock(finite):
+        entry = {"column": item.name, "unit": CLOCK_DIGITS, "epoch": "arbitrary"}
+        return entry, "the digits of a clock, without a date"
     size = float(np.median(finite))
     # A coarse clock repeats its stamps: rows over the whole time tell the rate.
     step = float(finite[-1] - finite[0]) / steps.size
@@ -437,6 +445,8 @@ def _clock(
 
 def _seconds(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
     """Return the time of every row (n,) [s]."""
+    if time["unit"] == CLOCK_DIGITS:
+        return clock_seconds(values)
     if time["unit"] not in TEXT_TIMES:
         return values * SECONDS[time["unit"]]
     stamps = iso_microseconds(pa.array([text for text in texts if text]))

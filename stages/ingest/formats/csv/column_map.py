@@ -13,6 +13,7 @@ from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED, STREAMS, csv_dialects
 from auvid.data_schemas.units import convertible, factor_and_offset
+from auvid.stages.ingest.formats.csv.clock_digits import CLOCK_DIGITS
 from auvid.stages.ingest.formats.csv.pose_columns import (
     EXTRA_FIELDS,
     lacking_fields,
@@ -99,7 +100,8 @@ class MappedColumn:
 class ColumnMap:
     """A checked column map.
 
-    `time_factor` turns the time column into microseconds; None for ISO 8601 text.
+    `time_factor` turns the time column into microseconds; None for ISO 8601 text. `clock`:
+    once its digits (hhmmss) are seconds.
     """
 
     time: str
@@ -111,6 +113,7 @@ class ColumnMap:
     missing: tuple[str, ...]
     accelerometer: Accelerometer | None
     shift_us: float = 0.0
+    clock: bool = False
 
 
 def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
@@ -199,6 +202,7 @@ def column_map(raw: Mapping[str, Any], header: Sequence[str], *, file: str) -> C
         missing=tuple(dict.fromkeys((*DEFAULT_MISSING, *raw.get("missing", ())))),
         accelerometer=raw.get("accelerometer"),
         shift_us=1e6 * float(time.get("shift_s", 0.0)),
+        clock=time["unit"] == CLOCK_DIGITS,
     )
 
 
@@ -300,13 +304,15 @@ def _time_factor(time: Mapping[str, Any], header: Sequence[str], faults: MapFaul
     _check_header(time["column"], header, "time.column", faults)
     if time["unit"] in TEXT_TIMES:
         return None
+    if time["unit"] == CLOCK_DIGITS:
+        return 1e6
     if convertible(time["unit"], MICROSECONDS):
         return factor_and_offset(time["unit"], MICROSECONDS)[0]
     faults.add(
         "wrong unit",
         field="time.unit",
         value=time["unit"],
-        allowed="a unit of time (s, ms, us, ns), iso8601 or time_of_day",
+        allowed="a unit of time (s, ms, us, ns), iso8601, time_of_day or hhmmss",
     )
     return 1.0
 

@@ -32,6 +32,12 @@ from auvid.stages.ingest.decoded_log import (
     Skipped,
 )
 from auvid.stages.ingest.formats.accounting import covered_seconds
+from auvid.stages.ingest.formats.csv.clock_digits import (
+    CLOCK_DIGITS,
+    DAY_S,
+    clock_seconds,
+    counts_like_a_clock,
+)
 from auvid.stages.ingest.formats.csv.column_map import (
     ColumnMap,
     MappedColumn,
@@ -59,7 +65,7 @@ NEWLINE = 10
 CLOCK = re.compile(rb"\d\d?:\d\d")
 """What stands behind late columns: a time of day."""
 TIME_OF_DAY = re.compile(r"\s*\d\d?:\d\d:\d\d(\.\d+)?\s*$")
-DAY_S = 86_400.0
+SECOND_US = 1e6
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
 NO_VALUE = "no value in the row"
@@ -282,7 +288,20 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
     """Return the time column in microseconds (n,), NaN where it is empty."""
     values = table[mapping.time]
     if mapping.time_factor is not None:
-        return np.asarray(values.to_numpy(), dtype=np.float64) * mapping.time_factor
+        numbers = np.asarray(values.to_numpy(), dtype=np.float64)
+        if mapping.clock:
+            return clock_seconds(numbers) * mapping.time_factor
+        if mapping.time_factor == SECOND_US and counts_like_a_clock(numbers):
+            raise LogError(
+                "the time column is no seconds but the digits of a clock, which leap at each"
+                " full minute",
+                file=file,
+                row=int(rows[0]),
+                field=mapping.time,
+                value=float(numbers[0]),
+                remedy=f"Set unit: {CLOCK_DIGITS} for the time column.",
+            )
+        return numbers * mapping.time_factor
     result = np.full(len(values), np.nan)
     stamps = iso_microseconds(values)
     if stamps is None:
@@ -312,7 +331,8 @@ def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
     if mapping.start is None:
         return None
     if mapping.time_factor is not None and isinstance(mapping.start, int | float):
-        return round(mapping.start * mapping.time_factor)
+        start = clock_seconds([mapping.start])[0] if mapping.clock else mapping.start
+        return round(float(start) * mapping.time_factor)
     stamps = (
         iso_microseconds(pa.array([str(mapping.start)])) if mapping.time_factor is None else None
     )

@@ -16,6 +16,7 @@ from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
@@ -27,10 +28,15 @@ from tests.support.sound_log import (
     LENGTH_S,
     Log,
     acceleration,
+    clock,
+    depth,
+    euler,
     micro,
     sound,
+    velocity,
 )
 
+SPEED_COLUMNS = ("u_m_s", "v_m_s", "w_m_s")
 IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 Spoil = Callable[[Log], None]
@@ -345,6 +351,44 @@ def _backward(log: Log) -> None:
     log.info["parameters"] = {"FRAME_CONFIG": 2.0}
 
 
+def with_track(log: Log, turned_deg: float = 0.0) -> None:
+    """A position of its own sensor; the heading reads so much too little."""
+    fine = np.arange(0.0, LENGTH_S, 0.01)
+    over_ground = np.einsum("nij,nj->ni", rotation_body_to_ned(euler(fine)), velocity(fine))
+    t_s, noise = clock(5.0), np.random.default_rng(7)
+    track = [np.interp(t_s, fine, np.cumsum(part) * 0.01) for part in over_ground.T[:2]]
+    log.streams["position"] = {
+        "time_us": micro(t_s),
+        "x_m": track[0] + 0.05 * noise.standard_normal(t_s.size),
+        "y_m": track[1] + 0.05 * noise.standard_normal(t_s.size),
+        "z_m": depth(t_s),
+    }
+    log.streams["attitude"]["psi_rad"] = log.streams["attitude"]["psi_rad"] - np.radians(turned_deg)
+
+
+@spoils("heading_offset")
+def _turned_compass(log: Log) -> None:
+    with_track(log, 25.0)
+
+
+@spoils("heading_unseen")
+def _no_track(log: Log) -> None:
+    assert "position" not in log.streams
+
+
+@spoils("velocity_frozen")
+def _frozen_axis(log: Log) -> None:
+    at("velocity", 0.0, 99.0, u_m_s=0.3)(log)
+
+
+@spoils("outputs_constant")
+def _moored(log: Log) -> None:
+    """At a bollard: one pulse, and hardly any motion."""
+    _set_points(log)
+    for stream, names in {"velocity": SPEED_COLUMNS, "imu": IMU_COLUMNS}.items():
+        scaled(stream, names, 0.1)(log)
+
+
 @spoils("time_unit")
 def _milliseconds(log: Log) -> None:
     for columns in log.streams.values():
@@ -408,7 +452,9 @@ def _neutral(log: Log) -> None:
 
 
 def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
-    document = sound().health()
+    log = sound()
+    with_track(log)
+    document = log.health()
     check_document(document, "health")
     (found,) = document["findings"]
     assert found["id"] == "command_lag"
@@ -623,12 +669,112 @@ def test_the_height_of_a_pose_is_no_depth_above_water() -> None:
     """Its zero is where the tracking system stands, not the surface."""
     log = sound()
     SPOIL["depth_above_water"](log)
-    depth, time_us = (log.streams["depth"][name] for name in ("depth_m", "time_us"))
     assert "depth_above_water" in log.ids()
-    level = np.zeros(depth.size)
-    log.streams["position"] = {"time_us": time_us, "x_m": level, "y_m": level, "z_m": depth}
+    log.info["streams"]["depth"] = {"source": "pose of run.csv"}
+    assert "depth_above_water" not in log.ids()
+
+
+def test_a_depth_that_is_mapped_to_the_position_too_does_not_hide_its_sign() -> None:
+    log = sound()
+    SPOIL["depth_above_water"](log)
+    columns = log.streams["depth"]
+    level = np.zeros(columns["depth_m"].size)
+    log.streams["position"] = {
+        "time_us": columns["time_us"],
+        "x_m": level,
+        "y_m": level,
+        "z_m": columns["depth_m"],
+    }
     for name in ("depth", "position"):
         log.info["streams"][name] = {"source": "run.csv"}
-    assert "depth_above_water" not in log.ids()
-    log.streams["position"]["z_m"] = depth + 1.0
-    assert "depth_above_water" in log.ids()
+    assert {"depth_above_water", "depth_sign"} <= set(log.ids())
+
+
+@pytest.mark.parametrize("turned_deg", [12.0, -40.0, 90.0])
+def test_a_heading_that_is_off_is_measured_against_the_track(turned_deg: float) -> None:
+    log = sound()
+    with_track(log, turned_deg)
+    assert log.finding("heading_offset")["value"] == pytest.approx(turned_deg, abs=3.0)  # deg
+
+
+def test_a_track_that_was_made_with_the_heading_tells_nothing_about_it() -> None:
+    log = sound()
+    with_track(log)
+    assert not {"heading_offset", "heading_unseen"} & set(log.ids())
+    log.info["notes"] = ["position: position is the estimate of the navigation filter, no fix"]
+    assert "heading_unseen" in log.ids()
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(400.0 / 360.0, "grad"), (0.9, "deg")])
+def test_an_attitude_in_gradians(factor: float, unit: str) -> None:
+    log = sound()
+    for name in ("phi_rad", "theta_rad", "psi_rad"):
+        log.streams["attitude"][name] = factor * log.streams["attitude"][name]
+    found = log.finding("attitude_unit")
+    assert "gradians" in found["text"]
+    assert f"unit: {unit} " in found["remedy"]
+
+
+def test_yaw_in_gradians_that_wraps_is_no_jump_of_the_attitude() -> None:
+    """A slow vehicle that hardly turns about roll and pitch: the wrap tells."""
+    log = sound()
+    t_s = log.t_s("attitude")
+    psi = 400.0 + 20.0 * np.sin(0.5 * t_s)  # gradians, across the wrap, slower than the gyro
+    log.streams["attitude"]["psi_rad"] = np.radians(psi % 400.0)
+    found = log.health()["findings"]
+    ids = [item["id"] for item in found]
+    assert "attitude_unit" in ids
+    assert "attitude_jumps" not in ids
+
+
+def test_one_axis_that_freezes_halfway_is_named() -> None:
+    log = sound()
+    at("velocity", 30.0, 99.0, v_m_s=0.07)(log)
+    found = log.finding("stuck_sensor")
+    assert found["fields"] == ["v_m_s"]
+    assert found["value"] == pytest.approx(30.0, abs=0.3)  # s
+
+
+def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
+    log = sound()
+    at("velocity", 0.0, 99.0, v_m_s=0.0)(log)
+    assert "velocity_frozen" not in log.ids()
+    assert "constant_signal" in log.ids()
+
+
+def driven(time_constant_s: float, early_s: float) -> Log:
+    """Surge and yaw answer steps of the outputs slowly; outputs are stamped early."""
+    log, random = sound(), np.random.default_rng(11)
+    fine = np.arange(0.0, LENGTH_S, 0.05)
+    steps = np.repeat(random.uniform(-1.0, 1.0, (2, 30)), 40, axis=1)[:, : fine.size]
+    motion = np.zeros_like(steps)
+    for n in range(1, fine.size):
+        motion[:, n] = motion[:, n - 1] + 0.05 * (steps[:, n - 1] - motion[:, n - 1]) / (
+            time_constant_s
+        )
+    t_u = log.t_s("actuators")
+    for number in range(1, 9):
+        part = np.interp(t_u, fine, steps[number % 2])
+        log.streams["actuators"][f"pwm_{number}_us"] = 1500.0 + 200.0 * part
+    for name in ("v_m_s", "w_m_s"):
+        log.streams["velocity"][name] = 0.0 * log.streams["velocity"][name]
+    t_v, t_i = log.t_s("velocity"), log.t_s("imu")
+    noise = 0.01 * random.standard_normal(t_v.size)
+    log.streams["velocity"]["u_m_s"] = np.interp(t_v, fine, motion[0]) + noise
+    for name in IMU_COLUMNS[:2]:
+        log.streams["imu"][name] = 0.0 * log.streams["imu"][name]
+    log.streams["imu"][IMU_COLUMNS[2]] = 0.5 * np.interp(t_i, fine, motion[1])
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] - round(1e6 * early_s)
+    return log
+
+
+@pytest.mark.parametrize("time_constant_s", [3.0, 6.0])
+def test_a_slow_vehicle_is_no_early_command(time_constant_s: float) -> None:
+    assert "commands_early" not in driven(time_constant_s, 0.0).ids()
+
+
+@pytest.mark.parametrize(("time_constant_s", "early_s"), [(0.5, 1.9), (1.0, 1.4)])
+def test_commands_that_are_early_are_no_slow_vehicle(
+    time_constant_s: float, early_s: float
+) -> None:
+    assert "commands_early" in driven(time_constant_s, early_s).ids()

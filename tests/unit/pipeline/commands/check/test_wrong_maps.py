@@ -201,6 +201,19 @@ def over_ground(case: Case) -> None:
         values[column] = speed
 
 
+def clock_digits(case: Case) -> None:
+    """The time column is 101530.25 for 10:15:30.25."""
+    for values in case.files.values():
+        name = next(iter(values))
+        t = 36_930.25 + values[name]
+        values[name] = t // 3600 * 1e4 + t // 60 % 60 * 100 + t % 60
+
+
+def frozen_sway(case: Case) -> None:
+    values, column = case.values("v_m_s")
+    values[column] = np.where(np.arange(900) > 500, values[column][500], values[column])
+
+
 def in_minutes(case: Case) -> None:
     for values in case.files.values():
         values[next(iter(values))] /= 60.0
@@ -347,6 +360,15 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "response_sign",
         "Heave",
     ),
+    "attitude in gradians declared degrees": (
+        data(lambda angle: angle / 0.9, *ANGLES),
+        "attitude_unit",
+        "unit: grad",
+    ),
+    "attitude in degrees declared gradians": (unit("grad", *ANGLES), "attitude_unit", "unit: deg"),
+    "time as digits of a clock declared s": (clock_digits, "digits of a clock", "hhmmss"),
+    "surge at one value": (data(lambda u: 0.0 * u + 0.2, SPEED[0]), "velocity_frozen", "u_m_s"),
+    "sway frozen halfway": (frozen_sway, "stuck_sensor", "v_m_s"),
     "gyro in deg/s and velocity in cm/s": (
         both(data(np.degrees, *GYRO), data(lambda u: 100.0 * u, *SPEED)),
         "gyro_scale",
