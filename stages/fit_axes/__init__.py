@@ -114,6 +114,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,
         together=params.together,
+        newtons_from="mass" if params.newtons_from == "mass" else "pull",
     )
     fits = fit_all(legs, inputs.vehicle, options)
     if not fits.fitted:
@@ -123,7 +124,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             field="legs",
             remedy="docs/axes.md says what a dive needs.",
         )
-    forces = scaled(fits, inputs.vehicle, by="mass" if params.newtons_from == "mass" else "pull")
+    forces = scaled(fits, inputs.vehicle, by=options.newtons_from)
     benches = inputs.prior_sources.sources if inputs.prior_sources is not None else []
     filled = filled_axes(
         inputs.campaign.get("fill") or {},

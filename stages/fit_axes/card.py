@@ -28,14 +28,15 @@ from auvid.data_schemas.records.partial import (
     PartialFigures,
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
-from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisForces
-from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.axis_figures import (
+    CONSTANT,
+    FORCE,
+    AxisForces,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import coefficient_unit
-from auvid.hydro.identification.axes.single_axis import SURGE_LAG_S
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
-from auvid.hydro.partial_model import apparent_inertia, unit_in
-from auvid.stages.columns import AXIS_UNITS
+from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages.fit_axes.beside_damping import interval_95, righting_and_surge, unit_of
 from auvid.stages.fit_axes.filling import FilledAxis
 from auvid.stages.fit_axes.fitted import (
     SIMULATED_PERCENT,
@@ -148,55 +149,6 @@ def _together(item: Together) -> dict[str, object]:
         "chosen": item.chosen,
         "error_ratio": item.error_ratio if np.isfinite(item.error_ratio) else None,
     }
-
-
-def righting_and_surge(fits: AxisFits, scaled: ScaledAxes) -> dict[str, object]:
-    """Return the righting moment and the force of surge on heave, where they are.
-
-    k = -e m of roll or pitch, m its inertia, x' = ... + e sin(angle); of two the mean by
-    their errors. Heave: F = (e m) X behind its lag, where X counts in newtons or in the
-    shares of the file.
-    """
-    out: dict[str, object] = {}
-    moments = []
-    for item in fits.fitted:
-        if item.righting is not None and item.righting.high < 0.0:
-            mass = scaled.forces[item.axis].inertia
-            half = (item.righting.high - item.righting.low) / (2.0 * NORMAL_95)
-            moments.append((item.axis, -item.righting.value * mass, half * mass))
-    if moments:
-        values, errors = (np.array([part[i] for part in moments]) for i in (1, 2))
-        weights = np.maximum(errors, 1e-12) ** -2.0
-        value, error = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
-        unit = _unit(moments[0][0], CONSTANT, scaled)
-        out["righting"] = {
-            "axes": [axis for axis, _, _ in moments],
-            "value": value,
-            "unit": unit,
-            "interval_95": _interval(value, error),
-        }
-    for item in fits.fitted:
-        if item.surge is not None:
-            # The force ahead counts as X of the file; a command of surge is its gain less.
-            ahead = scaled.forces.get("X")
-            gain = 1.0
-            if fits.normalised:
-                if ahead is None:
-                    continue  # nothing in the file turns a command of surge into a force
-                gain = float(ahead.values[ahead.names.index(FORCE)])
-            mass = scaled.forces[item.axis].inertia / gain
-            low, high = sorted((item.surge.low * mass, item.surge.high * mass))
-            out["cross_forces"] = [
-                {
-                    "axis": item.axis,
-                    "of": "X",
-                    "value": item.surge.value * mass,
-                    "lag_s": SURGE_LAG_S,
-                    "interval_95": [low, high],
-                    "verdict": IDENTIFIED if item.predicts and low * high > 0.0 else WEAK,
-                }
-            ]
-    return out
 
 
 def lacking_axis(item: Lacking) -> LackingAxis:
@@ -346,7 +298,7 @@ def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> Axis
     axis, forces = item.axis, scaled.forces[item.axis]
     kept = [place for place, name in enumerate(forces.names) if name != FORCE]
     return AxisCard(
-        unit=_unit(axis, CONSTANT, scaled),
+        unit=unit_of(axis, CONSTANT, scaled),
         samples=item.samples,
         rank=len(kept),
         condition=None,
@@ -377,7 +329,7 @@ def _term(
     in_newtons = scaled.unit_of_mass is None and scaled.scale is None
     return TermCard(
         term=name,
-        unit=_unit(axis, name, scaled),
+        unit=unit_of(axis, name, scaled),
         value=value,
         standard_error=error or None,
         verdict=cast(Verdict, item.verdict(name)),
@@ -398,7 +350,7 @@ def _net_weight(axis: str, scaled: ScaledAxes, vehicle: Vehicle) -> float:
 
 def _empty_card(axis: str, scaled: ScaledAxes, terms: Sequence[TermCard]) -> AxisCard:
     return AxisCard(
-        unit=_unit(axis, CONSTANT, scaled),
+        unit=unit_of(axis, CONSTANT, scaled),
         samples=0,
         rank=0,
         condition=None,
@@ -461,8 +413,8 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
                     "axis": item.axis,
                     "output": None,
                     "value": value,
-                    "unit": _unit(item.axis, CONSTANT, scaled),
-                    "interval_95": _interval(value, error),
+                    "unit": unit_of(item.axis, CONSTANT, scaled),
+                    "interval_95": interval_95(value, error),
                     "dead_band": item.dead_band,
                     "curve": item.curve,
                     "verdict": item.verdict(FORCE),
@@ -470,16 +422,6 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
             )
         )
     return gains
-
-
-def _unit(axis: str, term: str, scaled: ScaledAxes) -> str:
-    if scaled.unit_of_mass is not None:
-        return unit_in(axis, term, scaled.unit_of_mass)
-    return AXIS_UNITS[axis] if term == CONSTANT else coefficient_unit(axis, term)
-
-
-def _interval(value: float, error: float) -> list[float]:
-    return [value - NORMAL_95 * error, value + NORMAL_95 * error]
 
 
 def _worst(verdicts: Sequence[str]) -> str:

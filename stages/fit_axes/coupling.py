@@ -17,14 +17,21 @@ from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled
+from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.fitted import FittedAxis, HeldOutFit, Together
-from auvid.stages.fit_axes.flight import FitOptions, FlownAxis, LegData, judged
+from auvid.stages.fit_axes.fitted import CommandForces, FittedAxis, HeldOutFit, Together
+from auvid.stages.fit_axes.flight import (
+    FitOptions,
+    FlownAxis,
+    LegData,
+    held_out_fits,
+    judged,
+)
+from auvid.stages.fit_axes.scaling import pull_of
 from auvid.stages.steps import tell
 
 HORIZONTAL = "uvr"
@@ -40,6 +47,7 @@ def fitted_together(
     legs: Mapping[str, LegData],
     vehicle: Vehicle,
     options: FitOptions,
+    commands: CommandForces,
 ) -> tuple[tuple[FittedAxis, ...], Together | None]:
     """Return the axes, and which of them were tried together; None where none were.
 
@@ -68,7 +76,7 @@ def fitted_together(
     if options.together == "never" or not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
-    tried = [_joined(group, using, legs, vehicle, options) for group in groups]
+    tried = [_joined(group, using, legs, vehicle, options, commands) for group in groups]
     # Axes that a group leaves out err in it as they do one by one.
     joint, together = min(tried, key=lambda item: _total(item[1]))
     if not together.chosen:
@@ -87,23 +95,94 @@ def _joined(
     legs: Mapping[str, LegData],
     vehicle: Vehicle,
     options: FitOptions,
+    commands: CommandForces,
 ) -> tuple[dict[str, FittedAxis], Together]:
-    """Return some axes of one common fit, and whether it is better than one by one."""
-    fit = fit_coupled(
-        [leg.record for leg in using.values()],
-        tuple(item.equation.speed for item in joining),
-        inertia=np.array([apparent_inertia(vehicle, axis) for axis in AXES]),
-        relative_sd=options.inertia_sd,
-        free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
-        drive=ForceDrive(lag_s=options.lag_s),
-        free=(LAG,) if options.fit_lag else (),
-        restoring=any(item.righting is not None for item in joining),
-        first={item.equation.speed: item.equation.values[:4].tolist() for item in joining},
-    )
+    """Return some axes of one common fit, and whether it is better than one by one.
+
+    Both are judged on the same windows: those that the axes share.
+    """
+    fit = _common_fit(joining, using, vehicle, options, commands)
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
-    ratio, pairs = error_ratio([(item.held_out, by_axis[item.axis].held_out) for item in joining])
+    ratio, pairs = error_ratio(
+        [(held_out_alone(item, fit, list(using)), by_axis[item.axis].held_out) for item in joining]
+    )
     chosen = options.together == "always" or ratio < 1.0
     return by_axis, Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
+
+
+def _common_fit(
+    joining: Sequence[FittedAxis],
+    using: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    commands: CommandForces,
+) -> CoupledFit:
+    """Return the common fit, whose Coriolis force has the inertia that the file has.
+
+    The inertia of an axis may follow from its own fit, m = k / c. Then the search starts
+    where one with the ratios of the vehicle file ends.
+    """
+    numerators = _numerators([item.axis for item in joining], vehicle, options, commands)
+
+    def fitted(
+        first: Mapping[str, Sequence[float]],
+        numerators: Mapping[str, tuple[float, str]],
+        *,
+        judge: bool,
+    ) -> CoupledFit:
+        return fit_coupled(
+            [leg.record for leg in using.values()],
+            tuple(item.equation.speed for item in joining),
+            inertia=np.array([apparent_inertia(vehicle, axis) for axis in AXES]),
+            numerators=numerators,
+            relative_sd=options.inertia_sd,
+            free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
+            drive=ForceDrive(lag_s=options.lag_s),
+            free=(LAG,) if options.fit_lag else (),
+            restoring=any(item.righting is not None for item in joining),
+            first=first,
+            leave_out=judge,
+        )
+
+    first = {item.equation.speed: item.equation.values[:4].tolist() for item in joining}
+    if numerators:
+        by_file = fitted(first, {}, judge=False)
+        first = {speed: by_file.block(speed)[0].tolist() for speed in first}
+    return fitted(first, numerators, judge=True)
+
+
+def _numerators(
+    axes: Sequence[str], vehicle: Vehicle, options: FitOptions, commands: CommandForces
+) -> dict[str, tuple[float, str]]:
+    """Return velocity -> k and velocity j, where the filed inertia is k / c_j."""
+    speed = {axis: VELOCITIES[AXES.index(axis)] for axis in axes}
+    if not commands.normalised:
+        fixed = options.given_inertia if options.inertia_sd == 0.0 else ()
+        return {speed[axis]: (1.0, speed[axis]) for axis in axes if axis not in fixed}
+    pulled = commands.pulled(axes)
+    if options.newtons_from == "mass" or pulled is None:
+        return {}
+    out = {}
+    for axis in axes:
+        pull = pull_of(axis, pulled, commands)
+        if pull is not None:
+            out[speed[axis]] = (pull, speed[axis])
+        else:
+            ratio = apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
+            out[speed[axis]] = (commands.full_force[pulled] * ratio, speed[pulled])
+    return out
+
+
+def held_out_alone(item: FittedAxis, fit: CoupledFit, names: Sequence[str]) -> Sequence[HeldOutFit]:
+    """Return how an axis by itself flies the windows of the common fit, held out."""
+    shared = {(names[w.leg], w.first, w.end) for w in fit.pool.windows}
+    own = {(part.leg, *ends) for part in item.motion if part.leg in names for ends in part.windows}
+    if own == shared:
+        return item.held_out
+    by_itself = one_by_one(
+        fit, item.equation.speed, lag_s=item.lag_s, fit_lag=item.lag_verdict == "identified"
+    )
+    return held_out_fits(by_itself, item.equation.speed, names)
 
 
 def error_ratio(
@@ -149,13 +228,6 @@ def _one_of(
 ) -> FittedAxis:
     """Return an axis of the common fit; what tells legs apart is the single fit's."""
     velocity, drive = single.equation.speed, fit.fit.drive
-    axis = AXES[VELOCITIES.index(velocity)]
-    values, covariance = fit.block(velocity)
-    names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT)
-    keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT)
-    verdicts = {
-        name: fit.verdicts[f"{axis} {key}"].word for name, key in zip(names, keys, strict=True)
-    }
     lag_error, lag_free = 0.0, LAG in fit.pool.free and not fit.fit.at_bound[-1]
     if lag_free:
         lag_error = float(np.sqrt(fit.fit.covariance[-1, -1]))
@@ -163,18 +235,28 @@ def _one_of(
     lag_words = "thrust lag not determined"
     return replace(
         single,
-        equation=AxisEquation(
-            axis, names, values, covariance * (fit.width / NORMAL_95) ** 2, verdicts
-        ),
+        equation=_equation(fit, velocity),
         rate_rms=fit.speeds[velocity],
         lag_s=drive.lag_s,
         lag_error_s=lag_error if clear else 0.0,
         lag_verdict="identified" if clear else "weak" if lag_free else "assumed",
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),
-        righting=fit.term(velocity, RIGHTING),
+        righting=fit.beside_force(velocity, RIGHTING),
         **judged(
             FlownAxis(velocity, fit.pool, fit.fit), fit.held_out, using, legs,
             rms=fit.speeds[velocity],
         ),
     )  # fmt: skip
+
+
+def _equation(fit: CoupledFit, velocity: str) -> AxisEquation:
+    """Return a, b, c, d of an axis; 1.96 of their errors are half of the interval."""
+    axis = AXES[VELOCITIES.index(velocity)]
+    values, covariance = fit.block(velocity)
+    names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT)
+    keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT)
+    verdicts = {
+        name: fit.verdicts[f"{axis} {key}"].word for name, key in zip(names, keys, strict=True)
+    }
+    return AxisEquation(axis, names, values, covariance * (fit.width / NORMAL_95) ** 2, verdicts)

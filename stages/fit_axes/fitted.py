@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
@@ -83,7 +83,7 @@ class JudgedMotion(TypedDict):
     per_leg: Mapping[str, tuple[float, int]]
     motion: tuple[AxisMotion, ...]
     whole_legs: Mapping[str, float]
-    idle_legs: tuple[str, ...]
+    unused_legs: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -120,12 +120,16 @@ class FittedAxis:
     motion: tuple[AxisMotion, ...] = ()
     whole_legs: Mapping[str, float] = field(default_factory=dict)
     """Validation leg -> fit [%] of one free run from its first window to its last."""
-    idle_legs: tuple[str, ...] = ()
-    """Legs without a window: they do not command it, or nothing measures it there."""
-    surge: FitQuantity | None = None
-    """Acceleration down by a force ahead of 1, behind the lag of the surge speed."""
-    righting: FitQuantity | None = None
-    """Acceleration by the sine of the angle [1/s^2], below 0 where it rights."""
+    unused_legs: Mapping[str, str] = field(default_factory=dict)
+    """Leg without windows of its own -> why: nothing commands or measures it there."""
+    surge: AxisEquation | None = None
+    """`force`, and acceleration down by a force ahead of 1, behind the lag of the surge
+    speed (`SURGE`).
+    """
+    righting: AxisEquation | None = None
+    """`force`, and acceleration by the sine of the angle [1/s^2] (`RIGHTING`), below 0 where
+    it rights.
+    """
 
     @property
     def axis(self) -> str:
@@ -163,6 +167,23 @@ class Lacking:
 
 
 @dataclass(frozen=True)
+class CommandForces:
+    """What a full command is: shares where `normalised`, and what gives its newtons.
+
+    full_force: axis -> force of a full command, measured [N, N m]. full_thrust: axis ->
+    force of a full command by that of one thruster [1, m], where their layout is known.
+    """
+
+    normalised: bool
+    full_force: Mapping[str, float]
+    full_thrust: Mapping[str, float]
+
+    def pulled(self, axes: Container[str]) -> str | None:
+        """Return the first of some axes whose full force was measured, or None."""
+        return next((axis for axis in self.full_force if axis in axes), None)
+
+
+@dataclass(frozen=True)
 class Together:
     """Whether some axes are of one fit with Coriolis force, and what decided it.
 
@@ -180,8 +201,7 @@ class Together:
 class AxisFits:
     """All that the logs say of the six axes; force in full commands where `normalised`.
 
-    full_force: axis -> force of a full command, measured [N, N m]. full_thrust: axis ->
-    force of a full command by that of one thruster [1, m], where their layout is known.
+    full_force, full_thrust: as in `CommandForces`.
     """
 
     fitted: tuple[FittedAxis, ...]
@@ -192,3 +212,8 @@ class AxisFits:
     force: str
     legs: tuple[str, ...]
     together: Together | None = None
+
+    @property
+    def commands(self) -> CommandForces:
+        """Return what a full command is."""
+        return CommandForces(self.normalised, self.full_force, self.full_thrust)

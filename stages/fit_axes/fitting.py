@@ -26,6 +26,7 @@ from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
     SIMULATED_PERCENT,
     AxisFits,
+    CommandForces,
     FittedAxis,
     Lacking,
     LackingVerdict,
@@ -79,7 +80,8 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
                 doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
-    every, together = fitted_together(fitted, legs, vehicle, options)
+    commands = CommandForces(first.normalised, dict(first.full_force.items()), dict(ties.items()))
+    every, together = fitted_together(fitted, legs, vehicle, options, commands)
     lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
     kept = tuple(item for item in every if item.predicts or item.axis not in doubtful)
     if together is not None and together.chosen:
@@ -89,8 +91,8 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         fitted=kept,
         lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,
-        full_force=dict(first.full_force.items()),
-        full_thrust=dict(ties.items()),
+        full_force=commands.full_force,
+        full_thrust=commands.full_thrust,
         force=first.force,
         legs=tuple(legs),
         together=together,
@@ -221,8 +223,8 @@ def _fit(
         quantities=fit.without_newtons(),
         warnings=tuple(warnings),
         notes=tuple(f"{word}: {words}." for words in fit.notes),
-        surge=fit.term(SURGE),
-        righting=fit.term(RIGHTING),
+        surge=fit.beside_force(SURGE),
+        righting=fit.beside_force(RIGHTING),
         **judged(
             FlownAxis(fit.velocity, fit.pool, fit.fit), fit.held_out, using, legs, rms=fit.speed
         ),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from auvid.hydro.identification.axes.windows import (
     windows_of,
 )
 from auvid.stages.fit_axes.fitted import AxisMotion, HeldOutFit, JudgedMotion
+from auvid.stages.page.first_screen import AXIS_WORDS
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class FitOptions:
     given_inertia: axes whose apparent inertia is that of the vehicle file, with the
     relative standard deviation inertia_sd; of the others, it is free. together: whether
     axes are fitted together, `better`: where that moves better on what was held out.
+    newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
     """
 
     axes: Collection[str] = ()
@@ -54,6 +57,7 @@ class FitOptions:
     inertia_sd: float = 0.0
     surge_in_heave: bool = False
     together: str = "better"
+    newtons_from: Literal["pull", "mass"] = "pull"
 
 
 @dataclass(frozen=True)
@@ -193,16 +197,7 @@ def judged(
         and not idle(leg.record, axis)
         and windows_of([leg.record], flown.pool.structure.velocities)
     }
-    judgements = [
-        HeldOutFit(
-            _words(item.what, names),
-            item.percent[velocity],
-            item.windows,
-            item.one_run.get(velocity),
-        )
-        for item in held_out
-        if velocity in item.percent
-    ]
+    judgements = held_out_fits(held_out, velocity, names)
     judgements += [
         HeldOutFit(f"validation leg {key}", motion_percent([part]), len(part.windows), one_run)
         for key, (part, one_run) in checks.items()
@@ -227,8 +222,53 @@ def judged(
         "whole_legs": {
             key: one_run for key, (_, one_run) in checks.items() if np.isfinite(one_run)
         },
-        "idle_legs": tuple(key for key, leg in legs.items() if idle(leg.record, axis)),
+        "unused_legs": {
+            key: _why_unused(leg, axis, flown.pool.structure.velocities)
+            for key, leg in legs.items()
+            if idle(leg.record, axis) or (key not in motions and key not in checks)
+        },
     }
+
+
+def _why_unused(leg: LegData, axis: str, velocities: Sequence[str]) -> str:
+    """Return why a leg neither fits nor judges an axis.
+
+    velocities: of the fit; a common one needs windows that they share.
+    """
+    record = leg.record
+    lacking = [AXES[VELOCITIES.index(v)] for v in velocities if not _measures(record, v)]
+    if axis in lacking:
+        return "not measured"
+    if not pushed([record], axis):
+        return "not commanded"
+    if idle(record, axis):
+        reasons = {item.reason for item in record.left_out if item.axis == axis}
+        return "; ".join(sorted(reasons)) or "no window"
+    if lacking:
+        words = ", ".join(AXIS_WORDS[item] for item in lacking)
+        return f"{words} not measured, which the common fit needs"
+    return "no window that the axes fitted together share"
+
+
+def _measures(record: AxisRecord, velocity: str) -> bool:
+    depth = record.depth_m is not None and bool(np.isfinite(record.depth_m).any())
+    return bool(np.isfinite(record.rate[velocity]).any()) or (velocity == "w" and depth)
+
+
+def held_out_fits(
+    held_out: Sequence[HeldOut], velocity: str, names: Sequence[str]
+) -> list[HeldOutFit]:
+    """Return what was held out of one velocity, legs by their names."""
+    return [
+        HeldOutFit(
+            _words(item.what, names),
+            item.percent[velocity],
+            item.windows,
+            item.one_run.get(velocity),
+        )
+        for item in held_out
+        if velocity in item.percent
+    ]
 
 
 def _words(what: str, names: Sequence[str]) -> str:

@@ -124,7 +124,7 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
 
 
 def _leg_rows(item: FittedAxis) -> list[list[str | float | None]]:
-    """Return rows of the legs of an axis: fitted, left out in turn, not commanded."""
+    """Return rows of the legs of an axis: fitted, left out, not used and why."""
     name = words_of(item.axis)
     by_validation = dict(item.whole_legs)
     rows: list[list[str | float | None]] = [
@@ -137,7 +137,7 @@ def _leg_rows(item: FittedAxis) -> list[list[str | float | None]]:
         for part in item.held_out
         if part.what.startswith("leg ")
     ]
-    return rows + [[name, leg, "not commanded", None, None, None] for leg in item.idle_legs]
+    return rows + [[name, leg, why, None, None, None] for leg, why in item.unused_legs.items()]
 
 
 def _coefficients(card: ModelCard) -> list[Block]:

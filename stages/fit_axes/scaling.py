@@ -14,22 +14,23 @@ import numpy as np
 
 from auvid.data_schemas.records.partial import ScaleSource
 from auvid.hydro.arrays import AXES
-from auvid.hydro.axis_figures import FORCE, AxisForces, Inertia, as_forces
+from auvid.hydro.axis_figures import FORCE, AxisEquation, AxisForces, Inertia, as_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.fitted import AxisFits, FittedAxis
+from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 
 UnitChoice = Literal["pull", "mass"]
 
 
 @dataclass(frozen=True)
 class ScaledAxes:
-    """Terms of each axis as forces, what gave the newtons, and the unit of mass.
+    """Terms of each axis as forces, their inertia, what gave newtons, unit of mass.
 
     unit_of_mass: axis whose apparent inertia is 1; None for kg.
     """
 
     forces: Mapping[str, AxisForces]
+    inertias: Mapping[str, Inertia]
     unit_of_mass: str | None
     scale: ScaleSource | None
 
@@ -42,62 +43,81 @@ def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
     by the ratio of the vehicle file. By mass: m of the vehicle file. Without either the
     apparent inertia of the first axis, by the ratios of the vehicle file, is 1.
     """
-    by_axis = {item.axis: item for item in fits.fitted}
-    if not fits.normalised:
-        inertias = dict.fromkeys(by_axis, Inertia(1.0, 1))
-        return ScaledAxes(_forces(by_axis, inertias), None, None)
-    pulled = [axis for axis in fits.full_force if axis in by_axis]
-    file_inertia = {axis: apparent_inertia(vehicle, axis) for axis in AXES}
-    if by == "pull" and pulled:
-        source = _pull_source(pulled[0], fits, vehicle)
-        inertias = {
-            axis: _by_pull(axis, by_axis, fits, vehicle, source.relative_sd) for axis in by_axis
-        }
-        return ScaledAxes(_forces(by_axis, inertias), None, source)
-    if by == "mass":
-        axis = next(iter(by_axis))
-        spread = inertia_error(vehicle, axis)
-        inertias = {
-            name: Inertia(file_inertia[name], 0, inertia_error(vehicle, name)) for name in by_axis
-        }
-        scale = ScaleSource.model_validate(
-            {"axis": axis, "source": "mass", "value": file_inertia[axis], "relative_sd": spread}
+    equations = {item.axis: item.equation for item in fits.fitted}
+    inertias = axis_inertias(equations, fits.commands, vehicle, by=by)
+    forces = {axis: as_forces(item, inertias[axis]) for axis, item in equations.items()}
+    first = next(iter(equations))
+    pulled = fits.commands.pulled(equations)
+    scale, unit = None, None
+    if fits.normalised and by == "pull" and pulled is not None:
+        scale = ScaleSource(
+            axis=pulled,  # type: ignore[arg-type]
+            source="bollard pull",
+            value=fits.full_force[pulled],
+            relative_sd=vehicle.spreads.get("thrust", 0.0),
         )
-        return ScaledAxes(_forces(by_axis, inertias), None, scale)
-    unit = next(iter(by_axis))
-    inertias = {axis: Inertia(file_inertia[axis] / file_inertia[unit], 0) for axis in by_axis}
-    return ScaledAxes(_forces(by_axis, inertias), unit, None)
+    elif fits.normalised and by == "mass":
+        scale = ScaleSource(
+            axis=first,  # type: ignore[arg-type]
+            source="mass",
+            value=apparent_inertia(vehicle, first),
+            relative_sd=inertia_error(vehicle, first),
+        )
+    elif fits.normalised:
+        unit = first
+    return ScaledAxes(forces, inertias, unit, scale)
 
 
-def _pull_source(axis: str, fits: AxisFits, vehicle: Vehicle) -> ScaleSource:
-    return ScaleSource.model_validate(
-        {
-            "axis": axis,
-            "source": "bollard pull",
-            "value": fits.full_force[axis],
-            "relative_sd": vehicle.spreads.get("thrust", 0.0),
-        }
-    )
+def pull_of(axis: str, pulled: str, commands: CommandForces) -> float | None:
+    """Return the force of a full command: measured, or tied to axis `pulled`.
+
+    None where neither gives it.
+    """
+    if axis in commands.full_force:
+        return commands.full_force[axis]
+    ties = commands.full_thrust
+    if ties.get(axis) and ties.get(pulled):
+        return commands.full_force[pulled] * ties[axis] / ties[pulled]
+    return None
+
+
+def axis_inertias(
+    equations: Mapping[str, AxisEquation],
+    commands: CommandForces,
+    vehicle: Vehicle,
+    *,
+    by: UnitChoice,
+) -> dict[str, Inertia]:
+    """Return the apparent inertia of each axis, as `scaled` has it."""
+    if not commands.normalised:
+        return dict.fromkeys(equations, Inertia(1.0, 1))
+    if by == "pull" and commands.pulled(equations) is not None:
+        return {axis: _by_pull(axis, equations, commands, vehicle) for axis in equations}
+    in_file = {axis: apparent_inertia(vehicle, axis) for axis in equations}
+    if by == "mass":
+        return {a: Inertia(m, 0, inertia_error(vehicle, a)) for a, m in in_file.items()}
+    unit = in_file[next(iter(equations))]
+    return {axis: Inertia(mass / unit, 0) for axis, mass in in_file.items()}
 
 
 def _by_pull(
     axis: str,
-    by_axis: Mapping[str, FittedAxis],
-    fits: AxisFits,
+    equations: Mapping[str, AxisEquation],
+    commands: CommandForces,
     vehicle: Vehicle,
-    relative_sd: float,
 ) -> Inertia:
     """Return the inertia of an axis by its pull, the layout, or the file's ratio.
 
     The ratio has the error that the spreads of the vehicle file give it.
     """
-    if axis in fits.full_force:
-        return Inertia(fits.full_force[axis], 1, relative_sd)
-    pulled = next(item for item in fits.full_force if item in by_axis)
-    pull, ties = fits.full_force[pulled], fits.full_thrust
-    if ties.get(axis) and ties.get(pulled):
-        return Inertia(pull * ties[axis] / ties[pulled], 1, relative_sd)
-    equation = by_axis[pulled].equation
+    relative_sd = vehicle.spreads.get("thrust", 0.0)
+    pulled = commands.pulled(equations)
+    assert pulled is not None
+    pull = pull_of(axis, pulled, commands)
+    if pull is not None:
+        return Inertia(pull, 1, relative_sd)
+    pull = commands.full_force[pulled]
+    equation = equations[pulled]
     gain = equation.value(FORCE)
     mass = pull / gain * apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
     own, ratio = equation.error(FORCE) / gain, ratio_error(vehicle, axis, pulled)
@@ -131,9 +151,3 @@ def _inertia_parts(vehicle: Vehicle, axis: str) -> dict[str, float]:
         own = float(vehicle.rigid_body_mass[place, place])
         parts[f"inertia {axis}"] = spreads.get("inertia", 0.0) * own
     return {name: value / total for name, value in parts.items()}
-
-
-def _forces(
-    by_axis: Mapping[str, FittedAxis], inertias: Mapping[str, Inertia]
-) -> dict[str, AxisForces]:
-    return {axis: as_forces(item.equation, inertias[axis]) for axis, item in by_axis.items()}

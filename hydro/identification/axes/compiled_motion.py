@@ -18,6 +18,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING = 0, 1, 2, 3, 4
 LINEAR_AHEAD, LINEAR_BACK, QUADRATIC_AHEAD, QUADRATIC_BACK = 5, 6, 7, 8
 """Kinds of terms: nu, nu|nu|, an input, 1, sin s; of nu above and below 0 only."""
+LEAST_C = 1e-6
+"""Coefficient of force below which the inertia 1 / c of a Coriolis force does not grow."""
 DIVERGED = 1e4
 """A velocity beyond this [m/s, rad/s] stays there: the fit sees a large, finite error."""
 
@@ -45,8 +47,9 @@ def _slope(
     """Write to `out` (2k, width) the derivatives of states and sensitivities `y`.
 
     x_i_dot = sum_t theta_t phi_t + sum weights nu_a nu_b + constant_i, s_i_dot = turn_i
-    x_i. `row`: measured velocities (6), turn (k), inputs (m), their derivatives (m e).
-    `nu` (6,) and `by` (k, k + 1), slope by x_j and s_i, are work space.
+    x_i; a weight is times one coefficient and over another where `products` names them.
+    `row`: measured velocities (6), turn (k), inputs (m), their derivatives (m e). `nu`
+    (6,) and `by` (k, k + 1), slope by x_j and s_i, are work space.
     """
     k, count, width = axes.size, theta.size, y.shape[1]
     extra = width - 1 - count - 3 * k
@@ -91,13 +94,22 @@ def _slope(
         out[i, 1 + t] += value
     # Products of two velocities: Coriolis.
     for p in range(weights.size):
-        i, a, b = products[p, 0], products[p, 1], products[p, 2]
-        out[i, 0] += weights[p] * nu[a] * nu[b]
+        i, a, b, up, down = products[p]
+        weight = weights[p]
+        if up >= 0:
+            weight *= theta[up]
+        if down >= 0:
+            weight /= max(theta[down], LEAST_C)
+        out[i, 0] += weight * nu[a] * nu[b]
+        if up >= 0 and theta[up] > LEAST_C:
+            out[i, 1 + up] += weight / theta[up] * nu[a] * nu[b]
+        if down >= 0 and theta[down] > LEAST_C:
+            out[i, 1 + down] -= weight / theta[down] * nu[a] * nu[b]
         for j in range(k):
             if axes[j] == a:
-                by[i, j] += weights[p] * nu[b]
+                by[i, j] += weight * nu[b]
             if axes[j] == b:
-                by[i, j] += weights[p] * nu[a]
+                by[i, j] += weight * nu[a]
     # The chain rule, and the integrals.
     for i in range(k):
         for c in range(1, width):

@@ -10,19 +10,20 @@ free over its windows and over the whole of it; so is every other window.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
 from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
     AxisVerdict,
+    beside_force,
     coefficient_block,
     rms_of,
-    term_quantity,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -43,6 +44,7 @@ from auvid.hydro.identification.axes.single_axis import CONSTANT_SD, interval_wi
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import (
     FORCE,
+    INPUT,
     SYMMETRIC,
     AxisTerm,
     Structure,
@@ -75,9 +77,9 @@ class CoupledFit:
         names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
         return coefficient_block(self.fit, AXES[VELOCITIES.index(velocity)], names)
 
-    def term(self, velocity: str, name: str) -> FitQuantity | None:
-        """Return a term of an axis by name, None where it has none."""
-        return term_quantity(self.fit, AXES[VELOCITIES.index(velocity)], name, self.width)
+    def beside_force(self, velocity: str, name: str) -> AxisEquation | None:
+        """Return c and a term of an axis by name, None where it has none."""
+        return beside_force(self.fit, AXES[VELOCITIES.index(velocity)], name, self.width)
 
     def without_newtons(self, velocity: str) -> tuple[FitQuantity, ...]:
         """Return time constants, steady speed and damping over inertia of an axis."""
@@ -135,6 +137,7 @@ def fit_coupled(
     velocities: Sequence[str],
     *,
     inertia: Array | None = None,
+    numerators: Mapping[str, tuple[float, str]] | None = None,
     relative_sd: float = 0.0,
     couplings: bool = False,
     drive: ForceDrive | None = None,
@@ -150,7 +153,9 @@ def fit_coupled(
     """Fit several axes to the windows that they share, in all legs.
 
     inertia (6,): apparent inertia of u v w p q r; its ratios give the Coriolis force, and
-    where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. couplings:
+    where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. numerators:
+    velocity -> k and velocity j whose c gives its inertia in the Coriolis force, k / c_j in
+    place of m_i. couplings:
     linear ones that port-starboard symmetry allows, between the velocities that are
     fitted (the noise of measured ones would enter). free: parameters of the drive that
     are fitted. restoring: roll and pitch by angles of their own. free_inertia: velocities
@@ -158,9 +163,10 @@ def fit_coupled(
     axes give them. Raises `DataError` without shared windows.
     """
     pool = coupled_pool(
-        records, velocities, inertia=inertia, relative_sd=relative_sd, couplings=couplings,
-        drive=drive or ForceDrive(), free=tuple(free), constant_sd=constant_sd,
-        restoring=restoring, loss=loss, window_s=window_s, free_inertia=free_inertia,
+        records, velocities, inertia=inertia, numerators=numerators, relative_sd=relative_sd,
+        couplings=couplings, drive=drive or ForceDrive(), free=tuple(free),
+        constant_sd=constant_sd, restoring=restoring, loss=loss, window_s=window_s,
+        free_inertia=free_inertia,
     )  # fmt: skip
     fit = fit_pool(pool, _start(pool, first or {}))
     held_out: tuple[HeldOut, ...] = ()
@@ -196,6 +202,7 @@ def coupled_pool(
     loss: Loss,
     window_s: float,
     free_inertia: Sequence[str] = (),
+    numerators: Mapping[str, tuple[float, str]] | None = None,
 ) -> Pool:
     """Return the pool of a coupled fit; arguments as `fit_coupled`."""
     axes = tuple(AXES[VELOCITIES.index(velocity)] for velocity in velocities)
@@ -215,9 +222,43 @@ def coupled_pool(
             couplings=[other for other in SYMMETRIC[axis] if couplings and other in velocities],
         )
     sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
-    structure = Structure(tuple(velocities), tuple(terms), axes, inertia)
+    ratios, by = inertia, {}
+    if inertia is not None:
+        ratios = inertia.copy()
+        for velocity, (numerator, of) in (numerators or {}).items():
+            ratios[VELOCITIES.index(velocity)] = numerator
+            by[VELOCITIES.index(velocity)] = f"{AXES[VELOCITIES.index(of)]} {FORCE}"
+    structure = Structure(tuple(velocities), tuple(terms), axes, ratios, by)
     windows = windows_of(records, velocities, window_s=window_s)
     return make_pool(structure, records, windows, constant_sd=sd, drive=drive, free=free, loss=loss)
+
+
+def one_by_one(
+    fit: CoupledFit, velocity: str, *, lag_s: float, fit_lag: bool
+) -> tuple[HeldOut, ...]:
+    """Return how one axis by itself flies what the coupled fit was judged on.
+
+    The same windows and legs are held out: those that all axes share, fitted without
+    Coriolis force and couplings. fit_lag: whether its lag is fitted, from `lag_s`.
+    """
+    pool, axis = fit.pool, AXES[VELOCITIES.index(velocity)]
+    place = fit.velocities.index(velocity)
+    terms = tuple(
+        replace(term, of=0) if term.kind == INPUT else term
+        for term in pool.structure.terms
+        if term.axis == axis and (term.name == velocity or term.name not in VELOCITIES)
+    )
+    own = make_pool(
+        Structure((velocity,), terms, (axis,)),
+        pool.records,
+        pool.windows,
+        constant_sd=pool.constant_sd[[place]],
+        drive=ForceDrive(lag_s=lag_s),
+        free=(LAG,) if fit_lag else (),
+        loss=pool.loss,
+    )
+    first = np.array([fit.fit.values[fit.fit.names.index(f"{axis} {term.name}")] for term in terms])
+    return (*held_out_blocks(own, first), *legs_left_out(own, first))
 
 
 def _start(pool: Pool, first: Mapping[str, Sequence[float]]) -> Array:

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.axis_figures import AxisEquation
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
-from auvid.hydro.identification.axes.quantities import FitQuantity, quantity
-from auvid.hydro.identification.axes.structure import CONSTANT, INPUT, AxisTerm
+from auvid.hydro.identification.axes.structure import CONSTANT, FORCE, INPUT, AxisTerm
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
@@ -167,9 +168,13 @@ def coefficient_block(fit: PoolFit, axis: str, names: Sequence[str]) -> tuple[Ar
     return values, covariance
 
 
-def term_quantity(fit: PoolFit, axis: str, name: str, width: float) -> FitQuantity | None:
-    """Return a term of an axis with its interval; None where the fit has none."""
+def beside_force(fit: PoolFit, axis: str, name: str, width: float) -> AxisEquation | None:
+    """Return c and a term of an axis, for the term as a force; None where it has none.
+
+    1.96 of their standard errors are half of the 95 % interval (`width` errors of the fit).
+    """
     if f"{axis} {name}" not in fit.names:
         return None
-    values, covariance = coefficient_block(fit, axis, (name,))
-    return quantity(name, "", lambda v: float(v[0]), values, covariance, width=width)
+    names = (FORCE, name)
+    values, covariance = coefficient_block(fit, axis, names)
+    return AxisEquation(axis, names, values, covariance * (width / NORMAL_95) ** 2, {})

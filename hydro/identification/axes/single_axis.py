@@ -15,16 +15,17 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
     AxisVerdict,
     Heterogeneity,
+    beside_force,
     coefficient_block,
     heterogeneity,
     rms_of,
-    term_quantity,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -144,9 +145,9 @@ class SingleAxisFit:
     width: float
     notes: tuple[str, ...]
 
-    def term(self, name: str) -> FitQuantity | None:
-        """Return a term beside those of `values`, None where the axis has none."""
-        return term_quantity(self.fit, self.axis, name, self.width)
+    def beside_force(self, name: str) -> AxisEquation | None:
+        """Return c and a term that is not in `values`, None where it has none."""
+        return beside_force(self.fit, self.axis, name, self.width)
 
     def without_newtons(self) -> tuple[FitQuantity, ...]:
         """Return time constants, steady speed and damping over inertia."""

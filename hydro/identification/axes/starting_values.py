@@ -44,8 +44,8 @@ def starting_values(pool: Pool) -> Array:
             drive = rows[window.leg][:: 2 * parts][nodes][:, first:]
             angle = data.start[nodes, len(pool.structure.places) + i]
             turning = np.zeros(len(nu))
-            for (row, a, b), weight in zip(products, weights, strict=True):
-                if row == i:
+            for (row, a, b, up, down), weight in zip(products, weights, strict=True):
+                if row == i and up < 0 and down < 0:  # others need the coefficients
                     turning += weight * nu[:, a] * nu[:, b]
             columns = np.column_stack([_value(term, nu, drive, angle) for term in terms])
             part = np.cumsum(columns, axis=0) * data.step_s

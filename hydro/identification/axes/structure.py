@@ -14,7 +14,7 @@ Fossen 2011, 6.3), over the inertia of the row:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -56,13 +56,16 @@ class AxisTerm:
 class Structure:
     """Terms of the motion of `velocities` (k,), with inputs by name.
 
-    `inertia` (6,): only its ratios matter, for Coriolis; None leaves it out.
+    `inertia` (6,): only its ratios matter, for Coriolis; None leaves it out. `inertia_by`:
+    place of a velocity -> term c whose coefficient divides its inertia, m = k / c, so that
+    the force has the inertia that the fit gives.
     """
 
     velocities: tuple[str, ...]
     terms: tuple[AxisTerm, ...]
     inputs: tuple[str, ...]
     inertia: Array | None = None
+    inertia_by: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,28 +85,34 @@ class Structure:
 
     @cached_property
     def coriolis(self) -> tuple[Ints, Array]:
-        """Return row and factors of every product (p, 3), and their weights (p,)."""
+        """Return the products (p, 5) and their weights (p,), for coefficients of 1.
+
+        Row, two factors, then the terms whose coefficients multiply and divide the weight,
+        -1 for none.
+        """
         products, weights = [], []
         if self.inertia is not None:
-            m = self.inertia
+            term = {place: self.names.index(name) for place, name in self.inertia_by.items()}
             for i, place in enumerate(self.places):
-                for a, b, weight in _coriolis(m, int(place)):
-                    if weight != 0.0:
-                        products.append((i, a, b))
-                        weights.append(weight / m[place])
-        return np.array(products, dtype=np.int64).reshape(-1, 3), np.array(weights)
+                for a, b, sign, of in _CORIOLIS[int(place)]:
+                    up, down = term.get(int(place), -1), term.get(of, -1)
+                    if up == down:
+                        up = down = -1
+                    products.append((i, a, b, up, down))
+                    weights.append(sign * self.inertia[of] / self.inertia[place])
+        return np.array(products, dtype=np.int64).reshape(-1, 5), np.array(weights)
 
 
-def _coriolis(m: Array, place: int) -> Sequence[tuple[int, int, float]]:
-    u, v, w, p, q, r = range(6)
-    return (
-        ((v, r, m[1]), (w, q, -m[2])),
-        ((w, p, m[2]), (u, r, -m[0])),
-        ((u, q, m[0]), (v, p, -m[1])),
-        ((v, w, m[1] - m[2]), (q, r, m[4] - m[5])),
-        ((u, w, m[2] - m[0]), (r, p, m[5] - m[3])),
-        ((u, v, m[0] - m[1]), (p, q, m[3] - m[4])),
-    )[place]
+_U, _V, _W, _P, _Q, _R = range(6)
+_CORIOLIS = (
+    ((_V, _R, 1.0, _V), (_W, _Q, -1.0, _W)),
+    ((_W, _P, 1.0, _W), (_U, _R, -1.0, _U)),
+    ((_U, _Q, 1.0, _U), (_V, _P, -1.0, _V)),
+    ((_V, _W, 1.0, _V), (_V, _W, -1.0, _W), (_Q, _R, 1.0, _Q), (_Q, _R, -1.0, _R)),
+    ((_U, _W, 1.0, _W), (_U, _W, -1.0, _U), (_R, _P, 1.0, _R), (_R, _P, -1.0, _P)),
+    ((_U, _V, 1.0, _U), (_U, _V, -1.0, _V), (_P, _Q, 1.0, _P), (_P, _Q, -1.0, _Q)),
+)
+"""Row -> factors of each product, its sign, and the velocity whose inertia it has."""
 
 
 def axis_terms(

@@ -10,10 +10,12 @@ import pytest
 
 import auvid
 from auvid.data_schemas.records.models import ModelCard
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import model_card
+from auvid.stages.fit_axes.coupling import held_out_alone
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
@@ -35,11 +37,13 @@ def body() -> Vehicle:
     return shipped_vehicle("bluerov2_heavy")
 
 
-@cache
-def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
-    """Return the fits of two legs that turn while they move, and of a third."""
+def file_inertia() -> Array:
+    return np.array([apparent_inertia(body(), axis) for axis in AXES])
+
+
+def legs_of(inertia: Array, *, coriolis: bool = True, torque: float = 3.0) -> dict[str, LegData]:
+    """Return two legs that turn while they move, and a third."""
     truth = {**TRUTH, "r": (-1.0, -0.8, torque, 0.03)}
-    inertia = np.array([apparent_inertia(body(), axis) for axis in AXES])
     legs = {}
     for seed, use in ((1, "training"), (2, "training"), (3, "validation")):
         moved = axis_leg(
@@ -55,7 +59,43 @@ def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
         document = leg(normalised=True, use=use, seed=seed, seconds=10.0).windows
         document = document.model_copy(update={"measured_by": measured})
         legs[f"leg_{seed}"] = LegData(record, document)
+    return legs
+
+
+def in_newtons(item: LegData, inertia: Array) -> LegData:
+    """Return a leg whose full commands have the newtons of a body with this inertia."""
+    full = {axis: 2.0 * m for axis, m in zip("XY", inertia[:2], strict=True)}
+    full["N"] = 3.0 * inertia[5]
+    force = {axis: full.get(axis, 0.0) * values for axis, values in item.record.force.items()}
+    return LegData(
+        replace(item.record, force=force, normalised=False),
+        item.windows.model_copy(update={"normalised": False}),
+    )
+
+
+@cache
+def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
+    legs = legs_of(file_inertia(), coriolis=coriolis, torque=torque)
     return fit_all(legs, body(), FitOptions(fit_lag=False))
+
+
+def filed_motion_error(fitted: AxisFits, leg: LegData) -> float:
+    """Return the largest difference of yaw rate, as judged and by the filed model.
+
+    Over the first window, from its measured start.
+    """
+    model = auvid.Model(file_of(card_of(fitted), fitted, body()))
+    item = fitted.fitted[-1]
+    part = next(part for part in item.motion if part.leg == "leg_3")
+    first, end = part.windows[0]
+    t_s = leg.record.t_s[first:end] - leg.record.t_s[first]
+    fine = np.arange(0.0, t_s[-1], 0.01)
+    force = leg.record.force
+    tau = np.column_stack([np.interp(fine, t_s, force[axis][first:end]) for axis in AXES])
+    nu = [float(leg.record.rate[name][first]) for name in "uvwpqr"]
+    motion = model.simulate(fine, tau, nu=nu)
+    own = np.interp(fine, t_s, part.simulated[first:end])
+    return float(np.max(np.abs(motion["r_rad_s"] - own)))
 
 
 def card_of(fitted: AxisFits) -> ModelCard:
@@ -73,11 +113,48 @@ def test_a_body_with_coriolis_force_is_fitted_together() -> None:
             TRUTH[item.equation.speed][2], rel=0.02
         )
     yaw = fitted.fitted[-1]
-    assert yaw.idle_legs == ("leg_2",)
+    assert yaw.unused_legs == {"leg_2": "not commanded"}
     section = str(fit_section(fitted, card_of(fitted)))
     assert "Fitted together, with Coriolis force" in section
     assert "not commanded" in section
     assert all(item.whole_legs["leg_3"] > 85.0 for item in fitted.fitted)
+
+
+def test_a_validation_leg_without_a_sensor_is_named() -> None:
+    """The common fit needs sway and yaw on it too; an axis by itself, its own only."""
+    legs = dict(legs_of(file_inertia()))
+    check = legs["leg_3"]
+    rate = {**check.record.rate, "v": np.full(len(check.record.t_s), np.nan)}
+    windows = {axis: own for axis, own in check.record.windows.items() if axis != "Y"}
+    legs["leg_3"] = replace(check, record=replace(check.record, rate=rate, windows=windows))
+    fitted = fit_all(legs, body(), FitOptions(fit_lag=False))
+    surge, sway, yaw = fitted.fitted
+    assert sway.unused_legs["leg_3"] == "not measured"
+    assert surge.unused_legs["leg_3"] == "sway not measured, which the common fit needs"
+    assert yaw.unused_legs["leg_3"] == surge.unused_legs["leg_3"]
+    section = str(fit_section(fitted, card_of(fitted)))
+    assert "sway not measured, which the common fit needs" in section
+
+
+def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
+    """Surge is also measured where sway is not: what it flies there decides nothing."""
+    legs = dict(legs_of(file_inertia()))
+    one = legs["leg_1"]
+    half = len(one.record.t_s) // 2
+    rate = {**one.record.rate, "v": one.record.rate["v"].copy()}
+    rate["v"][:half] = np.nan
+    legs["leg_1"] = replace(one, record=replace(one.record, rate=rate))
+    using = {key: leg for key, leg in legs.items() if leg.windows.use == "training"}
+    options = FitOptions(fit_lag=False)
+    singles = fit_all(legs, body(), replace(options, together="never")).fitted
+    fit = fit_coupled(
+        [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
+    )
+    assert len(singles[0].motion[0].windows) > len([w for w in fit.pool.windows if w.leg == 0])
+    alone = held_out_alone(singles[0], fit, list(using))
+    counts = {item.what: item.windows for item in alone}
+    blocks = fit.held_out[:2]
+    assert [counts[item.what] for item in blocks] == [item.windows for item in blocks]
 
 
 def test_an_axis_that_predicts_nothing_by_itself_is_fitted_with_the_others() -> None:
@@ -97,6 +174,41 @@ def test_a_body_without_coriolis_force_is_fitted_one_by_one() -> None:
     assert fitted.together is not None
     assert not fitted.together.chosen
     assert fitted.together.error_ratio > 1.2
+
+
+def test_coriolis_force_has_the_inertia_that_is_filed() -> None:
+    """Yaw inertia is .4 times the file's: with the file's the munk moment is as wrong."""
+    inertia = file_inertia()
+    inertia[5] *= 0.4
+    legs = {key: in_newtons(item, inertia) for key, item in legs_of(inertia).items()}
+    fitted = fit_all(legs, body(), FitOptions(fit_lag=False, given_inertia=("X", "Y", "Z")))
+    assert fitted.together is not None
+    assert fitted.together.chosen
+    yaw = fitted.fitted[-1].equation
+    assert 1.0 / yaw.value("force") == pytest.approx(inertia[5], rel=0.02)
+    a, b, _ = TRUTH["r"][:3]
+    assert yaw.value("r") + 0.5 * yaw.value("r*|r|") == pytest.approx(a + 0.5 * b, rel=0.05)
+    assert filed_motion_error(fitted, legs["leg_3"]) < 0.02
+
+
+def test_commands_with_a_pull_have_the_inertia_that_is_filed() -> None:
+    """The layout ties the pulls of all axes together, and with them the inertias."""
+    inertia = file_inertia()
+    inertia[5] *= 0.4
+    full = {"X": 2.0 * inertia[0], "Y": 2.0 * inertia[1], "N": 3.0 * inertia[5]}
+    legs = {
+        key: LegData(
+            item.record,
+            item.windows.model_copy(update={"full_force": {"X": full["X"]}, "full_thrust": full}),
+        )
+        for key, item in legs_of(inertia).items()
+    }
+    fitted = fit_all(legs, body(), FitOptions(fit_lag=False))
+    assert fitted.together is not None
+    assert fitted.together.chosen
+    forces = scaled(fitted, body(), by="pull").forces
+    assert forces["N"].inertia == pytest.approx(inertia[5], rel=0.02)
+    assert fitted.fitted[-1].equation.value("force") == pytest.approx(3.0, rel=0.02)
 
 
 @pytest.mark.parametrize("coriolis", [True, False])

@@ -8,7 +8,7 @@ import pytest
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.coupled import coupled_pool, fit_coupled
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.pooled_fit import PoolWork
+from auvid.hydro.identification.axes.pooled_fit import PoolWork, loop_rows, motion
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord
 from tests.support.axis_legs import axis_leg
@@ -73,3 +73,23 @@ def test_sensitivities_are_differences() -> None:
         move[0, i] = 1e-5
         difference = (states(common, local + move) - states(common, local - move))[:, :, 0] / 2e-5
         assert difference == pytest.approx(here[:, :, 2 + count + i], abs=1e-6)
+
+
+def test_coriolis_force_by_the_coefficients_has_their_sensitivities() -> None:
+    """m_u = 40 / c_u and m_r = 9 / c_r: slopes by c against central differences."""
+    (leg, _), sizes = legs(), {"u": (40.0, "u"), "r": (9.0, "r")}
+    pool = coupled_pool(
+        [leg], ("u", "v", "r"), inertia=INERTIA, numerators=sizes, relative_sd=0.0, couplings=False,
+        drive=ForceDrive(), free=(), constant_sd=None, restoring=False, loss="soft_l1",
+        window_s=10.0,
+    )  # fmt: skip
+    theta = np.concatenate([TRUTH[velocity] for velocity in ("u", "v", "r")])
+    (rows,), window = loop_rows(pool, pool.drive), pool.windows[1]
+    start = np.append(pool.prepared[0].start[window.first], np.zeros(3))
+    out = motion(pool, rows, theta, window, start)
+    for place in (2, 10):  # the force of u, and of r
+        step = np.zeros(len(theta))
+        step[place] = 1e-5
+        ends = [motion(pool, rows, theta + s * step, window, start)[:, :, 0] for s in (1.0, -1.0)]
+        slope = (ends[0] - ends[1]) / 2e-5
+        np.testing.assert_allclose(out[:, :, 1 + place], slope, atol=1e-6)
