@@ -130,7 +130,9 @@ def _states(buffer: Bytes, start: Integers, stop: Integers) -> Checksums:
         return out
     from auvid.data_schemas.formats.compiled_mavlink import checksum_states
 
-    checksum_states(buffer, start, stop, _four_bytes(), CHECKSUM_START, out)
+    readable = buffer.view()
+    readable.flags.writeable = False  # numba compiles once more for what can be written to
+    checksum_states(readable, start, stop, _four_bytes(), CHECKSUM_START, out)
     return out
 
 

@@ -45,6 +45,14 @@ def _corrected(x: Array, P: Array, error: float, variance: float) -> None:
 
 
 @_compiled
+def _copied(P: Array, out: Array) -> None:
+    """Write P (2, 2) to out; numba compiles `out[:] = P` for a second and more."""
+    for i in range(2):
+        for j in range(2):
+            out[i, j] = P[i, j]
+
+
+@_compiled
 def misfit(
     t: Array,
     y: Array,
@@ -61,13 +69,13 @@ def misfit(
     for i in range(t.size):
         if begins[i]:
             x[0], x[1] = y[i], 0.0
-            P[:] = 0.0
             P[0, 0], P[1, 1] = noise * noise if used[i] else FAR, speed * speed
+            P[0, 1] = P[1, 0] = 0.0
             continue
         _carried(t[i] - t[i - 1], speed, lag, P, out, phi)
         x[0] += phi[0, 1] * x[1]
         x[1] *= phi[1, 1]
-        P[:] = out
+        _copied(out, P)
         if not used[i]:
             continue
         error, variance = y[i] - x[0], P[0, 0] + noise * noise
@@ -98,7 +106,8 @@ def filter_and_smooth(
             _carried(t[i] - t[i - 1], speed, lag, P[i - 1], spread[i], phi[i])
             before[i, 0] = x[i - 1, 0] + phi[i, 0, 1] * x[i - 1, 1]
             before[i, 1] = phi[i, 1, 1] * x[i - 1, 1]
-        x[i], P[i] = before[i], spread[i]
+        x[i, 0], x[i, 1] = before[i, 0], before[i, 1]
+        _copied(spread[i], P[i])
         if used[i]:
             _corrected(x[i], P[i], y[i] - before[i, 0], spread[i, 0, 0] + variance[i])
     gain, change = np.zeros((2, 2)), np.zeros((2, 2))

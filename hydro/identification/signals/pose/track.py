@@ -216,6 +216,7 @@ def smooth_columns(
     from auvid.hydro.identification.signals.pose.compiled_track import filter_track, smooth_track
 
     n, k = y.shape
+    y = np.ascontiguousarray(y)  # numba compiles once more for each other layout
     begins = np.append(True, np.diff(t) > max_gap_s)
     noise = np.array(
         [
