@@ -240,15 +240,19 @@ def velocity_lag(
     velocity: Array,
     *,
     lags_s: ArrayLike,
+    enough: float = 1.0,
 ) -> tuple[float, float, float] | None:
     """Return how late the velocity is behind the depth [s]; explained there and at 0.
 
     The lag of `lags_s` at which the velocity, read so much later, or the depth, read so
     much earlier, explains most of the depth rate: the attitude is on the clock of the
-    other one. None for too few windows.
+    other one. None for too few windows. No other lag is tried where 0 explains `enough`.
     """
     shares: dict[float, float] = {}
-    for lag in np.asarray(lags_s, dtype=np.float64):
+    lags = np.asarray(lags_s, dtype=np.float64)
+    for lag in (*lags[lags == 0.0], *lags[lags != 0.0]):
+        if shares.get(0.0, -np.inf) >= enough:
+            break
         for late, early in ((lag, 0.0), (0.0, lag)):
             times = t_depth + early, depth, t_attitude, euler, t_velocity - late, velocity
             gains = depth_gains(*times)

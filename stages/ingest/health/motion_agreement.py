@@ -41,6 +41,8 @@ LEAST_EXPLAINED = 0.6
 SURE_GAIN_SD = 0.25
 LEAST_GAIN = -0.3
 LAGS_S = np.round(np.arange(-30, 31) * 0.1, 1)
+LAG_GAIN = 0.1
+"""A lag must explain so much more of the depth rate than none does."""
 LEAST_RESPONSE_HZ = 4.0
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
@@ -306,13 +308,14 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("depth"):
         return
     lag = velocity_lag(
-        log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log), lags_s=LAGS_S
-    )
+        log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log), lags_s=LAGS_S,
+        enough=1.0 - LAG_GAIN,
+    )  # fmt: skip
     if lag is None:
         return
     at, there, zero = lag
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
-    if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > 0.1:
+    if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > LAG_GAIN:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
         text = (
             f"The {late} comes {abs(at):.1f} s after the {early}: read so much earlier it explains"
