@@ -79,9 +79,9 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
     card = card_of(fitted, body)
     for axis, (linear, quadratic, inertia) in TRUTH.items():
         x = {"Z": "w", "N": "r"}[axis]
-        found = values(card, axis)
-        assert found[x] == pytest.approx(linear, rel=0.02)
-        assert found[f"{x}*|{x}|"] == pytest.approx(quadratic, rel=0.02)
+        damping = values(card, axis)
+        assert damping[x] == pytest.approx(linear, rel=0.02)
+        assert damping[f"{x}*|{x}|"] == pytest.approx(quadratic, rel=0.02)
         item = next(item for item in card.inertia if item.name[0] == axis)
         assert item.value == pytest.approx(inertia, rel=0.01)
     held = {item.axis: item.held_out_percent for item in fitted.fitted}
@@ -131,8 +131,8 @@ def test_without_newtons_nothing_is_in_newtons() -> None:
     linear, _, inertia = TRUTH["Z"]
     assert values(card, "Z")["w"] == pytest.approx(linear / inertia, rel=0.02)
     steady = next(item for item in part.without_newtons if "steady" in item.quantity)
-    found = -TRUTH["Z"][0] * steady.value - TRUTH["Z"][1] * steady.value**2
-    assert found == pytest.approx(FULL["Z"], rel=0.02)
+    force = -TRUTH["Z"][0] * steady.value - TRUTH["Z"][1] * steady.value**2
+    assert force == pytest.approx(FULL["Z"], rel=0.02)
 
 
 def test_commands_determine_gains_drag_and_time_constants_to_two_percent() -> None:

@@ -81,21 +81,21 @@ def test_pursuit_takes_the_terms_of_scikit_learn(axis):
     dive = Dive(800, seed=5, noise=0.2)
     factor = dive.factor()
     names = allowed_terms()[axis]
-    found = pursue(factor, axis, names, always=(), most=8)
+    pursued = pursue(factor, axis, names, always=(), most=8)
     columns = basis_rows(dive.nu.T, None, names).T
     length = np.linalg.norm(columns, axis=0)
     force = dive.force[:, "XYZKMN".index(axis)]
     for k in range(1, 9):
         oracle = orthogonal_mp(columns / length, force, n_nonzero_coefs=k) / length
         chosen = {names[i] for i in np.flatnonzero(oracle)}
-        assert chosen == set(found.order[:k])
-        fit = solve_axis(factor, axis, found.order[:k])
-        values = np.array([oracle[names.index(term)] for term in found.order[:k]])
-        scale = np.array([length[names.index(term)] for term in found.order[:k]])
+        assert chosen == set(pursued.order[:k])
+        fit = solve_axis(factor, axis, pursued.order[:k])
+        values = np.array([oracle[names.index(term)] for term in pursued.order[:k]])
+        scale = np.array([length[names.index(term)] for term in pursued.order[:k]])
         np.testing.assert_allclose(
             fit.solution * scale, values * scale, atol=1e-7 * np.abs(values * scale).max()
         )
-        assert found.sse[k] == pytest.approx(fit.sse, rel=1e-9)
+        assert pursued.sse[k] == pytest.approx(fit.sse, rel=1e-9)
 
 
 def test_pursuit_finds_what_pysindy_finds():
@@ -116,9 +116,9 @@ def test_pursuit_finds_what_pysindy_finds():
     forward = FROLS(normalize_columns=True, max_iter=3)
     threshold = STLSQ(threshold=1.0, alpha=0.0)
     for oracle in (forward, threshold):
-        found = oracle.fit(rows.T, force[:, 1:2]).coef_[0]
+        coefficients = oracle.fit(rows.T, force[:, 1:2]).coef_[0]
         np.testing.assert_allclose(
-            found, [ours.get(name, 0.0) for name in names], rtol=1e-7, atol=1e-7
+            coefficients, [ours.get(name, 0.0) for name in names], rtol=1e-7, atol=1e-7
         )
 
 
@@ -129,7 +129,7 @@ def test_pursuit_finds_a_sparse_truth_and_stops():
     force[:, 5] = -4.0 * rows[TERMS.index("r")] + 2.0 * rows[TERMS.index("v*|v|")] + 1.0
     force += 0.5 * random.normal(size=force.shape)
     factor = TriangularFactor.empty(TERMS).update(rows, force)
-    found = pursue(factor, "N", allowed_terms()["N"])
-    assert found.terms == ("r", "v*|v|")
+    pursued = pursue(factor, "N", allowed_terms()["N"])
+    assert pursued.terms == ("r", "v*|v|")
     exact = TriangularFactor.empty(TERMS).update(rows, np.round(force * 0.0) + rows[:1].T)
     assert pursue(exact, "X", ("u", "w", "q")).order == ("u",)

@@ -32,39 +32,39 @@ BLUEYE = ("Time", "Surge", "Sway", "Heave", "Yaw", "Depth", "Yaw Angle", "Desire
 
 
 def draft(names: tuple[str, ...] | list[str]) -> tuple[str, dict[str, Any]]:
-    said, text = proposed_map(names).split("\n", 1)
-    return said, read_yaml(text)
+    comment, text = proposed_map(names).split("\n", 1)
+    return comment, read_yaml(text)
 
 
 def test_names_with_units_give_a_map_that_holds_as_it_is() -> None:
-    said, found = draft(TANK)
-    mapped = column_map(found, TANK, file="tank.csv")
+    comment, proposed = draft(TANK)
+    mapped = column_map(proposed, TANK, file="tank.csv")
     assert mapped.time == "t_s"
     assert {(item.column, item.field) for item in mapped.columns} >= {
         ("u_mps", "u_m_s"),
         ("yaw_rad", "psi_rad"),
         ("p_radps", "gyro_x_rad_s"),
     }
-    assert "nothing looks like depth (resample), actuators (residual)" in said
+    assert "nothing looks like depth (resample), actuators (residual)" in comment
     assert "# no guess for cmd0" in proposed_map(TANK)
 
 
 def test_commands_are_not_taken_for_angles_nor_wishes_for_measurements() -> None:
-    said, found = draft(BLUEYE)
-    places = {item["column"]: item["field"] for item in found["columns"]}
+    comment, proposed = draft(BLUEYE)
+    places = {item["column"]: item["field"] for item in proposed["columns"]}
     assert places["Yaw"] == "command_yaw"
     assert places["Yaw Angle"] == "psi_rad"
     assert places["Depth"] == "depth_m"
     assert "Desired Depth" not in places
-    assert "attitude (without phi_rad, theta_rad)" in said
-    assert {item["unit"] for item in found["columns"] if item["column"] == "Depth"} == {"?"}, (
+    assert "attitude (without phi_rad, theta_rad)" in comment
+    assert {item["unit"] for item in proposed["columns"] if item["column"] == "Depth"} == {"?"}, (
         "no name tells this unit"
     )
 
 
 def test_velocity_called_by_where_it_points_has_its_frame() -> None:
-    _, found = draft(["time [s]", "forward [m/s]", "left [m/s]"])
-    assert [(item["field"], item["unit"], item.get("frame")) for item in found["columns"]] == [
+    _, proposed = draft(["time [s]", "forward [m/s]", "left [m/s]"])
+    assert [(item["field"], item["unit"], item.get("frame")) for item in proposed["columns"]] == [
         ("u_m_s", "m/s", None),
         ("v_m_s", "m/s", "flu"),
     ]
@@ -75,6 +75,6 @@ def test_velocity_called_by_where_it_points_has_its_frame() -> None:
     [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")],
 )
 def test_odd_names_leave_a_draft_that_can_be_read(names: tuple[str, ...]) -> None:
-    _, found = draft(names)
-    assert found["time"]["column"] in names
-    assert {item["column"] for item in found["columns"]} <= {*names, "?"}
+    _, proposed = draft(names)
+    assert proposed["time"]["column"] in names
+    assert {item["column"] for item in proposed["columns"]} <= {*names, "?"}
