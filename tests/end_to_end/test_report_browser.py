@@ -4,6 +4,7 @@ console. Pictures go to build/screenshots.
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable, Iterator
 from importlib import resources
@@ -164,9 +165,18 @@ def test_every_table_can_be_saved_as_csv(page: Browser) -> None:
     )
 
 
-@pytest.mark.parametrize("width", [1440, 390])
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("opened", [False, True])
+EVERY = set(itertools.product((1440, 390), (False, True), (False, True)))
+PAIRS = {(1440, False, True), (1440, True, False), (390, False, False), (390, True, True)}
+"""Cases in which every two of width, colours and folds meet; the others for a release."""
+
+
+@pytest.mark.parametrize(
+    ("width", "dark", "opened"),
+    [
+        *sorted(PAIRS),
+        *(pytest.param(*case, marks=pytest.mark.release) for case in sorted(EVERY - PAIRS)),
+    ],
+)
 def test_axe_finds_no_violation(
     browser: Browser, report: Path, width: int, dark: bool, opened: bool
 ) -> None:

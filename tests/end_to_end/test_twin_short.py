@@ -190,7 +190,9 @@ def in_span(name: str) -> tuple[dict[str, dict[str, float]], list[pa.Table]]:
     )
 
 
-@pytest.mark.parametrize("name", ["gertler_hagen", "linear"])
+@pytest.mark.parametrize(
+    "name", ["gertler_hagen", pytest.param("linear", marks=pytest.mark.release)]
+)
 def test_true_states_give_back_the_coefficients_of_a_truth_in_the_span(name: str) -> None:
     """Inverse dynamics of the true motion, then least squares: every coefficient to
     1e-6 of itself, residual force to 1e-9 N.

@@ -27,6 +27,7 @@ from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
+from auvid.data_schemas.units import convertible
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress import golden_figures as figures
 from auvid.pipeline.execution.engines import Serial
@@ -276,6 +277,15 @@ def outcome(fault: EquationFault, workspace: Path) -> str:
     return words
 
 
+def load_what_all_need() -> None:
+    """Load, once for all processes, what takes each of them seconds.
+
+    Only what no equation goes into.
+    """
+    importlib.import_module("scipy.signal")
+    assert convertible("kg", "g")
+
+
 def main() -> int:
     """Print what moves under each fault; 1 where nothing does."""
     options = argparse.ArgumentParser(
@@ -286,6 +296,7 @@ def main() -> int:
     options.add_argument("--seconds", type=float, default=float("inf"), help="stop after these")
     chosen = options.parse_args()
     end, unmoved = time.monotonic() + chosen.seconds, 0
+    load_what_all_need()
     with tempfile.TemporaryDirectory(prefix="auvid_equations_") as folder:
         for fault in FAULTS:
             workspace = Path(folder) / fault.campaign

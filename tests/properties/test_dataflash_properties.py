@@ -76,10 +76,11 @@ def test_what_is_written_is_read(table: tuple[str, list[list[Any]]]) -> None:
         if char in TEXTS:
             assert columns[names[k]].tolist() == [value.split(b"\0")[0] for value in values]
         else:
+            # Of the column's type at once: numpy makes floats of small and huge naturals.
             expected = (
                 np.array(values, np.float64) / FACTORS[char]
                 if char in FACTORS
-                else np.array(values)
+                else np.array(values, columns[names[k]].dtype)
             )
             np.testing.assert_array_equal(
                 columns[names[k]], expected.astype(columns[names[k]].dtype)

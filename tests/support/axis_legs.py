@@ -40,37 +40,49 @@ def axis_leg(
             force[AXES[VELOCITIES.index(velocity)]] = np.repeat(steps, hold)[:n]
     names = list(truth)
     place = [VELOCITIES.index(name) for name in names]
-    table = np.array([truth[name] for name in names])
+    table = [truth[name] for name in names]
     command = np.array([force[AXES[i]] for i in place]).T
-    m = np.ones(6) if inertia is None else inertia
+    m = [1.0] * 6 if inertia is None else inertia.tolist()
 
-    def slope(y: Array, f: Array) -> Array:
-        nu = np.zeros(6)
-        nu[place] = y[: len(names)]
-        x, late = y[: len(names)], y[len(names) : 2 * len(names)]
-        turn = nu[3:]
-        turning = np.zeros(6)
+    # Numbers in place of arrays: of so few, numpy takes ten times as long.
+    def slope(y: list[float], f: list[float]) -> list[float]:
+        nu, count = [0.0] * 6, len(names)
+        for i, value in zip(place, y, strict=False):
+            nu[i] = value
+        turning = [0.0] * 6
         if inertia is not None:
-            turning[:3] = -np.cross(turn, m[:3] * nu[:3]) / m[:3]
-            momentum = np.cross(nu[:3], m[:3] * nu[:3]) + np.cross(turn, m[3:] * turn)
-            turning[3:] = -momentum / m[3:]
-        a, b, c, d = table.T
-        rate = a * x + b * x * np.abs(x) + c * late + d + turning[place]
-        return np.concatenate([rate, (f - late) / lag_s, x])
+            u, v, w, p, q, r = nu
+            X, Y, Z, K, M, N = (mass * speed for mass, speed in zip(m, nu, strict=True))
+            force_moment = (
+                q * Z - r * Y, r * X - p * Z, p * Y - q * X,
+                v * Z - w * Y + q * N - r * M,
+                w * X - u * Z + r * K - p * N,
+                u * Y - v * X + p * M - q * K,
+            )  # fmt: skip
+            turning = [-part / mass for part, mass in zip(force_moment, m, strict=True)]
+        x, late = y[:count], y[count : 2 * count]
+        rate = [
+            a * x[i] + b * x[i] * abs(x[i]) + c * late[i] + d + turning[place[i]]
+            for i, (a, b, c, d) in enumerate(table)
+        ]
+        return [*rate, *((f[i] - late[i]) / lag_s for i in range(count)), *x]
 
-    y = np.zeros(3 * len(names))
-    y[len(names) : 2 * len(names)] = command[0]
+    def moved(y: list[float], step: float, k: list[float]) -> list[float]:
+        return [value + step * change for value, change in zip(y, k, strict=True)]
+
+    y = [0.0] * (3 * len(names))
+    y[len(names) : 2 * len(names)] = command[0].tolist()
     states = [y]
     h = step_s / fine
-    for i in range(n - 1):
-        for part in range(fine):
-            f = [command[i] + s * (command[i + 1] - command[i]) for s in
-                 (part / fine, (part + 0.5) / fine, (part + 1) / fine)]  # fmt: skip
-            k1 = slope(y, f[0])
-            k2 = slope(y + 0.5 * h * k1, f[1])
-            k3 = slope(y + 0.5 * h * k2, f[1])
-            k4 = slope(y + h * k3, f[2])
-            y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    for first, change in zip(command[:-1], np.diff(command, axis=0), strict=True):
+        ends = [(first + change * part / (2 * fine)).tolist() for part in range(2 * fine + 1)]
+        for part in range(0, 2 * fine, 2):
+            k1 = slope(y, ends[part])
+            k2 = slope(moved(y, 0.5 * h, k1), ends[part + 1])
+            k3 = slope(moved(y, 0.5 * h, k2), ends[part + 1])
+            k4 = slope(moved(y, h, k3), ends[part + 2])
+            total = [a + 2.0 * b + 2.0 * c + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+            y = moved(y, h / 6.0, total)
         states.append(y)
     motion = np.array(states)
     nothing, still = np.full(n, np.nan), np.zeros(n)

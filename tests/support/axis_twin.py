@@ -21,7 +21,7 @@ FULL = {"Z": 60.0, "N": 8.0}
 
 def _moved(force: Array, linear: float, quadratic: float, inertia: float) -> Array:
     """Return the velocity under a force, by Euler's method in steps of a tenth."""
-    late = first_order_lag(force, lag_s=LAG_S, step_s=STEP_S)
+    late = first_order_lag(force, lag_s=LAG_S, step_s=STEP_S).tolist()
     out, x, parts = np.zeros(len(force)), 0.0, 10
     for i in range(1, len(force)):
         for part in range(parts):

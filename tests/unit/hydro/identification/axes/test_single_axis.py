@@ -57,10 +57,13 @@ def simulated_by_scipy(leg: AxisRecord, axis: str, p: Array) -> Array:
 @pytest.mark.parametrize(
     ("seconds", "truth", "by_depth", "loss"),
     [
-        (4.0, YAW["r"], False, "squares"), (6.0, YAW["r"], False, "squares"),
-        (8.0, YAW["r"], False, "squares"), (4.0, YAW["r"], False, "soft_l1"),
-        (8.0, YAW["r"], False, "soft_l1"), (6.0, (-1.0, 0.3, 3.0, 0.03), False, "soft_l1"),
-        (8.0, HEAVE["w"], True, "soft_l1"),
+        (4.0, YAW["r"], False, "squares"), (6.0, (-1.0, 0.3, 3.0, 0.03), False, "soft_l1"),
+        (6.0, HEAVE["w"], True, "soft_l1"),
+        *(pytest.param(*case, marks=pytest.mark.release) for case in (
+            (6.0, YAW["r"], False, "squares"), (8.0, YAW["r"], False, "squares"),
+            (4.0, YAW["r"], False, "soft_l1"), (8.0, YAW["r"], False, "soft_l1"),
+            (8.0, HEAVE["w"], True, "soft_l1"),
+        )),
     ],
 )  # fmt: skip
 def test_pooled_fit_equals_scipy(
