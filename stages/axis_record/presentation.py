@@ -84,7 +84,7 @@ def record_views(record: AxisRecord) -> dict[str, Any]:
         depth = axis == "Z" and record.measured_by[axis] == "depth"
         column = "depth_m" if depth else VELOCITY[at]
         groups.append(
-            view(f"axes/{WORDS[axis]}", "axis_record", [column], ["measured"], tab="axes")
+            view(f"axes/{WORDS[axis]}", "axis_record", [column], ["measured"], tab="Axes")
         )
         groups.append(
             view(
@@ -92,7 +92,7 @@ def record_views(record: AxisRecord) -> dict[str, Any]:
                 "axis_record",
                 [FORCES[at]],
                 ["raw"],
-                tab="axes",
+                tab="Axes",
                 names=[axis],
                 unit="full commands" if record.normalised else None,
             )

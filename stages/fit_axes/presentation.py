@@ -266,7 +266,7 @@ def fit_views(motions: Mapping[str, Sequence[AxisMotion]], axes: Sequence[str]) 
                         where,
                         [column],
                         ["measured" if role == "measured" else "predicted"],
-                        tab="Axes",
+                        tab="Answer",
                         names=[role],
                     )
                 )
@@ -277,7 +277,7 @@ def fit_views(motions: Mapping[str, Sequence[AxisMotion]], axes: Sequence[str]) 
                     where,
                     [f"{role}_depth_m"],
                     ["measured" if role == "measured" else "predicted"],
-                    tab="Axes",
+                    tab="Answer",
                     names=[role],
                 )
                 for role in ("measured", "simulated")

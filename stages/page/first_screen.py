@@ -168,9 +168,18 @@ class Summary:
     def alerts(self) -> tuple[Alert, ...]:
         """Return all sentences to be read before the answer is used, worst first."""
         order = ("poor", "fair", "good")
-        every = (*self.log_findings, *self.missing, *self.warnings)
+        every = (*self.log_findings, *self.missing, *self.further_warnings)
         worst = sorted(every, key=lambda alert: order.index(alert.level))
         return tuple(dict.fromkeys(worst))
+
+    @property
+    def further_warnings(self) -> tuple[Alert, ...]:
+        """Return the warnings that no finding of the logs says already."""
+        return tuple(
+            words
+            for words in self.warnings
+            if not any(item.startswith(words.rstrip(".")) for item in self.log_findings)
+        )
 
     @property
     def leading(self) -> tuple[MeritRecord, ...]:

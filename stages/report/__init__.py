@@ -16,6 +16,7 @@ from importlib.util import find_spec
 import pyarrow as pa
 
 from auvid.data_schemas.checks import checks, log_findings
+from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
@@ -49,6 +50,9 @@ class Inputs:
     segment: Collection[SegmentRecord] | None = port("segment", many=True, optional=True)
     fused: Collection[pa.Table] | None = port("fused", many=True, optional=True)
     model_card: Collection[ModelCard] | None = port("model_card", many=True, optional=True)
+    axis_windows: Collection[AxisWindowsRecord] | None = port(
+        "axis_windows", many=True, optional=True
+    )
     ranking: RankingRecord | None = port("ranking", optional=True)
     shelf: Mapping[str, Vehicle] | None = port("vehicle", many=True, optional=True)
 
@@ -216,6 +220,7 @@ def render_recording(
         inputs.fused or {},
         content.segments,
         content.logs,
+        dict(inputs.axis_windows or {}),
         params.path_rate_hz,
         content.sections,
         content=inputs.provenance,

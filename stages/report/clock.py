@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyarrow as pa
 
+from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column
 from auvid.hydro.arrays import Array
 
 LOG_GAP_S = 10.0
+NO_WINDOWS: Mapping[str, AxisWindowsRecord] = {}
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,8 @@ class Clock:
     segments: Mapping[str, float]
     logs: Mapping[str, float]
     boot_s: Mapping[str, float]
+    legs: Mapping[str, float] = field(default_factory=dict)
+    """Where the record of a leg starts that was not cut into segments."""
 
     def seconds(self, name: str, table: pa.Table) -> Array | None:
         """Return the times (n,) of a table stored under `stage/item/port`.
@@ -33,6 +37,10 @@ class Clock:
         keeps its own seconds.
         """
         parts = name.split("/")
+        leg = next((part for part in parts if part in self.legs), None)
+        if "t_us" in table.column_names and leg is not None and table.num_rows:
+            stamps = column(table, "t_us")
+            return np.asarray((stamps - stamps[0]) * 1e-6 + self.legs[leg])
         log = next((part for part in parts if part in self.logs), None)
         if "time_us" in table.column_names and log is not None:
             return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])
@@ -49,10 +57,15 @@ def log_seconds(log: LogInfo) -> float:
     return float(log.end_us - log.start_us) * 1e-6
 
 
-def make_clock(segments: Mapping[str, SegmentRecord], logs: Mapping[str, LogInfo]) -> Clock:
+def make_clock(
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
+    windows: Mapping[str, AxisWindowsRecord] = NO_WINDOWS,
+) -> Clock:
     """Return the clock of logs one after the other, `LOG_GAP_S` apart.
 
-    A segment starts at its place in its log.
+    A segment starts at its place in its log, and so does the record of a leg of which
+    single axes are fitted (`windows`, by leg).
     """
     starts, place = {}, 0.0
     for name, log in logs.items():
@@ -64,4 +77,5 @@ def make_clock(segments: Mapping[str, SegmentRecord], logs: Mapping[str, LogInfo
         },
         logs=starts,
         boot_s={name: log.start_us * 1e-6 for name, log in logs.items()},
+        legs={item.leg: starts.get(item.log, 0.0) + item.start_s for item in windows.values()},
     )

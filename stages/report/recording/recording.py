@@ -17,6 +17,7 @@ import pyarrow.compute as pc
 import rerun as rr
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns, matrix
@@ -69,6 +70,7 @@ def record(
     fused: Mapping[str, pa.Table],
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
+    windows: Mapping[str, AxisWindowsRecord],
     path_rate_hz: float,
     sections: Mapping[str, Document] = NOTHING,
     *,
@@ -87,7 +89,7 @@ def record(
     per stage.
     """
     out = Recording(title, content=content, properties=properties, bins=bins, path=path)
-    clock = make_clock(segments, logs)
+    clock = make_clock(segments, logs, windows)
     load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
     out.document("answer/text", markdown(title, summary, segments, clock.segments))

@@ -72,8 +72,8 @@ def markdown(
             *(f"- {words}" for words in missing),
             "",
         ]
-    if summary.warnings:
-        lines += ["## Warnings", *(f"- {words}" for words in summary.warnings), ""]
+    if warnings := summary.further_warnings:
+        lines += ["## Warnings", *(f"- {words}" for words in warnings), ""]
     if segments:
         lines += [
             "## Segments",

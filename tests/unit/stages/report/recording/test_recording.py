@@ -13,6 +13,7 @@ import pyarrow as pa
 import pytest
 import rerun as rr
 
+from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.columns import VELOCITY, force_columns
@@ -95,6 +96,19 @@ def test_segments_stand_at_their_place_and_logs_one_after_the_other(made: Exampl
     assert times is not None
     assert times[0] == pytest.approx(61.0 - 5.0 + 19.0)
     assert clock.seconds("ingest/unknown/events", events) is None
+
+
+def test_legs_of_single_axes_stand_at_their_place_in_their_log(made: ExampleRun) -> None:
+    logs = {
+        "dive": made.logs["dive"],
+        "next": made.logs["dive"].model_copy(update={"start_us": 5_000_000, "end_us": 8_000_000}),
+    }
+    windows = AxisWindowsRecord.model_construct(leg="pier", log="next", start_s=0.5)
+    clock = make_clock({}, logs, {"pier": windows})
+    table = pa.table({"t_us": np.array([5_500_000, 5_550_000])})
+    times = clock.seconds("fit_axes/axis_motion/pier", table)
+    np.testing.assert_allclose(times, [9.0 + 10.0 + 0.5, 9.0 + 10.0 + 0.55])
+    assert clock.seconds("fit_axes/axis_motion/other", table) is None
 
 
 @pytest.mark.parametrize(

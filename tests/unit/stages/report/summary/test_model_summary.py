@@ -10,7 +10,7 @@ import pytest
 
 from auvid.data_schemas.records.models import VelocityRange
 from auvid.stages.base import collection
-from auvid.stages.page.first_screen import Summary
+from auvid.stages.page.first_screen import Alert, Summary
 from auvid.stages.page.html import anchor
 from auvid.stages.presentation import remark
 from auvid.stages.report import finding_alerts
@@ -292,3 +292,14 @@ def test_a_finding_that_two_logs_share_leads_to_the_log_that_it_names() -> None:
     (of_one_log,) = [words for words in one if "no_velocity" in words]
     assert not of_one_log.startswith("log ")
     assert of_one_log.place == anchor("ingest", "dive_10")
+
+
+def test_a_warning_that_a_finding_repeats_stands_once(run: ExampleRun) -> None:
+    first_screen = replace(
+        summary_of(run),
+        log_findings=(Alert("95 % of the samples of depth cannot be used. (most_rejected)"),),
+        warnings=(Alert("95 % of the samples of depth cannot be used."), Alert("Another one.")),
+        missing=(),
+    )
+    assert first_screen.further_warnings == ("Another one.",)
+    assert len(first_screen.alerts) == 2
