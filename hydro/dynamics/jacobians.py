@@ -16,9 +16,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.arrays import VELOCITIES, Array, cross
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix, rotation_body_to_ned, skew
-from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, MODULI, PROPULSION
+from auvid.hydro.dynamics.viscous.basis import MODULI, PROPULSION, product_plan
+
+BLOCK = 512
+"""Samples of the basis that are differentiated at once: they stay in the cache."""
 
 
 def coriolis_jacobian(M: ArrayLike, nu: ArrayLike) -> Array:
@@ -81,25 +84,37 @@ def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
     (..., 6), (..., 6) -> (..., 6, 6) each. nan at singular pitch.
     """
     eta, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
-    attitude, v, omega = eta[..., 3:], nu[..., :3], nu[..., 3:]
-    turn, rates = rotation_body_to_ned(attitude), euler_rate_matrix(attitude)
+    attitude, v = eta[..., 3:], nu[..., :3]
+    turn = rotation_body_to_ned(attitude)
     by_nu = np.zeros((*eta.shape[:-1], 6, 6))
-    by_nu[..., :3, :3], by_nu[..., 3:, 3:] = turn, rates
-    phi, theta = attitude[..., 0], attitude[..., 1]
-    sf, cf, ct, tt = np.sin(phi), np.cos(phi), np.cos(theta), np.tan(theta)
+    by_eta = np.zeros_like(by_nu)
+    by_nu[..., :3, :3] = turn
+    by_nu[..., 3:, 3:], by_eta[..., 3:, 3:] = euler_rate_jacobians(attitude, nu[..., 3:])
+    sf, cf = np.sin(attitude[..., 0]), np.cos(attitude[..., 0])
     zero, one = np.zeros_like(sf), np.ones_like(sf)
     pitch_axis = np.stack([zero, cf, -sf], axis=-1)
     roll_axis = np.stack([one, zero, zero], axis=-1)
-    by_eta = np.zeros_like(by_nu)
     for column, axis in ((3, roll_axis), (4, pitch_axis)):
-        by_eta[..., :3, column] = (turn @ np.cross(axis, v)[..., None])[..., 0]
+        by_eta[..., :3, column] = (turn @ cross(axis, v)[..., None])[..., 0]
     ground = (turn @ v[..., None])[..., 0]
     by_eta[..., 0, 5], by_eta[..., 1, 5] = -ground[..., 1], ground[..., 0]
+    return by_nu, by_eta
+
+
+def euler_rate_jacobians(attitude: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
+    """Return d(P_omega omega)/d(omega), which is P_omega (2.7), and by the Euler angles.
+
+    (..., 3), (..., 3) -> (..., 3, 3) each. nan at singular pitch.
+    """
+    angles, omega = np.asarray(attitude, dtype=np.float64), np.asarray(omega, dtype=np.float64)
+    phi, theta = angles[..., 0], angles[..., 1]
+    sf, cf, ct, tt = np.sin(phi), np.cos(phi), np.cos(theta), np.tan(theta)
     q, r = omega[..., 1], omega[..., 2]
     across, along = cf * q - sf * r, sf * q + cf * r
-    by_eta[..., 3, 3], by_eta[..., 4, 3], by_eta[..., 5, 3] = tt * across, -along, across / ct
-    by_eta[..., 3, 4], by_eta[..., 5, 4] = along / ct**2, along * tt / ct
-    return by_nu, by_eta
+    slope = np.zeros((*angles.shape[:-1], 3, 3))
+    slope[..., 0, 0], slope[..., 1, 0], slope[..., 2, 0] = tt * across, -along, across / ct
+    slope[..., 0, 1], slope[..., 2, 1] = along / ct**2, along * tt / ct
+    return euler_rate_matrix(angles), slope
 
 
 def basis_jacobian(
@@ -114,18 +129,26 @@ def basis_jacobian(
     `ratio` (...) is the propulsion ratio eta = u_c / U of `viscous_basis.eta_ratio`,
     which falls with U above `minimum_speed`.
     """
-    nu = np.asarray(nu, dtype=np.float64)
-    value, slope = _factors(nu, ratio, minimum_speed)
-    out = np.zeros((*nu.shape[:-1], len(terms), 6))
-    for row, name in enumerate(terms):
-        factors = BASIS_TERMS[name].factors
-        for i, factor in enumerate(factors):
-            others = np.ones(nu.shape[:-1])
-            for j, other in enumerate(factors):
-                if j != i:
-                    others = others * value[other]
-            out[..., row, :] += slope[factor] * others[..., None]
-    return out
+    velocity = np.asarray(nu, dtype=np.float64)
+    batch = velocity.shape[:-1]
+    flat = velocity.reshape(-1, 6)
+    eta = None if ratio is None else np.broadcast_to(np.asarray(ratio, float), batch).reshape(-1)
+    names, places = product_plan(tuple(terms))
+    out = np.empty((len(flat), len(terms), 6))
+    for start in range(0, len(flat), BLOCK):
+        rows = slice(start, start + BLOCK)
+        value, slope = _factors(flat[rows], None if eta is None else eta[rows], minimum_speed)
+        # A factor that a term does not have: 1, without a slope.
+        values = np.array([*(value[name] for name in names), np.ones(len(flat[rows]))])
+        slopes = np.array([*(slope[name] for name in names), np.zeros((len(flat[rows]), 6))])
+        total = np.zeros((len(terms), len(flat[rows]), 6))
+        for k, own in enumerate(places):
+            others = np.ones(total.shape[:2])
+            for other in (*places[:k], *places[k + 1 :]):
+                others = others * values[other]
+            total += slopes[own] * others[..., None]
+        out[rows] = total.transpose(1, 0, 2)
+    return out.reshape(*batch, len(terms), 6)
 
 
 def _factors(

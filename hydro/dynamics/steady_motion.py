@@ -5,7 +5,9 @@ Nothing holds the vehicle but its own righting moment: roll and pitch are free.
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,10 +17,10 @@ from auvid.hydro.dynamics.equations_of_motion import restoring_of
 from auvid.hydro.dynamics.jacobians import (
     basis_jacobian,
     coriolis_jacobian,
-    kinematics_jacobians,
+    euler_rate_jacobians,
     restoring_jacobian,
 )
-from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -34,6 +36,9 @@ TILT = [3, 4]
 """Places of phi and theta in eta."""
 STATES = [0, 1, 2, 3, 4, 5, 9, 10]
 """Places in [nu, eta] of what a steady motion keeps: velocities, roll and pitch."""
+R = TypeVar("R")
+Search = Generator[tuple[Array, Array], tuple[Array, Array], R]
+"""Newton's steps: yields nu and tilt, is sent the balance there and its slopes."""
 
 
 @dataclass(frozen=True)
@@ -58,30 +63,40 @@ class Floating:
         return parts
 
     def balance(self, nu: Array, tilt: Array) -> Array:
-        """Return all forces but the drive (6,), and the rates of roll and pitch."""
-        eta = np.zeros(6)
-        eta[TILT] = tilt
+        """Return all forces but the drive, and the rates of roll and pitch.
+
+        nu (..., 6), tilt (..., 2) -> (..., 8).
+        """
+        eta = _eta(tilt)
         force = self.constant + restoring_of(self.vehicle, eta)
-        force = force + self.model.force(nu, np.ones(()))
+        force = force + self.model.force(nu, np.ones(nu.shape[:-1]))
         force = force - coriolis_force(self.vehicle.mass_matrix, nu)
-        return np.concatenate([force, eta_dot(eta, nu)[TILT]])
+        rates = np.einsum("...ij,...j->...i", euler_rate_matrix(eta[..., 3:]), nu[..., 3:])
+        return np.concatenate([force, rates[..., :2]], axis=-1)
 
     def slopes(self, nu: Array, tilt: Array, *, minimum_speed: float = np.inf) -> Array:
-        """Return d(balance)/d[nu, phi, theta] (8, 8).
+        """Return d(balance)/d[nu, phi, theta]: (..., 6), (..., 2) -> (..., 8, 8).
 
         The propulsion ratio is 1 and, below `minimum_speed`, stays so as U changes.
         """
-        vehicle, eta = self.vehicle, np.zeros(6)
-        eta[TILT] = tilt
-        slope = basis_jacobian(nu, self.model.terms, ratio=np.ones(()), minimum_speed=minimum_speed)
-        out = np.zeros((8, 8))
-        out[:6, :6] = self.model.matrix @ slope - coriolis_jacobian(vehicle.mass_matrix, nu)
-        out[:6, 6:] = restoring_jacobian(
+        vehicle, eta = self.vehicle, _eta(tilt)
+        slope = basis_jacobian(
+            nu, self.model.terms, ratio=np.ones(nu.shape[:-1]), minimum_speed=minimum_speed
+        )
+        out = np.zeros((*nu.shape[:-1], 8, 8))
+        out[..., :6, :6] = self.model.matrix @ slope - coriolis_jacobian(vehicle.mass_matrix, nu)
+        out[..., :6, 6:] = restoring_jacobian(
             eta, weight=vehicle.weight, buoyancy=vehicle.buoyancy, r_G=vehicle.r_G, r_B=vehicle.r_B
-        )[:, TILT]
-        by_nu, by_eta = kinematics_jacobians(eta, nu)
-        out[6:, :6], out[6:, 6:] = by_nu[TILT], by_eta[np.ix_(TILT, TILT)]
+        )[..., TILT]
+        by_omega, by_attitude = euler_rate_jacobians(eta[..., 3:], nu[..., 3:])
+        out[..., 6:, 3:6], out[..., 6:, 6:] = by_omega[..., :2, :], by_attitude[..., :2, :2]
         return out
+
+
+def _eta(tilt: Array) -> Array:
+    eta = np.zeros((*tilt.shape[:-1], 6))
+    eta[..., TILT] = tilt
+    return eta
 
 
 @dataclass(frozen=True)
@@ -106,27 +121,67 @@ class SteadyMotion:
         return bool(np.max(np.abs(self.tilt)) < TIPPED_RAD)
 
 
+@dataclass(frozen=True)
+class Drive:
+    """Speeds along an axis, and the force (6,) of the actuators at f = 1."""
+
+    axis: str
+    direction: Array
+    speeds: Array
+
+
 def steady_motions(
-    floating: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike, *, minimum_speed: float
-) -> tuple[list[SteadyMotion], str]:
-    """Return the upright steady motions at speeds along an axis, and what ends them.
+    floating: Floating, drives: Sequence[Drive], *, minimum_speed: float
+) -> list[tuple[list[SteadyMotion], str]]:
+    """Return, for each drive, its upright steady motions and what ends them.
 
     0 = f drive + constant + tau_nu(nu) + tau_G(phi, theta) - C(nu) nu, phi_dot =
     theta_dot = 0, for f, phi, theta and the other five velocities, from one speed to the
-    next. drive (6,): force of the actuators at f = 1. Before a speed without upright
-    motion the step is halved, `HALVINGS` times. The end: `roll` or `pitch` beyond
-    `TIPPED_RAD`, `NO_MOTION` where none was found, empty where all speeds have one.
+    next. Before a speed without upright motion the step is halved, `HALVINGS` times. The
+    end: `roll` or `pitch` beyond `TIPPED_RAD`, `NO_MOTION` where none was found, empty
+    where all speeds have one.
     """
-    i, direction = AXES.index(axis), np.asarray(drive, dtype=np.float64)
+    return _solved(floating, [_along(floating, drive, minimum_speed) for drive in drives])
+
+
+def _solved(floating: Floating, searches: Sequence[Search[R]]) -> list[R]:
+    """Return the results of searches that take their steps together, as one batch."""
+    results: dict[int, R] = {}
+    states: dict[int, tuple[Array, Array]] = {}
+
+    def go_on(number: int, answer: tuple[Array, Array] | None) -> None:
+        try:
+            search = searches[number]
+            states[number] = next(search) if answer is None else search.send(answer)
+        except StopIteration as end:
+            states.pop(number, None)
+            results[number] = end.value
+
+    for number in range(len(searches)):
+        go_on(number, None)
+    while states:
+        order = list(states)
+        nu, tilt = (np.array([states[number][k] for number in order]) for k in (0, 1))
+        for number, *answer in zip(
+            order, floating.balance(nu, tilt), floating.slopes(nu, tilt), strict=True
+        ):
+            go_on(number, (answer[0], answer[1]))
+    return [results[number] for number in range(len(searches))]
+
+
+def _along(
+    floating: Floating, drive: Drive, minimum_speed: float
+) -> Search[tuple[list[SteadyMotion], str]]:
+    i, direction = AXES.index(drive.axis), np.asarray(drive.direction, dtype=np.float64)
     free = [j for j in range(6) if j != i]
     nu, tilt, force = np.zeros(6), np.zeros(2), 0.0
     motions: list[SteadyMotion] = []
-    ahead = np.asarray(speeds, dtype=np.float64).tolist()[::-1]
+    ahead = np.asarray(drive.speeds, dtype=np.float64).tolist()[::-1]
     halvings = 0
     while ahead:
         nu = nu.copy()
         nu[i] = ahead[-1]
-        balanced = _balanced(floating, nu, tilt, force, free, direction)
+        balanced = yield from _balanced(floating, nu, tilt, force, free, direction)
         if balanced is not None and np.max(np.abs(balanced[1])) < TIPPED_RAD:
             nu, tilt, force = balanced
             growth = growth_about(floating, nu, tilt, minimum_speed=minimum_speed)
@@ -143,7 +198,8 @@ def steady_motions(
 def rest_tilt(floating: Floating) -> Array | None:
     """Return roll and pitch (2,) [rad] without any drive; None where not upright."""
     free = list(range(6))
-    balanced = _balanced(floating, np.zeros(6), np.zeros(2), 0.0, free, np.zeros(6))
+    rest = _balanced(floating, np.zeros(6), np.zeros(2), 0.0, free, np.zeros(6))
+    (balanced,) = _solved(floating, [rest])
     if balanced is None or np.max(np.abs(balanced[1])) >= TIPPED_RAD:
         return None
     return balanced[1]
@@ -151,21 +207,20 @@ def rest_tilt(floating: Floating) -> Array | None:
 
 def _balanced(
     floating: Floating, nu: Array, tilt: Array, force: float, free: list[int], direction: Array
-) -> tuple[Array, Array, float] | None:
+) -> Search[tuple[Array, Array, float] | None]:
     """Return nu, tilt and force of a balance, by Newton's steps; None for none found.
 
     The slope of each velocity is lowered by sqrt(|missing force| M_jj): quadratic damping
     has no slope at rest.
     """
     nu, inertia = nu.copy(), np.diag(floating.vehicle.mass_matrix)
+    drive = np.append(direction, [0.0, 0.0])
     for _ in range(ITERATIONS):
-        missing = floating.balance(nu, tilt)
-        missing[:6] += force * direction
+        balance, slope = yield nu, tilt
+        missing = balance + force * drive
         if np.max(np.abs(missing)) < SETTLED * (1.0 + abs(force)):
             return nu, tilt, force
-        slope = floating.slopes(nu, tilt)
         slope[range(6), range(6)] -= np.sqrt(np.abs(missing[:6]) * inertia)
-        drive = np.append(direction, [0.0, 0.0])
         columns = np.column_stack([slope[:, free], drive, slope[:, 6:]])
         step = np.linalg.lstsq(columns, -missing, rcond=None)[0]
         step *= min(1.0, 0.3 / max(np.max(np.abs(step[-2:])), 1e-12))

@@ -26,6 +26,7 @@ from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
 from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
+    Drive,
     Floating,
     SteadyMotion,
     overturning,
@@ -70,16 +71,15 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     """Return what a model does by itself within the flown velocities of its card."""
     vehicle = floating.vehicle
     drives = _drives(vehicle, card.conditions)
-    tried = [
-        Tried(
-            axis,
-            drive,
-            direction,
-            speeds,
-            *steady_motions(floating, axis, speeds, direction, minimum_speed=minimum_speed),
-        )
+    tracks = [
+        (drive, Drive(axis, direction, speeds))
         for (axis, drive), direction in drives.items()
         for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
+    ]
+    found = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
+    tried = [
+        Tried(track.axis, drive, track.direction, track.speeds, *motions)
+        for (drive, track), motions in zip(tracks, found, strict=True)
     ]
     upright, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
     pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}

@@ -124,7 +124,7 @@ def basis_rows(
     None, `PipelineError` for an unknown term.
     """
     nu = np.asarray(nu_rows, dtype=np.float64)
-    names, places = _product_plan(basis_term_names() if terms is None else tuple(terms))
+    names, places = product_plan(basis_term_names() if terms is None else tuple(terms))
     factor = _factors(nu, eta_ratio)
     values = np.ones((len(names) + 1, nu.shape[1]))
     for row, name in zip(values, names, strict=False):
@@ -140,7 +140,7 @@ def basis_rows(
 
 
 @lru_cache(maxsize=64)
-def _product_plan(terms: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
+def product_plan(terms: tuple[str, ...]) -> tuple[tuple[str, ...], Index]:
     """Return the factors in `terms` and the places of each term's factors.
 
     First, second ... factor of each term; one beyond the last where a term has no such

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
+    Drive,
     Floating,
+    SteadyMotion,
     growth_about,
     overturning,
     rest_tilt,
@@ -28,10 +31,34 @@ def floating(**rows: dict[str, float]) -> Floating:
     return Floating(VEHICLE, IdentifiedModel("test", coefficients), np.zeros(6))
 
 
+def along(
+    model: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike
+) -> tuple[list[SteadyMotion], str]:
+    track = Drive(axis, np.asarray(drive), np.asarray(speeds))
+    return steady_motions(model, [track], minimum_speed=0.05)[0]
+
+
+def test_drives_that_are_tried_together_find_what_each_finds_alone() -> None:
+    model = floating(M={"u": -3.0}, N={"v": 1.0})
+    tracks = [
+        Drive("X", np.eye(6)[0], SPEEDS[::20]),
+        Drive("X", np.eye(6)[0], -SPEEDS[::10]),
+        Drive("N", np.eye(6)[5], SPEEDS[::25]),
+    ]
+    together = steady_motions(model, tracks, minimum_speed=0.05)
+    for track, (motions, end) in zip(tracks, together, strict=True):
+        single, single_end = along(model, track.axis, track.speeds, track.direction)
+        assert end == single_end
+        assert len(motions) == len(single) > 2
+        for one, other in zip(motions, single, strict=True):
+            assert one.nu == pytest.approx(other.nu, abs=1e-12)
+            assert one.tilt == pytest.approx(other.tilt, abs=1e-12)
+
+
 def test_pitch_of_steady_surge_balances_the_righting_moment_and_ends_at_sixty_degrees() -> None:
     """M_u u = (z_G W - z_B B) sin(theta), and X_u u + f = 0."""
     model = floating(M={"u": -3.0})
-    motions, end = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)
+    motions, end = along(model, "X", SPEEDS, np.eye(6)[0])
     assert end == "pitch"
     for motion in motions:
         assert np.sin(motion.tilt[1]) == pytest.approx(-3.0 * motion.speed / RIGHTING, abs=1e-9)
@@ -44,10 +71,10 @@ def test_thrusters_below_the_origin_hold_what_a_force_at_the_origin_tips_over() 
     """A drag centre at the height of the thrusters gives no pitch."""
     model = floating(X={"u": -50.0}, M={"u": -0.085 * 50.0})
     drive = [1.0, 0.0, 0.0, 0.0, 0.085, 0.0]
-    motions, _ = steady_motions(model, "X", SPEEDS, drive, minimum_speed=0.05)
+    motions, _ = along(model, "X", SPEEDS, drive)
     assert len(motions) == len(SPEEDS)
     assert max(abs(motion.tilt[1]) for motion in motions) < 1e-9
-    lost, _ = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)
+    lost, _ = along(model, "X", SPEEDS, np.eye(6)[0])
     assert len(lost) < 40
 
 
@@ -80,7 +107,7 @@ def test_slopes_are_those_of_the_balance() -> None:
 
 def test_the_coefficient_that_pushes_over_most_is_named_first() -> None:
     model = floating(M={"u": -3.0, "u*|u|": -0.5})
-    last = steady_motions(model, "X", SPEEDS, np.eye(6)[0], minimum_speed=0.05)[0][-1]
+    last = along(model, "X", SPEEDS, np.eye(6)[0])[0][-1]
     shares = overturning(model, "M", last, np.eye(6)[0])
     assert next(iter(shares)) == "M_u"
     assert shares["M_u"] == pytest.approx(3.0 * last.speed)
@@ -91,7 +118,7 @@ def test_quadratic_damping_balances_a_constant_force_from_rest() -> None:
     """w = -sqrt(6 / 90) where Z = -6 N rises against Z_ww = -90 kg/m."""
     rows = {a: {f"{x}*|{x}|": -90.0} for a, x in zip("XYZKMN", "uvwpqr", strict=True)}
     model = Floating(VEHICLE, IdentifiedModel("test", rows), -6.0 * np.eye(6)[2])
-    motions, end = steady_motions(model, "N", [0.0, 0.1], np.eye(6)[5], minimum_speed=0.05)
+    motions, end = along(model, "N", [0.0, 0.1], np.eye(6)[5])
     assert (end, len(motions)) == ("", 2)
     assert motions[0].nu[2] == pytest.approx(-np.sqrt(6.0 / 90.0), abs=1e-9)
     assert rest_tilt(model) == pytest.approx(0.0, abs=1e-8)
@@ -99,12 +126,12 @@ def test_quadratic_damping_balances_a_constant_force_from_rest() -> None:
 
 def test_a_speed_without_balance_ends_without_a_tilt() -> None:
     undriven = floating()
-    assert steady_motions(undriven, "X", [0.2], np.zeros(6), minimum_speed=0.05) == ([], NO_MOTION)
+    assert along(undriven, "X", [0.2], np.zeros(6)) == ([], NO_MOTION)
 
 
 def test_the_end_is_bisected() -> None:
     model = floating(M={"u": -3.0})
     speeds = np.linspace(0.0, 1.0, 8)
-    motions, _ = steady_motions(model, "X", speeds, np.eye(6)[0], minimum_speed=0.05)
+    motions, _ = along(model, "X", speeds, np.eye(6)[0])
     limit = np.sin(TIPPED_RAD) * RIGHTING / 3.0
     assert limit - 1.0 / 7.0 / 30.0 < motions[-1].speed <= limit
