@@ -155,25 +155,31 @@ class DataErrors:
     @classmethod
     def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> DataErrors:
         """Return the errors of one leg."""
-        strided = StridedLeg.of(leg.nu, leg.force, terms, ratio=leg.ratio)
-        if leg.measured is None:
-            slopes = np.zeros((len(strided.rows), 6, 6))
-            velocities = None if leg.sd is None else strided.random(leg.sd, slopes)
-            return cls(velocities, (), {})
-        every = leg.measured.every(STRIDE)
-        velocities = None
-        if leg.sd is not None:
-            velocities = strided.random(leg.sd, every.force_slopes(vehicle))
-        smoothing = tuple(
-            strided.definite(_smoothed(leg.measured, vehicle, index, cutoff))
-            for index, cutoff in enumerate(leg.cutoffs_hz)
-        )
-        figures: dict[str, tuple[NormalChange, ...]] = {}
-        for figure, d_force, d_nu in figure_errors(
-            every, vehicle, leg.thrust[::STRIDE], vehicle.spreads
-        ):
-            figures[figure] = (*figures.get(figure, ()), strided.definite(d_force, d_nu))
-        return cls(velocities, smoothing, figures)
+        slopes, smoothing, figures = np.zeros((len(leg.nu[::STRIDE]), 6, 6)), [], []
+        if leg.measured is not None:
+            every = leg.measured.every(STRIDE)
+            if leg.sd is not None:
+                slopes = every.force_slopes(vehicle)
+            smoothing = [
+                _smoothed(leg.measured, vehicle, index, cutoff)
+                for index, cutoff in enumerate(leg.cutoffs_hz)
+            ]
+            figures = list(figure_errors(every, vehicle, leg.thrust[::STRIDE], vehicle.spreads))
+        parts = []
+        for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
+            at = slice(place.start // STRIDE, place.stop // STRIDE)
+            changes: dict[str, tuple[NormalChange, ...]] = {}
+            for figure, d_force, d_nu in figures:
+                change = part.definite(d_force[at], None if d_nu is None else d_nu[at])
+                changes[figure] = (*changes.get(figure, ()), change)
+            parts.append(
+                cls(
+                    None if leg.sd is None else part.random(leg.sd[place], slopes[at]),
+                    tuple(part.definite(force[at]) for force in smoothing),
+                    changes,
+                )
+            )
+        return reduce(cls.merge, parts)
 
     def merge(self, other: DataErrors) -> DataErrors:
         """Return the errors of both; what one of them does not know is not known."""

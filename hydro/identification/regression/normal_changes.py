@@ -17,8 +17,8 @@ motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,6 +31,8 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFi
 
 STRIDE = 5
 """Every fifth sample is enough for a mean: velocities are smooth over many samples."""
+AT_ONCE = 2048
+"""Samples whose slopes are in memory at once."""
 SMOOTHED_SHARE = 3.0
 """What a spline took away over what it takes from its own result: 3 to 5 for the pitch
 and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
@@ -102,6 +104,24 @@ class StridedLeg:
             np.asarray(forces, dtype=np.float64)[::STRIDE],
             len(velocity) / len(chosen),
         )
+
+    @classmethod
+    def parts(
+        cls, nu: ArrayLike, forces: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | None
+    ) -> Iterator[tuple[slice, StridedLeg]]:
+        """Yield it in pieces, each with its place among the samples of the leg.
+
+        Their changes add up to those of the leg: slopes of a long one take a gigabyte.
+        """
+        velocity, force = np.asarray(nu), np.asarray(forces)
+        eta = None if ratio is None else np.asarray(ratio)
+        weight = len(velocity) / len(velocity[::STRIDE])
+        for start in range(0, len(velocity), STRIDE * AT_ONCE):
+            place = slice(start, start + STRIDE * AT_ONCE)
+            piece = cls.of(
+                velocity[place], force[place], terms, ratio=None if eta is None else eta[place]
+            )
+            yield place, replace(piece, weight=weight)
 
     def random(self, sd: ArrayLike, force_slopes: Array) -> tuple[NormalChange, ...]:
         """Return the expected change by independent errors of each velocity.

@@ -10,6 +10,10 @@ from auvid.hydro.arrays import Array
 
 EDGE_SHARE = 0.01
 """A disturbance at an end has decayed to this share after the edge zone."""
+SPLINE_REACH = 9.0
+"""Periods of the cutoff after which a smoothing spline has lost a sample."""
+LEAST_REACH = 4096
+"""Samples by which a signal is continued at least, or by its length."""
 CLOCK_TOLERANCE = 0.01
 """Largest deviation of one step from the mean step, as a share of it."""
 
@@ -78,7 +82,30 @@ def spline_lowpass(values: ArrayLike, cutoff_hz: float, *, step_s: float) -> Arr
     0.5
     """
     signal = np.asarray(values, dtype=np.float64)
-    longer = np.concatenate([signal[::-1], signal, signal[::-1]])
-    frequency = np.fft.rfftfreq(len(longer), step_s)
-    passed = np.fft.rfft(longer) / (1.0 + (frequency / cutoff_hz) ** 4)
-    return np.asarray(np.fft.irfft(passed, len(longer))[len(signal) : 2 * len(signal)])
+    # Beyond, the spline's response to a sample is gone: exp(-sqrt(2) pi f t) of it is below
+    # rounding, and a tail that the end of the spectrum leaves falls with the square of time.
+    reach = max(LEAST_REACH, int(np.ceil(SPLINE_REACH / (cutoff_hz * step_s))))
+    edge = min(reach, len(signal))
+    longer = np.concatenate([signal[:edge][::-1], signal, signal[::-1][:edge]])
+    count = len(longer) if edge < reach else fast_length(len(longer))
+    frequency = np.fft.rfftfreq(count, step_s)
+    passed = np.fft.rfft(longer, count) / (1.0 + (frequency / cutoff_hz) ** 4)
+    return np.asarray(np.fft.irfft(passed, count)[edge : edge + len(signal)])
+
+
+def fast_length(least: int) -> int:
+    """Return the smallest length from `least` on that is a product of 2, 3 and 5.
+
+    >>> fast_length(721)
+    729
+    """
+    best = 1 << max(least - 1, 1).bit_length()
+    five = 1
+    while five < best:
+        three = five
+        while three < best:
+            twos = max(-(-least // three) - 1, 0).bit_length()
+            best = min(best, three << twos)
+            three *= 3
+        five *= 5
+    return best

@@ -21,8 +21,9 @@ is the filter's input and has no model of its own: with one that is smooth (as t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,6 +53,8 @@ where it lacks it; transport: 1 where it lacks omega x v.
 SENSORS = ("u", "v", "w", "depth")
 BLOCK_S = 5.0
 """Sums are kept for pieces of this length, longer than the innovations' memory."""
+STEPS_AT_ONCE = 8192
+"""Matrices of so many steps of the filter are in memory, and in the cache."""
 PLACES = 9
 """The first faults are those of place and scale; the last three belong to the
 accelerometer.
@@ -125,17 +128,19 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     step_v, step_z = _nearest_step(t, tv), _nearest_step(t, tz)
     omega = leg.omega[step_v]
     velocity = lever_arm_velocity(sensed, omega, leg.arm_m)
-    used = estimated_noise(t, leg.acceleration, tv, velocity, tz, z, noise or SmootherNoise())
+    spline = smoothing_spline(t, leg.acceleration)
+    used = estimated_noise(
+        t, leg.acceleration, tv, velocity, tz, z, noise or SmootherNoise(), accel_spline=spline
+    )
     assert used.velocity is not None
     assert used.depth is not None
-    smooth = np.asarray(smoothing_spline(t, leg.acceleration).evaluate(tv))
+    smooth = np.asarray(spline.evaluate(tv))
     # v_dot = f - omega x v carries a sample to its step.
     carried = velocity + (t[step_v] - tv)[:, None] * (smooth - cross(omega, velocity))
     order = np.argsort(np.concatenate([np.repeat(step_v, 3), step_z]), kind="stable")
     steps = np.concatenate([np.repeat(step_v, 3), step_z])[order].astype(np.int64)
     sensor = np.concatenate([np.tile([0, 1, 2], len(tv)), np.full(len(tz), 3)])[order]
     variance = np.concatenate([used.velocity, [used.depth]]) ** 2
-    transitions, gains, processes = _process(t, leg.euler, leg.omega, used)
     blocks = ((t - t[0]) / BLOCK_S).astype(np.int64)
     start = np.concatenate([z[:1], velocity[0], np.zeros(3)])
     prior = np.array([*START_VARIANCES, *np.full(3, used.bias**2)])
@@ -143,19 +148,30 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     # Imported here, since numba takes a second.
     from auvid.hydro.identification.signals.compiled_filter import run_filter
 
-    def filtered(inputs: Array, values: Array, variance: Array) -> tuple[Array, Array, Array]:
-        x = np.zeros((7, inputs.shape[2]))
+    def filtered(
+        inputs: Callable[[slice], Array], values: Array, variance: Array
+    ) -> tuple[Array, Array, Array]:
+        ordered, columns = values[order], values.shape[1]
+        x, P = np.zeros((7, columns)), np.diag(prior)
         x[:, 0] = start
-        innovations, scaled = np.empty((len(steps), inputs.shape[2])), np.empty(len(steps))
-        run_filter(
-            transitions, gains, processes, np.array(inputs, order="C"), x, np.diag(prior),
-            steps, sensor, values[order], variance, innovations, scaled,
-        )  # fmt: skip
+        innovations, scaled = np.empty((len(steps), columns)), np.empty(len(steps))
+        for begin in range(0, len(t), STEPS_AT_ONCE):
+            # With the last step of the piece before, from which the first one goes on.
+            part = slice(max(begin - 1, 0), begin + STEPS_AT_ONCE)
+            low, high = np.searchsorted(steps, (begin, begin + STEPS_AT_ONCE))
+            run_filter(
+                *_process(t[part], leg.euler[part], leg.omega[part], used),
+                np.ascontiguousarray(inputs(part)), x, P, steps[low:high] - part.start,
+                sensor[low:high], ordered[low:high], variance, innovations[low:high],
+                scaled[low:high],
+            )  # fmt: skip
         return innovations, scaled, x[4:, 0]
 
     # What the filter expects of a sample has no part of its noise: faults are made of it.
     measured = np.concatenate([carried.ravel(), z])
-    first, first_scaled, bias = filtered(leg.acceleration[:, :, None], measured[:, None], variance)
+    first, first_scaled, bias = filtered(
+        lambda part: leg.acceleration[part, :, None], measured[:, None], variance
+    )
     expected = np.empty(len(measured))
     expected[order] = measured[order] - first[:, 0]
     v, depth = expected[: 3 * len(tv)].reshape(-1, 3), expected[3 * len(tv) :]
@@ -164,8 +180,7 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     rate = smooth - bias - cross(omega, v) + cross(leg.omega_dot[step_v], arm)
 
     k = len(FAULTS)
-    on_velocity, on_accel = np.zeros((len(tv), 3, 1 + k)), np.zeros((len(t), 3, 1 + k))
-    on_depth = np.zeros((len(tz), 1 + k))
+    on_velocity, on_depth = np.zeros((len(tv), 3, 1 + k)), np.zeros((len(tz), 1 + k))
     for axis, unit in enumerate(np.eye(3)):
         on_velocity[:, :, 1 + axis] = cross(omega, np.broadcast_to(unit, omega.shape))
         on_velocity[:, :, 4 + axis] = cross(reading, np.broadcast_to(unit, reading.shape))
@@ -174,12 +189,19 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
         ("lag", on_velocity, -rate),
         ("velocity_scale", on_velocity, reading),
         ("depth_scale", on_depth, depth - depth.mean()),
-        ("accelerometer_scale", on_accel, leg.reading),
-        ("gravity", on_accel, -used.gravity * rotation_body_to_ned(leg.euler)[:, 2, :]),
-        ("transport", on_accel, -cross(leg.omega, speed)),
     ):
         where[..., 1 + FAULTS.index(name)] = column
-    on_velocity[:, :, 0], on_accel[:, :, 0], on_depth[:, 0] = carried, leg.acceleration, z
+    on_velocity[:, :, 0], on_depth[:, 0] = carried, z
+
+    def on_accel(part: slice) -> Array:
+        down = rotation_body_to_ned(leg.euler[part])[:, 2, :]
+        out = np.zeros((len(down), 3, 1 + k))
+        out[..., 0] = leg.acceleration[part]
+        out[..., 1 + FAULTS.index("accelerometer_scale")] = leg.reading[part]
+        out[..., 1 + FAULTS.index("gravity")] = -used.gravity * down
+        out[..., 1 + FAULTS.index("transport")] = -cross(leg.omega[part], speed[part])
+        return out
+
     values = np.concatenate([on_velocity.reshape(-1, 1 + k), on_depth])
     innovations, scaled, _ = filtered(on_accel, values, variance)
 
@@ -194,8 +216,9 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     innovations, scaled, _ = filtered(on_accel, values, variance)
     weighted = innovations / np.sqrt(scaled)[:, None]
     gram = np.zeros((int(blocks[-1]) + 1, 1 + k, 1 + k))
-    for block in range(len(gram)):
-        rows = weighted[blocks[steps] == block]
+    edges = np.searchsorted(blocks[steps], np.arange(len(gram) + 1))
+    for block, (low, high) in enumerate(pairwise(edges)):
+        rows = weighted[low:high]
         gram[block] = rows.T @ rows
     squares = np.bincount(sensor, (first[:, 0] ** 2) / first_scaled, minlength=len(SENSORS))
     as_floats = np.asarray(squares, dtype=np.float64), np.asarray(counts, dtype=np.float64)

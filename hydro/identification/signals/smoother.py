@@ -35,7 +35,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned, skew
-from auvid.hydro.identification.signals.splines import smoothing_spline
+from auvid.hydro.identification.signals.splines import SmoothingSpline, smoothing_spline
 
 Z, V, F, J, B, C = 0, slice(1, 4), slice(4, 7), slice(7, 10), slice(10, 13), slice(13, 16)
 SIZE, MEASURED = 13, 7
@@ -114,12 +114,15 @@ def estimated_noise(
     t_depth: Array,
     depth: Array,
     noise: SmootherNoise,
+    *,
+    accel_spline: SmoothingSpline | None = None,
 ) -> SmootherNoise:
     """Return the noise with what is None estimated by smoothing splines with GCV.
 
-    Sensor noise is sigma, jerk density sigma^2 / lambda.
+    Sensor noise is sigma, jerk density sigma^2 / lambda. accel_spline: that of `accel`,
+    where it is there already.
     """
-    a = smoothing_spline(t_s, accel)
+    a = accel_spline or smoothing_spline(t_s, accel)
     sigma = np.maximum(a.sigma, FLOOR["accel"])
     return replace(
         noise,

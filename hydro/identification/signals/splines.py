@@ -232,22 +232,32 @@ class _Reinsch:
             # Each signal counts by its own roughness, so that units do not decide.
             noise = np.sqrt(np.mean(self.second_difference(y) ** 2, axis=0))
             groups = [y / np.where(noise > 0, noise, 1.0)]
-        traces = [self.trace_of_residual_maker(float(np.exp(point))) for point in grid]
+        lambdas_of_grid = [float(np.exp(point)) for point in grid]
+        traces = [self.trace_of_residual_maker(lam) for lam in lambdas_of_grid]
 
-        def score(log_lam: float, signal: Array, trace: float | None = None) -> float:
-            lam = float(np.exp(log_lam))
-            residual = signal - self.fit(signal, lam)[0]
-            freedom = self.trace_of_residual_maker(lam) if trace is None else trace
+        def criterion(residual: Array, freedom: float) -> float:
             return float(
                 np.log(max(np.sum(self.weight[:, None] * residual**2), 1e-300))
                 - 2.0 * np.log(freedom)
             )
 
-        lambdas = []
-        for signal in groups:
-            scores = [
-                score(point, signal, trace) for point, trace in zip(grid, traces, strict=True)
+        def score(log_lam: float, signal: Array) -> float:
+            lam = float(np.exp(log_lam))
+            residual = signal - self.fit(signal, lam)[0]
+            return criterion(residual, self.trace_of_residual_maker(lam))
+
+        # One factor of the system serves all signals at a point of the grid.
+        columns = np.concatenate(groups, axis=1)
+        ends = np.cumsum([signal.shape[1] for signal in groups])[:-1]
+        points = [
+            [
+                criterion(part, trace)
+                for part in np.split(columns - self.fit(columns, lam)[0], ends, axis=1)
             ]
+            for lam, trace in zip(lambdas_of_grid, traces, strict=True)
+        ]
+        lambdas = []
+        for signal, scores in zip(groups, zip(*points, strict=True), strict=True):
             best = int(np.argmin(scores))
             bounds = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
             lambdas.append(

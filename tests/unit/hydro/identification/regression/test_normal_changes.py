@@ -14,6 +14,7 @@ from auvid.hydro.identification.regression.least_squares import (
     solve_axis,
 )
 from auvid.hydro.identification.regression.normal_changes import (
+    AT_ONCE,
     SMOOTHED_SHARE,
     STRIDE,
     NormalChange,
@@ -141,6 +142,25 @@ def test_more_samples_add_up() -> None:
     # The coefficient of v has slope 1 everywhere: n sd^2; a constant has none.
     assert once.moment[0, 0] == pytest.approx(2000 * 0.01**2, rel=1e-12)
     assert not once.moment[-1].any()
+
+
+def test_pieces_of_a_leg_add_up_to_it() -> None:
+    nu, force = flown(3, n=2 * STRIDE * AT_ONCE + 3)
+    sd, shift = np.abs(nu), 0.1 * nu
+    whole = StridedLeg.of(nu, force, TERMS, ratio=None)
+    slopes = np.zeros((len(whole.rows), 6, 6))
+    expected = (*whole.random(sd, slopes), whole.definite(shift[::STRIDE], shift[::STRIDE]))
+    total: list[NormalChange] = []
+    for place, part in StridedLeg.parts(nu, force, TERMS, ratio=None):
+        own = nu[place][::STRIDE]
+        changes = [
+            *part.random(sd[place], np.zeros((len(own), 6, 6))),
+            part.definite(0.1 * own, 0.1 * own),
+        ]
+        total = [a.merge(b) for a, b in zip(total, changes, strict=True)] if total else changes
+    for one, other in zip(total, expected, strict=True):
+        assert one.moment == pytest.approx(other.moment, rel=1e-11, abs=1e-12)
+        assert one.target == pytest.approx(other.target, rel=1e-11, abs=1e-12)
 
 
 @pytest.mark.parametrize("sd", [np.full((10, 6), -1.0), np.full((10, 6), np.nan), np.zeros((4, 6))])

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.signals.filters import edge_zone_s, zero_phase_lowpass
+from auvid.hydro.identification.signals.filters import (
+    edge_zone_s,
+    fast_length,
+    spline_lowpass,
+    zero_phase_lowpass,
+)
 
 T = np.arange(3000) / 50.0
 
@@ -57,3 +62,20 @@ def test_refuses_nan_gaps_and_impossible_cutoffs() -> None:
         zero_phase_lowpass(T, T, cutoff_hz=25.0)
     with pytest.raises(DataError, match="too few samples"):
         zero_phase_lowpass(T[:3], T[:3], cutoff_hz=3.0)
+
+
+@pytest.mark.parametrize("cutoff_hz", [0.3, 1.3, 20.0])
+@pytest.mark.parametrize("n", [50, 4999, 17903])
+def test_a_signal_is_continued_as_far_as_a_spline_reaches(n: int, cutoff_hz: float) -> None:
+    signal = np.cumsum(np.random.default_rng(n).standard_normal(n))
+    longer = np.concatenate([signal[::-1], signal, signal[::-1]])
+    frequency = np.fft.rfftfreq(len(longer), 0.02)
+    passed = np.fft.irfft(np.fft.rfft(longer) / (1.0 + (frequency / cutoff_hz) ** 4), len(longer))
+    own = spline_lowpass(signal, cutoff_hz, step_s=0.02)
+    assert own == pytest.approx(passed[n : 2 * n], abs=1e-8 * np.abs(signal).max())
+
+
+def test_the_next_length_that_a_transform_likes() -> None:
+    good = sorted(2**a * 3**b * 5**c for a in range(12) for b in range(8) for c in range(6))
+    for least in range(1, 2000, 7):
+        assert fast_length(least) == next(size for size in good if size >= least)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.signals import installation
 from auvid.hydro.identification.signals.installation import (
     FAULTS,
     LegSensors,
@@ -124,6 +125,17 @@ def test_legs_add_up(motion: Motion) -> None:
     np.testing.assert_allclose(twice.value, one.value, rtol=1e-6)
     # 1/sqrt(2), and the correction for few pieces: 12/11 and 24/23
     np.testing.assert_allclose(twice.sd / one.sd, np.sqrt(0.5), rtol=0.03)
+
+
+def test_pieces_of_the_filter_do_not_change_its_sums(
+    motion: Motion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leg = sensors(motion, 1)
+    whole = installation_sums(leg)
+    monkeypatch.setattr(installation, "STEPS_AT_ONCE", 97)
+    pieces = installation_sums(leg)
+    assert np.array_equal(pieces.gram, whole.gram)
+    assert np.array_equal(pieces.squares, whole.squares)
 
 
 def test_a_straight_run_shows_no_arm() -> None:

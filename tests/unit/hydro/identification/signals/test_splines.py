@@ -112,6 +112,14 @@ def test_one_lambda_for_all_columns_when_shared() -> None:
     assert alone.lambda_[0] != alone.lambda_[1]
 
 
+def test_each_column_has_the_lambda_that_it_has_alone() -> None:
+    t, first = noisy_sine(300, 1)
+    both = np.column_stack([first, noisy_sine(300, 2, noise=0.05)[1]])
+    together = smoothing_spline(t, both)
+    for column, lam in zip(both.T, together.lambda_, strict=True):
+        assert smoothing_spline(t, column).lambda_ == pytest.approx(lam, rel=1e-9)
+
+
 def test_never_extrapolates() -> None:
     t, y = noisy_sine(20, seed=1)
     outside = smoothing_spline(t, y, lam=0.1).evaluate([t[0] - 1e-9, t[0], t[-1], t[-1] + 1e-9])
