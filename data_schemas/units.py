@@ -46,6 +46,43 @@ def _harmless(unit: str) -> bool:
     return len(unit) <= LONGEST and every and math.prod(powers) < 100
 
 
+SYMBOLS = {
+    "1": (0, 0, 0),
+    "rad": (0, 0, 0),
+    "kg": (1, 0, 0),
+    "m": (0, 1, 0),
+    "s": (0, 0, 1),
+    "N": (1, 1, -2),
+    "Pa": (1, -1, -2),
+}
+"""Powers of kg, m and s of coherent units: products of them convert by a factor of 1."""
+SCALED = {
+    "deg": (math.pi / 180.0, "rad"),
+    "deg/s": (math.pi / 180.0, "rad/s"),
+    "mm": (1e-3, "m"),
+    "cm": (1e-2, "m"),
+    "cm/s": (1e-2, "m/s"),
+}
+"""Units of most logs in coherent ones."""
+FACTOR = r"(1|rad|kg|m|s|N|Pa)(?:\^([1-9]))?"
+PRODUCT = re.compile(rf"{FACTOR}(?:[*/]{FACTOR})*")
+
+
+def _powers(unit: str) -> tuple[int, int, int] | None:
+    """Return the powers of kg, m and s of a product of `SYMBOLS`; None of other texts.
+
+    >>> _powers("N*s^2/m^2"), _powers("rad/s"), _powers("mm")
+    ((1, -1, 0), (0, 0, -1), None)
+    """
+    if not PRODUCT.fullmatch(unit):
+        return None
+    powers = [0, 0, 0]
+    for sign, symbol, power in re.findall(f"([*/]?){FACTOR}", unit):
+        times = int(power or 1) * (-1 if sign == "/" else 1)
+        powers = [own + times * part for own, part in zip(powers, SYMBOLS[symbol], strict=True)]
+    return powers[0], powers[1], powers[2]
+
+
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     import pint  # half a second to import, and most units need no conversion
@@ -56,11 +93,14 @@ def _registry() -> pint.UnitRegistry[float]:
 def convertible(unit: str, target: str) -> bool:
     """Return whether values in `unit` can be expressed in `target`.
 
-    rad/s and 1/s count as the same, as in SI. The unit itself is not looked up: loading
-    pint's registry takes a second.
+    rad/s and 1/s count as the same, as in SI. Neither the unit itself nor products of
+    SI symbols are looked up: loading pint's registry takes half a second.
     """
     if unit == target:
         return True
+    _, coherent = SCALED.get(unit, (1.0, unit))
+    if (own := _powers(coherent)) is not None and (other := _powers(target)) is not None:
+        return own == other
     if not _harmless(unit):
         return False
     try:
@@ -82,6 +122,9 @@ def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
         return 1.0, 0.0
     if not convertible(unit, target):
         raise SchemaError("unit cannot be converted", value=unit, allowed=f"a unit of {target}")
+    scale, coherent = SCALED.get(unit, (1.0, unit))
+    if _powers(coherent) is not None and _powers(target) is not None:
+        return scale, 0.0
     quantity = _registry().Quantity
     zero = float(quantity(0.0, unit).to(target).magnitude)
     one = float(quantity(1.0, unit).to(target).magnitude)

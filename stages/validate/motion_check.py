@@ -76,10 +76,10 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
         for (axis, drive), direction in drives.items()
         for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
     ]
-    found = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
+    ends = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
     tried = [
         Tried(track.axis, drive, track.direction, track.speeds, *motions)
-        for (drive, track), motions in zip(tracks, found, strict=True)
+        for (drive, track), motions in zip(tracks, ends, strict=True)
     ]
     upright, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
     pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}

@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import rerun as rr
 
 from auvid.hydro.arrays import Array
@@ -58,8 +59,9 @@ class Recording:
             self.stream.save(path)
         self.stream.send_recording_name(str(visible(title)))
         if properties:
+            # Arrow arrays: of plain numbers Rerun asks pyarrow in a way that imports pandas.
             plain: dict[str, Any] = {
-                name: str(visible(value)) if isinstance(value, str) else value
+                name: pa.array([str(visible(value)) if isinstance(value, str) else value])
                 for name, value in properties.items()
             }
             self.stream.send_property("auvid", rr.AnyValues(**plain))

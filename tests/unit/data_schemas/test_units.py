@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from auvid.data_schemas.units import convertible
+from auvid.data_schemas.errors import SchemaError
+from auvid.data_schemas.units import SCALED, _powers, _registry, convertible, factor_and_offset
 
 
 @pytest.mark.parametrize(
@@ -33,3 +34,30 @@ def test_powers_of_the_field_are_read(unit: str, target: str) -> None:
 )
 def test_powers_that_would_not_end_are_refused(unit: str) -> None:
     assert not convertible(unit, "m")
+
+
+COHERENT = [
+    "1", "rad", "1/rad", "kg", "kg*m^2", "kg/m", "N", "N*s^2/m^2", "N*m*s", "kg*m^2/s", "kg*m/s",
+    "N*m*s^2", "N*s/m", "m/s^2", "rad/s", "1/s", "Pa", "1/Pa", "N/m^2", "kg/m^3", "m/kg",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("unit", [*COHERENT, *SCALED])
+def test_products_of_si_symbols_are_read_as_pint_reads_them(unit: str) -> None:
+    pint = _registry()
+    for target in COHERENT:
+        expected = pint.Unit(unit).is_compatible_with(pint.Unit(target))
+        assert convertible(unit, target) == expected
+        if expected:
+            one = pint.Quantity(1.0, unit).to(target).magnitude
+            assert factor_and_offset(unit, target) == (pytest.approx(one, rel=1e-15), 0.0)
+        else:
+            with pytest.raises(SchemaError):
+                factor_and_offset(unit, target)
+
+
+@pytest.mark.parametrize(
+    "unit", ["", "mm", "kgm", "m s", "m^10", "m^2^2", "/s", "m//s", "m*", "s^0"]
+)
+def test_other_texts_are_left_to_pint(unit: str) -> None:
+    assert _powers(unit) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfiltfilt
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.signals.filters import (
@@ -24,6 +25,20 @@ def test_amplitude(frequency: float, share: float, order: int) -> None:
     filtered = zero_phase_lowpass(T, wave, cutoff_hz=3.0, order=order)
     # Zero phase: the result is the wave itself, scaled.
     np.testing.assert_allclose(filtered[inner], share * wave[inner], atol=2e-3)
+
+
+@pytest.mark.parametrize("cutoff_hz", [0.05, 1.0, 12.0])
+@pytest.mark.parametrize("order", [2, 4, 6])
+def test_it_is_the_filter_of_scipy(cutoff_hz: float, order: int) -> None:
+    values = 3.0 + np.cumsum(np.random.default_rng(order).standard_normal((3000, 2)), axis=0)
+    padding = int(np.ceil(2.0 * edge_zone_s(cutoff_hz, order=order) * 50.0))
+    sections = butter(order, cutoff_hz, fs=50.0, output="sos")
+    expected = sosfiltfilt(sections, values, axis=0, padlen=min(padding, 2999))
+    own = zero_phase_lowpass(T, values, cutoff_hz=cutoff_hz, order=order)
+    assert own == pytest.approx(expected, abs=1e-10 * np.abs(values).max())
+    assert zero_phase_lowpass(T, values[:, 0], cutoff_hz=cutoff_hz, order=order) == pytest.approx(
+        own[:, 0], abs=0.0
+    )
 
 
 def test_all_channels_alike_and_input_untouched() -> None:
