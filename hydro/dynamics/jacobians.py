@@ -102,7 +102,7 @@ def kinematics_jacobians(eta: ArrayLike, nu: ArrayLike) -> tuple[Array, Array]:
 
 
 def euler_rate_jacobians(attitude: ArrayLike, omega: ArrayLike) -> tuple[Array, Array]:
-    """Return d(P_omega omega)/d(omega), which is P_omega (2.7), and by the Euler angles.
+    """Return P_omega (2.7), and d(P_omega omega) by the Euler angles.
 
     (..., 3), (..., 3) -> (..., 3, 3) each. nan at singular pitch.
     """

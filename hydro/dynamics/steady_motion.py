@@ -122,7 +122,7 @@ class SteadyMotion:
 
 
 @dataclass(frozen=True)
-class Drive:
+class SteadyDrive:
     """Speeds along an axis, and the force (6,) of the actuators at f = 1."""
 
     axis: str
@@ -131,7 +131,7 @@ class Drive:
 
 
 def steady_motions(
-    floating: Floating, drives: Sequence[Drive], *, minimum_speed: float
+    floating: Floating, drives: Sequence[SteadyDrive], *, minimum_speed: float
 ) -> list[tuple[list[SteadyMotion], str]]:
     """Return, for each drive, its upright steady motions and what ends them.
 
@@ -170,7 +170,7 @@ def _solved(floating: Floating, searches: Sequence[Search[R]]) -> list[R]:
 
 
 def _along(
-    floating: Floating, drive: Drive, minimum_speed: float
+    floating: Floating, drive: SteadyDrive, minimum_speed: float
 ) -> Search[tuple[list[SteadyMotion], str]]:
     i, direction = AXES.index(drive.axis), np.asarray(drive.direction, dtype=np.float64)
     free = [j for j in range(6) if j != i]

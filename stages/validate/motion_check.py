@@ -26,8 +26,8 @@ from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
 from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
-    Drive,
     Floating,
+    SteadyDrive,
     SteadyMotion,
     overturning,
     rest_tilt,
@@ -72,14 +72,14 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     vehicle = floating.vehicle
     drives = _drives(vehicle, card.conditions)
     tracks = [
-        (drive, Drive(axis, direction, speeds))
+        (drive, SteadyDrive(axis, direction, speeds))
         for (axis, drive), direction in drives.items()
         for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
     ]
-    ends = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
+    outcomes = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
     tried = [
         Tried(track.axis, drive, track.direction, track.speeds, *motions)
-        for (drive, track), motions in zip(tracks, ends, strict=True)
+        for (drive, track), motions in zip(tracks, outcomes, strict=True)
     ]
     upright, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
     pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}

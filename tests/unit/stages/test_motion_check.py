@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
-from auvid.hydro.dynamics.steady_motion import Drive, Floating, steady_motions
+from auvid.hydro.dynamics.steady_motion import Floating, SteadyDrive, steady_motions
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, motion_check
 from tests.support.example_run import example_run
@@ -140,7 +140,7 @@ def test_the_worse_of_both_directions_ends_a_range() -> None:
     rows = DAMPED | {"M": {"q": -1.0, "u": -20.0}}
     floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
     drive, back = np.eye(6)[0], np.linspace(0.0, -0.3, 8)
-    motions, end = steady_motions(floating, [Drive("X", drive, back)], minimum_speed=0.05)[0]
+    motions, end = steady_motions(floating, [SteadyDrive("X", drive, back)], minimum_speed=0.05)[0]
     tilted = Tried("X", ORIGIN, drive, back, motions, end)
     lost = Tried("X", ORIGIN, drive, -back, [], "no steady motion")
     flights = [(tilted, np.ones(len(motions), dtype=bool)), (lost, np.zeros(0, dtype=bool))]

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
-    Drive,
     Floating,
+    SteadyDrive,
     SteadyMotion,
     growth_about,
     overturning,
@@ -34,16 +34,16 @@ def floating(**rows: dict[str, float]) -> Floating:
 def along(
     model: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike
 ) -> tuple[list[SteadyMotion], str]:
-    track = Drive(axis, np.asarray(drive), np.asarray(speeds))
+    track = SteadyDrive(axis, np.asarray(drive), np.asarray(speeds))
     return steady_motions(model, [track], minimum_speed=0.05)[0]
 
 
 def test_drives_that_are_tried_together_find_what_each_finds_alone() -> None:
     model = floating(M={"u": -3.0}, N={"v": 1.0})
     tracks = [
-        Drive("X", np.eye(6)[0], SPEEDS[::20]),
-        Drive("X", np.eye(6)[0], -SPEEDS[::10]),
-        Drive("N", np.eye(6)[5], SPEEDS[::25]),
+        SteadyDrive("X", np.eye(6)[0], SPEEDS[::20]),
+        SteadyDrive("X", np.eye(6)[0], -SPEEDS[::10]),
+        SteadyDrive("N", np.eye(6)[5], SPEEDS[::25]),
     ]
     together = steady_motions(model, tracks, minimum_speed=0.05)
     for track, (motions, end) in zip(tracks, together, strict=True):
