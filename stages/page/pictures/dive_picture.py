@@ -29,7 +29,7 @@ from auvid.stages.page.pictures.drawing import (
 
 TRACK_STEPS = 400
 TRACK_POINTS = 700
-"""Most points of the track of one leg; above it a coarser raster."""
+"""Most points of the track of one leg, about."""
 USE_BINS = 140
 MOST_MODES = 60
 
@@ -153,17 +153,16 @@ def _finite_runs(x: Array, y: Array) -> list[slice]:
 
 
 def _raster(x: Array, y: Array) -> str:
-    """Return a path on a raster that is coarse enough for `TRACK_POINTS`.
+    """Return a path of at most about `TRACK_POINTS` points on the raster of the track.
 
-    A point of the raster is kept once, so turns and extremes stay where they are.
+    One point is kept for each equal length of the way, so a long track keeps its curves.
     """
-    for coarse in (1, 2, 4, 8):
-        across = np.rint(x / coarse).astype(np.int64) * coarse
-        down = np.rint(y / coarse).astype(np.int64) * coarse
-        moves = np.count_nonzero((np.diff(across) != 0) | (np.diff(down) != 0))
-        if moves <= TRACK_POINTS:
-            break
-    return steps_path(across, down)
+    across, down = np.rint(x).astype(np.int64), np.rint(y).astype(np.int64)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(across), np.diff(down)))])
+    places = np.floor(way / max(1.0, way[-1] / TRACK_POINTS))
+    kept = np.flatnonzero(np.concatenate([[True], np.diff(places) > 0.0]))
+    kept = np.union1d(kept, len(across) - 1)
+    return steps_path(across[kept], down[kept])
 
 
 def _percent(time: float, span: Span) -> float:

@@ -65,6 +65,23 @@ def test_a_dive_shows_track_depth_modes_and_actuators_by_use():
     assert len(picture.encode()) < 30_000
 
 
+def test_a_long_track_keeps_its_curves():
+    """Circles of ten different sizes: each point lies on one of them to a step of the
+    raster, none on a staircase beside it.
+    """
+    angle = np.linspace(0.0, 20.0 * np.pi, 20_000)
+    size = np.repeat(np.linspace(0.5, 5.0, 10), 2000)
+    place = np.column_stack([size * np.cos(angle), size * np.sin(angle), 0.0 * angle])
+    picture = dive_picture([DrawnLeg("train", "training", angle, place)], span=(0.0, 70.0))
+    (track,) = [item for item in parsed(picture).iter("svg") if "viewBox" in item.attrib][:1]
+    line = next(item for item in track.iter("path") if item.attrib.get("class") == "line")
+    points = vertices(line.attrib["d"])
+    assert 600 < len(points) < 720
+    radius = np.hypot(*points.T) * 11.2 / 400.0
+    off = np.abs(radius[:, None] - np.linspace(0.5, 5.0, 10)).min(axis=1)
+    assert np.max(off) < 0.5 * np.sqrt(2.0) * 11.2 / 400.0 + 1e-9
+
+
 def test_a_dive_without_a_place_has_no_track_and_without_controls_no_strips():
     blind = DrawnLeg("train", "training", T, np.full((T.size, 3), np.nan))
     picture = dive_picture([blind], depth=(T, 5.0 + 0.0 * T), span=(0.0, 100.0))
