@@ -30,6 +30,7 @@ import numpy as np
 from scipy.stats import beta
 
 from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.documents.twin import TruthEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.data_schemas.tables import make_table
@@ -128,14 +129,15 @@ def rows_of(
             yield dict(zip(COLUMNS, (*place, *figure), strict=True))
 
 
-def study(plan_name: str, seeds: int) -> list[dict[str, str]]:
-    """Return the rows of all seeds; what is missing is flown and appended."""
+def study(plan_name: str, seeds: range) -> list[dict[str, str]]:
+    """Return the rows of the seeds; what is missing is flown and appended."""
     file = BUILD / "installation.csv"
     BUILD.mkdir(exist_ok=True)
     plan, simulated = twin(plan_name, "linear")
-    simulated = truth_force({"name": "physics", "kind": "physics"}, plan, simulated.vehicle)[0]
+    truth = TruthEntry(name="physics", kind="physics", source="flow physics")
+    simulated = truth_force(truth, plan, simulated.vehicle)[0]
     done = {row["seed"] for row in _rows(plan_name)}
-    for seed in range(seeds):
+    for seed in seeds:
         if str(seed) in done:
             continue
         start = time.perf_counter()
@@ -147,7 +149,7 @@ def study(plan_name: str, seeds: int) -> list[dict[str, str]]:
                 writer.writeheader()
             writer.writerows(rows)
         print(f"seed {seed}: {time.perf_counter() - start:.1f} s", flush=True)
-    return [row for row in _rows(plan_name) if int(row["seed"]) < seeds]
+    return [row for row in _rows(plan_name) if int(row["seed"]) in seeds]
 
 
 def _rows(plan_name: str) -> list[dict[str, str]]:
@@ -205,9 +207,10 @@ def main() -> None:
     """Run the study and print it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plan", default="default")
-    parser.add_argument("--seeds", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seeds", type=int, default=100, help="one behind the last")
     arguments = parser.parse_args()
-    print("\n".join(summary(study(arguments.plan, arguments.seeds))))
+    print("\n".join(summary(study(arguments.plan, range(arguments.first, arguments.seeds)))))
 
 
 if __name__ == "__main__":

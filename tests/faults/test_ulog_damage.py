@@ -320,6 +320,39 @@ def test_same_bytes_give_the_same_log() -> None:
     )
 
 
+def instances(*numbers: int) -> bytes:
+    """A log of instances of one topic, subscribed with these numbers; their data have 0, 1, ..."""
+    subscribed = b"".join(subscribe(id, "depth", k) for k, id in enumerate(numbers))
+    records = b"".join(
+        data(k, struct.pack("<Qf", 1_000_000 + 100_000 * n + k, 100 * k + n))
+        for n in range(50)
+        for k in range(len(numbers))
+    )
+    return HEADER + DEPTH + subscribed + records
+
+
+@pytest.mark.parametrize("hit", range(3))
+def test_a_subscription_whose_number_is_damaged_takes_no_records_of_another(hit: int) -> None:
+    """Every bit of the number: records come from their own instance or are lost."""
+    assert read(instances(0, 1, 2)).status == "complete"
+    for bit in range(16):
+        numbers = [0, 1, 2]
+        numbers[hit] ^= 1 << bit
+        log = read(instances(*numbers))
+        assert log.status == "damaged"
+        for k, name in enumerate(("depth", "depth.1", "depth.2")):
+            table = log.messages.get(name)
+            values = [] if table is None else table.columns["metres"].tolist()
+            assert values in ([], [100 * k + n for n in range(50)]), (bit, name)
+        shared = [note for note in log.notes if "subscribed with one number" in note]
+        assert len(shared) == (len(set(numbers)) < len(numbers)), bit
+
+
+def test_two_subscriptions_of_one_number_out_of_place_are_named() -> None:
+    log = read(instances(5, 5))
+    assert any("depth and depth.1 are subscribed with one number, 5" in n for n in log.notes)
+
+
 def test_message_whose_size_is_damaged_swallows_nothing() -> None:
     about = bytearray(message("I", keyed("char[5] sys_name", b"auvid")))
     about[1] = 2  # 512 bytes more

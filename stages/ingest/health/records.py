@@ -25,6 +25,7 @@ from auvid.stages.ingest.rejection import IMPOSSIBLE, USUAL_UNITS
 from auvid.stages.number_format import percent, significant
 
 CLOCK_NOTE = re.compile(r"clock (goes back|leaps|of the log was set)")
+SHARED_NOTE = "are subscribed with one number"
 LEAPS = re.compile(r"(\d+) times? in all|(\d+) time\(s\) in all")
 STRAY_NOTE = re.compile(r"^(\d+) time stamp\(s\) of .* stray")
 GAP_STEPS = 3.0
@@ -97,6 +98,8 @@ def file_findings(log: CheckedLog) -> Iterator[Finding]:
             value=max(int(item[1] or item[2]) if item else 1 for item in matches),
         )
     for note in log.info.notes:
+        if SHARED_NOTE in note:
+            yield finding("shared_number", note)
         stray = STRAY_NOTE.match(note)
         if stray:
             yield finding("stray_stamps", note, value=int(stray[1]))

@@ -165,6 +165,12 @@ def _notes(head: bytes, scan: Scan) -> list[str]:
             "The file declares a feature that auvid does not know and that readers must know;"
             " whatever could be read was read all the same."
         )
+    for number, (one, other) in scan.shared.items():
+        notes.append(
+            f"{scan.streams[one].name} and {scan.streams[other].name} are subscribed with one"
+            f" number, {number}: one of the two subscriptions is damaged, and records of it may be"
+            " of either."
+        )
     if scan.dropouts_ms:
         notes.append(
             f"The vehicle could not keep up with writing {len(scan.dropouts_ms)} time(s),"

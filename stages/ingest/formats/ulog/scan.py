@@ -94,6 +94,8 @@ class Numbers:
         self.stream = np.full((3, 1 << 16), UNDEFINED_STREAM, np.int32)
         self.sizes_met: set[int] = set()
         self.version = 0
+        self.shared: dict[int, tuple[int, int]] = {}
+        self._places: dict[int, int] = {}
 
     def put(self, table: int, id: int, size: int, stream: int) -> None:
         """Set what one table holds for a number."""
@@ -109,10 +111,17 @@ class Numbers:
         """Put a stream in force.
 
         What it replaces, if that has another size, stays readable: one of the two may
-        be damaged.
+        be damaged. If both have one size, the number itself of one of them is: writers
+        count subscriptions, so the one stands that has the number of its place. `shared`
+        holds such numbers with the streams that have them.
         """
         written, padded = sizes.written + 2, sizes.padded + 2
         before, other = int(self.size[0, id]), int(self.stream[0, id])
+        place = self._places.setdefault(stream, len(self._places))
+        if before == written and other != stream:
+            self.shared[id] = (other, stream)
+            if self._places.get(other) == id != place:
+                return
         if before not in (0, written):
             self.put(1, id, before, other)
         elif padded != written:
@@ -175,7 +184,8 @@ class Scan:
 
     `data` are offsets and stream numbers of the data messages in file order, in parts;
     a negative stream number is a message that no subscription explains.
-    `definition_bytes` and `other_bytes` are the bytes of the other messages.
+    `definition_bytes` and `other_bytes` are the bytes of the other messages. `shared`
+    holds numbers that two streams are subscribed with.
     """
 
     def __init__(self, buffer: Buffer) -> None:
@@ -188,6 +198,7 @@ class Scan:
         self.texts: list[tuple[int, str]] = []
         self.dropouts_ms: list[int] = []
         self.unknown_flags = False
+        self.shared: dict[int, tuple[int, int]] = {}
 
         self.buffer, self.bytes, self.size = buffer, buffer.data, buffer.size
         self.words = overlapping(buffer, "<u2")
@@ -213,6 +224,7 @@ class Scan:
                 self.chained, place = -1, end
             else:
                 place = self._across(place)
+        self.shared = self.numbers.shared
         del self.numbers, self.block  # large tables that nobody needs any more
         return self
 

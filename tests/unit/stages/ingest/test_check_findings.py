@@ -133,6 +133,7 @@ def of_file(status: str, reason: str, lost: int) -> Spoil:
 SPOIL |= {
     "file_damaged": of_file("damaged", "damaged bytes", 70),
     "file_truncated": of_file("truncated", "record cut off by the end of the file", 7),
+    "shared_number": saying(notes=["a and a.1 are subscribed with one number, 3: one is damaged."]),
     "clock_leap": saying(
         notes=["The clock goes back by 5 s near byte 7. It leaps 3 times in all."]
     ),
