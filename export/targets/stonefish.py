@@ -127,22 +127,25 @@ def drag_columns(body: Body, nu: Array) -> Array:
     """Return the drag (n, 6, 6) per factor, [Cf, Cd] last, about the body origin."""
     middles, normals, areas = box_faces(body.box)
     arms = middles + body.r_B - body.r_G
+    (x, y, z), (n_x, n_y, n_z) = arms.T, normals.T
     density = body.water_density
     columns = np.empty((len(nu), 6, 6))
     for start in range(0, len(nu), BLOCK):
         part = nu[start : start + BLOCK]
-        omega = part[:, None, 3:]
-        at_G = part[:, None, :3] + cross(omega, body.r_G)
-        flow = -(at_G + cross(omega, arms))
-        through = np.sum(flow * normals, axis=-1, keepdims=True)
-        skin = (flow - through * normals) * areas[:, None]
-        pressure = np.where(
-            through < -1e-12,
-            flow * np.linalg.norm(flow, axis=-1, keepdims=True) * -through * areas[:, None],
-            0.0,
-        )
+        # By components (n, f): arrays whose last axis has three numbers are slow.
+        u, v, w = (part[:, :3] + cross(part[:, 3:], body.r_G)).T[:, :, None]
+        p, q, r = part[:, 3:].T[:, :, None]
+        flow = -(u + q * z - r * y), -(v + r * x - p * z), -(w + p * y - q * x)
+        through = flow[0] * n_x + flow[1] * n_y + flow[2] * n_z
+        speed = np.sqrt(flow[0] ** 2 + flow[1] ** 2 + flow[2] ** 2)
+        pressed = np.where(through < -1e-12, speed * -through * areas, 0.0)
+        skin = [(f - through * n) * areas for f, n in zip(flow, (n_x, n_y, n_z), strict=True)]
+        pressure = [f * pressed for f in flow]
         for first, force, scale in ((0, skin, density), (3, pressure, 0.5 * density)):
-            total, moment = force.sum(axis=1), cross(arms, force).sum(axis=1)
+            total = np.stack([f.sum(axis=1) for f in force], axis=-1)
+            lever = np.stack([f @ arms for f in force], axis=-1)
+            turned = lever - lever.swapaxes(1, 2)
+            moment = np.stack([turned[:, 1, 2], turned[:, 2, 0], turned[:, 0, 1]], axis=-1)
             block = columns[start : start + BLOCK, :, first : first + 3]
             block[:, :3] = scale * total[:, :, None] * _direction(total)[:, None, :]
             about_G = scale * moment[:, :, None] * _direction(moment)[:, None, :]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,14 +62,21 @@ def test_every_key_says_what_it_is(name: str) -> None:
 
 def test_every_command_has_a_section_in_a_group() -> None:
     page = tool.commands_page()
-    for name in tool.command_tree():
+    for name in command_tree():
         assert f"### auvid {name}\n" in page
     assert "## Others" not in page, "a new command needs a group in tools/reference.py"
 
 
+@cache
+def command_tree() -> dict[str, Any]:
+    """Return every command by its words, built once."""
+    tree: dict[str, Any] = tool.command_tree()
+    return tree
+
+
 def options_of(words: list[str]) -> set[str]:
     """Return the options of a command; fail if there is none of that name."""
-    tree = tool.command_tree()
+    tree = command_tree()
     if words[0] == "new":
         words = ["new campaign" if words[1:2] == ["campaign"] else "new workspace"]
     if words[0] == "fleet":

@@ -239,7 +239,7 @@ def test_the_page_of_the_demo_is_short_and_light(browser: Browser, demo: Path) -
     assert browser.evaluate(WORDS) <= 2500
 
 
-@pytest.mark.parametrize("width", [1440, 390])
+@pytest.mark.parametrize("width", [1440, pytest.param(390, marks=pytest.mark.release)])
 def test_axe_finds_no_violation_in_the_demo(browser: Browser, demo: Path, width: int) -> None:
     assert accessibility_faults(browser, demo, width=width) == []
 

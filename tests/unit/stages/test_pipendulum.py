@@ -5,6 +5,7 @@ recorder, and what it refuses.
 from __future__ import annotations
 
 import copy
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.simulation.bench_motion import (
+    BenchMotion,
     PhysicalPendulum,
     Quadrifilar,
     free_decay,
@@ -90,18 +92,19 @@ LEGS: list[dict[str, Any]] = [
 ]
 
 
-def states_of(name: str, t: Array) -> Array:
-    """Angle and rate (n, 2) after the release."""
+@cache
+def motion_of(name: str, X_u: float) -> BenchMotion:
+    """Angle and rate (n, 2) after the release; `X_u` damps the vehicle."""
     if name in INERTIA:
         return swing(
             Quadrifilar(INERTIA[name], MASS[name], 0.47, 0.47, 4.23, 0.004, G),
             np.radians(6.0),
             60.0,
-        )(t)[0]
+        )
     loaded = name != "empty"
     inertia = (WEIGHT - POLE + loaded * (38.10 - X_UDOT)) * ARM**2
-    pendulum = PhysicalPendulum(inertia, WEIGHT * G * ARM, (-1.0 + loaded * X_U) * ARM**2, 0.0)
-    return free_decay(pendulum, np.radians(18.0 if name == "check" else 22.0), 60.0)(t)[0]
+    pendulum = PhysicalPendulum(inertia, WEIGHT * G * ARM, (-1.0 + loaded * X_u) * ARM**2, 0.0)
+    return free_decay(pendulum, np.radians(18.0 if name == "check" else 22.0), 60.0)
 
 
 def log_of(
@@ -116,7 +119,7 @@ def log_of(
     mounted.
     """
     t = np.arange(-HELD_S, 50.0, 0.02)
-    states = states_of(name, t)
+    states, _ = motion_of(name, X_U)(t)
     axis = np.array([0.0, 0.0, 1.0] if name in INERTIA else [0.0, 1.0, 0.0])
     body = turn or Rotation.identity()
     attitude = Rotation.from_rotvec(np.outer(states[:, 0], axis)) * body
