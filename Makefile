@@ -173,7 +173,7 @@ lock:
 	$(COMPILE) --extra view --extra dask -c requirements.lock -o requirements-dask.lock
 	$(COMPILE) --extra view --extra dvc --extra dask --extra test --extra docs -c requirements-dvc.lock -c requirements-dask.lock -o requirements-test.lock
 
-bench: $(RUN)
+bench: $(RUN) $(TEST)
 	@python -m benchmarks
 
 agreement: $(TEST)

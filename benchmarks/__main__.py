@@ -24,6 +24,7 @@ BENCHMARKS = {
     "simulation": [],
     "recording": [],
     "synthesis": [],
+    "estimators": [],
     "recursive": [],
     "bench_twin": [],
     "closed_loop": [],
