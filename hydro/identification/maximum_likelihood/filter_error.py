@@ -11,7 +11,7 @@ information gives the standard errors.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -27,6 +27,7 @@ from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     GAIN,
     Evaluation,
     NormalEquations,
+    Optimum,
     maximise,
     with_secants,
 )
@@ -46,6 +47,7 @@ from auvid.hydro.identification.maximum_likelihood.output_error import (
     require_samples,
 )
 from auvid.hydro.identification.maximum_likelihood.parameters import (
+    KnownParameters,
     ParameterPrior,
     UnknownParameters,
 )
@@ -57,11 +59,15 @@ SMALLEST_SHARE = 1e-3
 """Floor of the unsteady force, in parts of its first guess."""
 STEPS, TOLERANCE = 40, 0.1
 """Most steps, and the last one in parts of a standard error."""
-SECANTS, NEAR = 5, 100.0
+SECANTS, NEAR = 5, 400.0
 """How many past steps correct the expected information, and the gain of log-likelihood
 from which on a step is too far for it."""
 LONGEST_STEP = 1.5
 """Longest step of the logarithms of the noise."""
+NOISE_STEPS, NOISE_GAIN, LONGEST_STEP_ALONE = 10, 5.0, 1.0
+"""The same of the noise alone, which need not be found to the end."""
+FAR = 2.0
+"""Innovations at the start, in their deviations, from which on the noise is found first."""
 RIDGE = 1.0
 """Information of a weak prior of those at their present values: a factor of e is one
 deviation. It keeps a force that is not there from running to zero in one step."""
@@ -102,53 +108,35 @@ def fit_filter_error(
     unknown = NoiseUnknowns(
         np.flatnonzero(measured) if sensor_sd is None else np.zeros(0, dtype=np.intp), len(legs)
     )
-    size, k, first_noise = len(common), len(theta), noise
-    points: list[tuple[Array, Array]] = []
-    objectives = [np.inf]
-    latest: list[tuple[list[WindowRun], Array]] = []
-
-    def evaluate(values: Array, local: Array, sensitive: bool) -> Evaluation:
-        moved = unknown.noise_at(values[size:], first_noise.sensor_sd)
-        channels = unknown.channels if sensitive else None
-        runs = likelihood.run(values[:size], starts, moved, sensitive=sensitive, channels=channels)
-        objective = sum(run.objective for run in runs) + likelihood.prior_objective(values[:size])
-        if not sensitive or not np.isfinite(objective):
-            return Evaluation(objective, None)
-        information, vector = scoring(likelihood, unknown, runs)
-        if prior is not None:
-            information[:k, :k] += prior.precision
-            vector[:k] += prior.precision @ (prior.mean - values[:k])
-        latest[:] = [(runs, information)]
-        matrix = information.copy()
-        matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
-        if objective > objectives[-1] - NEAR:
-            points.append((values, vector))
-        objectives.append(objective)
-        secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(points[-SECANTS - 1 :])]
-        return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
-
-    def move(values: Array, step: Array) -> Array:
-        # A step of the noise is one of its variance: exact for a channel of white noise.
-        phi = values[size:] + 0.5 * np.log1p(2.0 * step[size:])
-        return np.concatenate([values[:size] + step[:size], phi])
-
+    size, k, phi = len(common), len(theta), unknown.logarithms(noise)
     low, high = unknown.bounds(floor)
-    free, shares = np.full(size, np.inf), np.full(unknown.size, 2.0 * LONGEST_STEP)
-    shortest, longest = 0.5 * np.expm1(-shares), 0.5 * np.expm1(shares)
-    optimum = maximise(
-        evaluate,
-        np.concatenate([common, unknown.logarithms(noise)]),
-        np.zeros((0, 10)),
-        lower=np.concatenate([lower, low]),
-        upper=np.concatenate([upper, high]),
+
+    scoring_fit = _Scoring(likelihood, unknown, starts, noise.sensor_sd)
+    values, before = np.concatenate([theta, first.ravel(), phi]), np.zeros(0)
+    if scoring_fit.normalised_error(np.clip(values[:size], lower, upper), phi) > FAR:
+        # The noise first, at the model of the start: it leads coefficients astray.
+        at_start = KnownParameters(parameters, np.clip(theta, lower[:k], upper[:k]))
+        noise_problem = replace(likelihood, parameters=at_start, prior=None)
+        quiet = _Scoring(noise_problem, unknown, starts, noise.sensor_sd).maximise(
+            values[k:],
+            np.concatenate([lower[k:], low]),
+            np.concatenate([upper[k:], high]),
+            most_steps=NOISE_STEPS,
+            least_gain=NOISE_GAIN,
+            longest_step=LONGEST_STEP_ALONE,
+        )
+        values = np.concatenate([theta, quiet.common])
+        before = np.array(quiet.objectives[:-1]) + likelihood.prior_objective(at_start.theta)
+    optimum = scoring_fit.maximise(
+        values,
+        np.concatenate([lower, low]),
+        np.concatenate([upper, high]),
         most_steps=STEPS,
-        tolerance=TOLERANCE,
         least_gain=GAIN,
-        reach=(np.concatenate([-free, shortest]), np.concatenate([free, longest])),
-        move=move,
+        longest_step=LONGEST_STEP,
     )
     common, noise = optimum.common[:size], unknown.noise_at(optimum.common[size:], noise.sensor_sd)
-    runs, information = latest[0]  # of the point that was taken last
+    runs, information = scoring_fit.latest  # of the point that was taken last
     return estimate_from(
         likelihood,
         common,
@@ -158,9 +146,95 @@ def fit_filter_error(
         moment=score_moment(likelihood, noise_scores(likelihood, unknown, runs)),
         at_bound=optimum.at_bound,
         word=optimum.word,
-        log_likelihood=[-value for value in optimum.objectives],
+        log_likelihood=[-value for value in (*before.tolist(), *optimum.objectives)],
         dropped=dropped,
         leg_equations=[
             LegEquations(*scoring(part, unknown, own)) for part, own in likelihood.by_leg(runs)
         ],
     )
+
+
+@dataclass
+class _Scoring:
+    """Steps of scoring on common unknowns and the noise, with the past that corrects them.
+
+    `latest`: runs and information of the point that was taken last.
+    """
+
+    likelihood: Likelihood
+    unknown: NoiseUnknowns
+    starts: Array
+    sensor_sd: Array
+    points: list[tuple[Array, Array]] = field(default_factory=list)
+    lowest: float = np.inf
+    latest: tuple[list[WindowRun], Array] = field(default_factory=lambda: ([], np.zeros((0, 0))))
+
+    def normalised_error(self, common: Array, phi: Array) -> float:
+        """Return the RMS of innovations in their deviations; 0 where the motion diverges."""
+        noise = self.unknown.noise_at(phi, self.sensor_sd)
+        runs = self.likelihood.run(common, self.starts, noise, sensitive=False)
+        squares = np.concatenate([run.errors**2 / run.variances for run in runs])
+        return float(np.sqrt(np.mean(squares))) if len(squares) else 0.0
+
+    def evaluate(self, values: Array, _: Array, sensitive: bool) -> Evaluation:
+        """Return minus the log-likelihood, and the equations of a step of scoring."""
+        likelihood, unknown, size = self.likelihood, self.unknown, self.likelihood.unknowns
+        moved = unknown.noise_at(values[size:], self.sensor_sd)
+        channels = unknown.channels if sensitive else None
+        runs = likelihood.run(
+            values[:size], self.starts, moved, sensitive=sensitive, channels=channels
+        )
+        objective = sum(run.objective for run in runs) + likelihood.prior_objective(values[:size])
+        if not sensitive or not np.isfinite(objective):
+            return Evaluation(objective, None)
+        information, vector = scoring(likelihood, unknown, runs)
+        prior, k = likelihood.prior, len(likelihood.parameters.names)
+        if prior is not None:
+            information[:k, :k] += prior.precision
+            vector[:k] += prior.precision @ (prior.mean - values[:k])
+        self.latest = (runs, information)
+        matrix = information.copy()
+        matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
+        if objective > self.lowest - NEAR:
+            self.points.append((values, vector))
+        self.lowest = objective
+        secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(self.points[-SECANTS - 1 :])]
+        return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
+
+    def move(self, values: Array, step: Array) -> Array:
+        """Return unknowns after a step; one of the noise is one of its variance.
+
+        That is exact for a channel of white noise.
+        """
+        size = self.likelihood.unknowns
+        phi = values[size:] + 0.5 * np.log1p(2.0 * step[size:])
+        return np.concatenate([values[:size] + step[:size], phi])
+
+    def maximise(
+        self,
+        values: Array,
+        lower: Array,
+        upper: Array,
+        *,
+        most_steps: int,
+        least_gain: float,
+        longest_step: float,
+    ) -> Optimum:
+        """Return the optimum; `longest_step`: of the logarithms of the noise."""
+        free = np.full(self.likelihood.unknowns, np.inf)
+        shares = np.full(self.unknown.size, 2.0 * longest_step)
+        return maximise(
+            self.evaluate,
+            values,
+            np.zeros((0, 10)),
+            lower=lower,
+            upper=upper,
+            most_steps=most_steps,
+            tolerance=TOLERANCE,
+            least_gain=least_gain,
+            reach=(
+                np.concatenate([-free, 0.5 * np.expm1(-shares)]),
+                np.concatenate([free, 0.5 * np.expm1(shares)]),
+            ),
+            move=self.move,
+        )

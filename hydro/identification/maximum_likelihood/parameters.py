@@ -139,5 +139,29 @@ class UnknownParameters:
         )
 
 
+class KnownParameters(UnknownParameters):
+    """The parameters of a model at a theta (k,) that is no unknown: names are none."""
+
+    def __init__(self, model: UnknownParameters, theta: Array) -> None:
+        super().__init__(model.vehicle, {})
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "theta", theta)
+
+    model: UnknownParameters
+    theta: Array
+
+    def coefficients(self, theta: Array) -> dict[str, dict[str, float]]:
+        """Return axis -> term -> coefficient."""
+        return self.model.coefficients(self.theta)
+
+    def lag_s(self, theta: Array) -> float:
+        """Return the lag of the actuators [s]."""
+        return self.model.lag_s(self.theta)
+
+    def tables(self, theta: Array) -> Tables:
+        """Return the constants of the vehicle for the derivative."""
+        return self.model.tables(self.theta)
+
+
 def _factors(term: str) -> tuple[str, ...]:
     return () if term == CONSTANT else BASIS_TERMS[term].factors

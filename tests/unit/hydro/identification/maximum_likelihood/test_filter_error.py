@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.simulation.simulation import gauss_markov
 from auvid.hydro.identification.maximum_likelihood import filter_error
 from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import GAIN, Optimum
 from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
 from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
 from auvid.hydro.identification.maximum_likelihood.starting_values import (
@@ -118,6 +120,34 @@ def test_a_leg_left_out_by_one_step_is_the_fit_to_the_others() -> None:
         )
         moved = abs(fit.theta[0] - again.theta[0])
         assert abs(fit.without([number])[0] - again.theta[0]) < 0.5 * moved
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.1, [0, 1]), (1.0, [1])])
+def test_a_noise_that_is_far_off_is_found_before_coefficients_move(
+    share: float, expected: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    leg = sway_leg(*pushed_run(6, 500))
+    unknown: list[int] = []
+    steps: list[int] = []
+    maximise = filter_error.maximise
+
+    def counted(evaluate: Any, *args: np.ndarray, **options: Any) -> Optimum:
+        optimum = maximise(evaluate, *args, **options)
+        unknown.append(len(evaluate.__self__.likelihood.parameters.names))
+        steps.append(len(optimum.objectives) - 1)
+        return optimum
+
+    monkeypatch.setattr(filter_error, "maximise", counted)
+    noise = replace(noise_model(), sensor_sd=share * noise_model().sensor_sd)
+    start = replace(noise, force_sd=share * np.full((1, 6), FORCE_SD))
+    fit = fit_filter_error([leg], SWAY, {"Y v": -15.0}, noise=start)
+    assert unknown == expected
+    assert fit.word == "converged"
+    assert len(fit.log_likelihood) == sum(steps) + 1
+    assert np.all(np.diff(fit.log_likelihood) > -GAIN)
+    good = fit_filter_error([leg], SWAY, {"Y v": -15.0}, noise=noise_model())
+    assert fit.log_likelihood[-1] == pytest.approx(good.log_likelihood[-1], abs=2.0 * GAIN)
+    assert fit.theta[0] == pytest.approx(good.theta[0], abs=0.3 * good.standard_errors[0])
 
 
 def test_without_convergence_the_best_point_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
