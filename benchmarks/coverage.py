@@ -228,6 +228,8 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
     """Return the figures of one estimator on one truth and plan, of fits that converged."""
     attempts = len({row["seed"] for row in rows})
     rows = [row for row in rows if row["word"] == "converged"]
+    if not rows:
+        return {"seeds": attempts, "converged": 0}
 
     def column(name: str) -> Array:
         return np.array([float(row[name]) for row in rows])
@@ -250,7 +252,7 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
     }
     regular = [name for name in np.unique(names) if np.mean(identified[names == name]) >= REGULAR]
     worst = {name: float(np.mean(z[identified & (names == name)] < NORMAL_95)) for name in regular}
-    lowest = min(worst, key=worst.__getitem__)
+    lowest = min(worst, key=worst.__getitem__, default="")
     for label, chosen in (("all", np.isfinite(z)), ("identified", identified)):
         out[label] = {
             "in_the_median_seed": float(
@@ -266,7 +268,7 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
             ),
             "median_width_over_bound": round(float(np.median((error / limit)[chosen])), 3),
         }
-    out["worst_identified"] = {lowest: round(worst[lowest], 3)}
+    out["worst_identified"] = {lowest: round(worst[lowest], 3)} if lowest else {}
     out["mean_square_of_errors"] = round(float(np.mean(z[np.isfinite(z)] ** 2)), 3)
     return out
 
