@@ -156,7 +156,7 @@ def fit_filter_error(
 
 @dataclass
 class _Scoring:
-    """Steps of scoring on common unknowns and the noise, with the past that corrects them.
+    """Steps of scoring on common unknowns and the noise, corrected by past ones.
 
     `latest`: runs and information of the point that was taken last.
     """
@@ -170,7 +170,7 @@ class _Scoring:
     latest: tuple[list[WindowRun], Array] = field(default_factory=lambda: ([], np.zeros((0, 0))))
 
     def normalised_error(self, common: Array, phi: Array) -> float:
-        """Return the RMS of innovations in their deviations; 0 where the motion diverges."""
+        """Return the RMS of innovations in their deviations; 0 where they diverge."""
         noise = self.unknown.noise_at(phi, self.sensor_sd)
         runs = self.likelihood.run(common, self.starts, noise, sensitive=False)
         squares = np.concatenate([run.errors**2 / run.variances for run in runs])
