@@ -88,8 +88,7 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
 def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
     """Return an Arrow array of a type.
 
-    Numbers of that type go over as they lie in memory, others and texts as a list
-    (`pa.array` of numpy data imports pandas, a second).
+    Numbers of that type go over as they lie in memory (`pa.array` imports pandas).
     """
     if (
         isinstance(values, np.ndarray)
@@ -100,8 +99,6 @@ def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
         plain = np.ascontiguousarray(values)
         if plain.dtype == np.dtype(kind.to_pandas_dtype()):
             return pa.Array.from_buffers(kind, len(plain), [None, pa.py_buffer(plain)])
-    if isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype.kind in "OUb":
-        values = values.tolist()
     return pa.array(values, type=kind, from_pandas=False)
 
 

@@ -67,3 +67,21 @@ def stack_matrix(rows: list[list[Array | float]], shape: tuple[int, ...]) -> Arr
         for j, entry in enumerate(row):
             out[..., i, j] = entry
     return out
+
+
+def recursion(driven: Array, feedback: ArrayLike) -> Array:
+    """Return y (n, k) with y_i = x_i - a_1 y_i-1 - a_2 y_i-2 - ..., at rest before x_0.
+
+    driven: x (n, k); feedback: a (m,), m < n. The solution of a banded triangular system;
+    `scipy.signal.lfilter` does the same, and takes half a second to import.
+
+    >>> recursion(np.array([[1.0], [0.0], [0.0]]), [-0.5]).ravel().tolist()
+    [1.0, 0.5, 0.25]
+    """
+    from scipy.linalg import lapack
+
+    weights = np.asarray(feedback, dtype=np.float64)
+    bands = np.empty((1 + len(weights), len(driven)), order="F")
+    bands[0], bands[1:] = 1.0, weights[:, None]
+    values, _ = lapack.dtbtrs(bands, driven, uplo="L", diag="U")
+    return np.asarray(values)

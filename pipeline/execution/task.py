@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.pipeline.execution.memory import give_back
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.artefacts import in_pieces
@@ -65,6 +66,8 @@ def execute(task: Task) -> Outcome:
         return Outcome(
             task.item, crash=f"{type(crash).__name__}: {crash}", trace=traceback.format_exc()
         )
+    finally:
+        give_back()
 
 
 def _run(task: Task) -> Record:

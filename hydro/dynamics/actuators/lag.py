@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, recursion
 
 
 def first_order_lag(values: Array, *, lag_s: float, step_s: float) -> Array:
@@ -20,10 +20,9 @@ def first_order_lag(values: Array, *, lag_s: float, step_s: float) -> Array:
     """
     if lag_s <= 0.0:
         return values
-    from scipy.signal import lfilter  # half a second to import, and most runs have no lag
-
     share = lag_s / step_s
     e = np.exp(-1.0 / share)
-    away = values - values[:1]
-    weights = [1.0 - (1.0 - e) * share, (1.0 - e) * share - e]
-    return np.asarray(lfilter(weights, [1.0, -e], away, axis=0) + values[:1])
+    away = (values - values[:1]).reshape(len(values), -1)
+    driven = (1.0 - (1.0 - e) * share) * away
+    driven[1:] += ((1.0 - e) * share - e) * away[:-1]
+    return recursion(driven, [-e]).reshape(values.shape) + values[:1]

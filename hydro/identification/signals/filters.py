@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, recursion
 
 EDGE_SHARE = 0.01
 """A disturbance at an end has decayed to this share after the edge zone."""
@@ -81,8 +81,6 @@ def butterworth(cutoff: float, order: int) -> Array:
 
 def _filtered(section: Array, x: Array) -> Array:
     """Return columns (n, k) through a section that rested at the first sample."""
-    from scipy.linalg import lapack
-
     b0, b1, b2, _, a1, a2 = section
     driven = b0 * x
     driven[1:] += b1 * x[:-1]
@@ -90,10 +88,7 @@ def _filtered(section: Array, x: Array) -> Array:
     # As if x[0] had stood there, and come out, for ever.
     driven[0] += (b1 + b2 - a1 - a2) * x[0]
     driven[1] += (b2 - a2) * x[0]
-    bands = np.empty((3, len(x)), order="F")
-    bands[0], bands[1], bands[2] = 1.0, a1, a2
-    passed, _ = lapack.dtbtrs(bands, driven, uplo="L", diag="U")
-    return np.asarray(passed)
+    return recursion(driven, (a1, a2))
 
 
 def edge_zone_s(cutoff_hz: float, *, order: int = 4) -> float:

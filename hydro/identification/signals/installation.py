@@ -233,24 +233,27 @@ def _process(
     z_dot = (R v)_3, v_dot = a - b - omega x v from step k - 1 to k, with the mean
     reading of both ends as a.
     """
-    n, dt = len(t), np.diff(t, prepend=t[0])
+    n, dt = len(t), np.diff(t, prepend=t[0])[:, None, None]
     middle = 0.5 * (omega + np.roll(omega, 1, axis=0))
     down = rotation_body_to_ned(euler)[:, 2, :]
-    A = np.zeros((n, 7, 7))
-    A[:, 0, 1:4] = 0.5 * (down + np.roll(down, 1, axis=0))
-    A[:, 1:4, 1:4] = -skew(middle)
-    A[:, 1:4, 4:7] = -np.eye(3)
-    step = A * dt[:, None, None]
-    second = step @ step
-    transition = np.eye(7) + step + second / 2.0 + second @ step / 6.0
+    # Blocks of A dt: z by v, v by v, and v by b, which is -dt; so have its powers.
+    z1, v1 = 0.5 * (down + np.roll(down, 1, axis=0))[:, None, :] * dt, -skew(middle) * dt
+    z2, v2 = z1 @ v1, v1 @ v1
     # Integral of exp(A s) over the step, on v.
-    integral = (np.eye(7) + step / 2.0 + second / 6.0) * dt[:, None, None]
+    gain = np.zeros((n, 7, 3))
+    gain[:, :1] = (z1 / 2.0 + z2 / 6.0) * dt
+    gain[:, 1:4] = (np.eye(3) + v1 / 2.0 + v2 / 6.0) * dt
+    transition = np.zeros((n, 7, 7))
+    transition[:, [0, 4, 5, 6], [0, 4, 5, 6]] = 1.0
+    transition[:, :1, 1:4] = z1 + z2 / 2.0 + z1 @ v2 / 6.0
+    transition[:, 1:4, 1:4] = np.eye(3) + v1 + v2 / 2.0 + v1 @ v2 / 6.0
+    transition[:, :4, 4:] = -gain[:, :4]
     assert noise.accel is not None
     Q = np.zeros((n, 7, 7))
     place = np.arange(3)
-    Q[:, 1 + place, 1 + place] = dt[:, None] ** 2 * noise.accel**2
-    Q[:, 4 + place, 4 + place] = dt[:, None] * noise.bias_density
-    return transition, np.ascontiguousarray(integral[:, :, 1:4]), Q
+    Q[:, 1 + place, 1 + place] = dt[:, 0] ** 2 * noise.accel**2
+    Q[:, 4 + place, 4 + place] = dt[:, 0] * noise.bias_density
+    return transition, gain, Q
 
 
 def _nearest_step(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -196,9 +196,14 @@ class _Reinsch:
 
     def spread(self, g: Array) -> Array:
         """Return Q g: (n-2, k) -> (n, k)."""
-        padded = np.pad(g, ((1, 1), (0, 0)))
-        slope = np.diff(padded, axis=0) * self.inverse_step[:, None]
-        return np.diff(np.pad(slope, ((1, 1), (0, 0))), axis=0)
+        n, columns = len(self.weight), g.shape[1]
+        slope, out = np.empty((n - 1, columns)), np.empty((n, columns))
+        slope[0], slope[-1] = g[0], -g[-1]
+        np.subtract(g[1:], g[:-1], out=slope[1:-1])
+        slope *= self.inverse_step[:, None]
+        out[0], out[-1] = slope[0], -slope[-1]
+        np.subtract(slope[1:], slope[:-1], out=out[1:-1])
+        return out
 
     def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
         """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""

@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import rerun as rr
 
 from auvid.hydro.arrays import Array
@@ -59,9 +58,8 @@ class Recording:
             self.stream.save(path)
         self.stream.send_recording_name(str(visible(title)))
         if properties:
-            # Arrow arrays: of plain numbers Rerun asks pyarrow in a way that imports pandas.
             plain: dict[str, Any] = {
-                name: pa.array([str(visible(value)) if isinstance(value, str) else value])
+                name: str(visible(value)) if isinstance(value, str) else value
                 for name, value in properties.items()
             }
             self.stream.send_property("auvid", rr.AnyValues(**plain))

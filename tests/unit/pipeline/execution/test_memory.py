@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
@@ -64,3 +66,20 @@ def test_memory_left_is_that_of_the_machine_or_of_its_group(
     assert memory.available_bytes() == 200_000
     (tmp_path / "DETAIL").write_text("anon 40000\ninactive_file 60000\n")
     assert memory.available_bytes() == 260_000, "files that nobody reads are given up"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the resident size is Linux's")
+def test_what_is_freed_goes_back_to_the_system() -> None:
+    """Freed blocks of 64 kB stay on the heap of glibc while one above them is in use."""
+
+    def resident_bytes() -> float:
+        rows = Path("/proc/self/status").read_text().splitlines()
+        return 1024.0 * next(int(row.split()[1]) for row in rows if row.startswith("VmRSS"))
+
+    blocks = [np.ones(8192) for _ in range(2000)]
+    kept = blocks[-1]
+    before = resident_bytes()
+    del blocks
+    memory.give_back()
+    assert resident_bytes() < before - 80e6
+    assert kept[0] == 1.0
