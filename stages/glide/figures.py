@@ -98,7 +98,7 @@ def _of_glide(
         value, error = (factor * item for item in at[name])
         if estimate.verdicts["C_D0"] == "inseparable" and name != "alpha":
             verdict = "inseparable"
-        elif name == "alpha" and not lift_is_free:
+        elif name != "C_D" and not lift_is_free:
             verdict = "from the prior"
         else:
             verdict = "identified" if abs(value) > T_LIMIT * error else "weak"
@@ -126,6 +126,8 @@ def _unknown(
         note += "; that of the vehicle file"
         if name in NEEDS_SPEED and not np.isfinite(estimate.residual_m_s[1]):
             note += ": not observable without speed through the water"
+    if name in estimate.free and estimate.verdicts[name] == "from the prior":
+        note += "; it goes with C_D1 of the vehicle file, their sum C_D is what glides tell"
     if estimate.verdicts[name] == "inseparable":
         note += "; one direction alone does not tell drag from trim"
     value, error = factor * estimate.value(name), factor * estimate.standard_error(name)

@@ -1,7 +1,9 @@
 """Velocity and position from position fixes, where no sensor of the log measures them.
 
 Fixes are taken as those of the place of `sensors.pose` in the vehicle file, whose lag is
-taken off; its arm is not, as it is below the noise of any acoustic fix.
+taken off; its arm is not, as it is below the noise of any acoustic fix. The velocity is
+written as `sensors.dvl` would report it, since what follows takes arm, mounting and lag of
+that off again.
 """
 
 from __future__ import annotations
@@ -12,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.fixes import COARSE, FixTrack, fix_track
-from auvid.stages.columns import ATTITUDE, POSITION, named
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
 from auvid.stages.ingest.streams.common import Columns, to_body_at
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -77,7 +79,7 @@ def fix_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> FixMot
         angles = [attitude[name] for name in ATTITUDE]
         body = to_body_at(time_us, ned, attitude["time_us"], angles)
         finite = np.all([np.isfinite(values) for values in body.values()], axis=0)
-        by_stream["velocity"] = body
+        by_stream["velocity"] = _as_logged(body, streams, time_us, vehicle)
         if not finite.all():
             by_stream = {key: _rows(columns, finite) for key, columns in by_stream.items()}
             time_us, rows = time_us[finite], rows[finite]
@@ -86,12 +88,33 @@ def fix_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> FixMot
         about += (
             "; no sensor measures u, v, w, and what changes within a few seconds is smoothed away"
         )
+    lag_us = {"velocity": round(1e6 * vehicle.dvl.lag_s)} if vehicle else {}
     derived = {
-        name: Stream(name, {"time_us": time_us, **columns}, rows, source)
+        name: Stream(name, {"time_us": time_us + lag_us.get(name, 0), **columns}, rows, source)
         for name, columns in by_stream.items()
         if time_us.size
     }
     return FixMotion(track, derived, (about,))
+
+
+def _as_logged(
+    body: Columns, streams: Mapping[str, Stream], time_us: Array, vehicle: Vehicle | None
+) -> Columns:
+    """Return the velocity of the body as the log of the vehicle file reports it.
+
+    R' (v + omega x arm), R from log axes to body axes, omega by the gyro where there is one.
+    """
+    if vehicle is None:
+        return body
+    velocity = np.column_stack([body[name] for name in LINEAR_VELOCITY])
+    if "imu" in streams and np.isfinite(streams["imu"].columns[GYRO[2]]).any():
+        gyro = streams["imu"].columns
+        rates = np.column_stack([gyro[name] for name in GYRO])
+        good, at = np.isfinite(rates).all(axis=1), gyro["time_us"] - 1e6 * vehicle.imu.lag_s
+        turn = [np.interp(time_us, at[good], column) for column in rates[good].T]
+        rate = np.column_stack(turn) @ vehicle.imu.rotation.T
+        velocity = velocity + cross(rate, np.broadcast_to(vehicle.dvl.arm_m, rate.shape))
+    return named(LINEAR_VELOCITY, velocity @ vehicle.dvl.rotation)
 
 
 def _rows(columns: Columns, kept: Array) -> Columns:

@@ -63,7 +63,7 @@ class Alert(str):
         words = self.replace("+-", "±").strip()
         if len(words) > MOST_LETTERS:
             words = re.sub(r" \([^)]*\)", "", words)
-        for mark in (": ", ". ", "; "):
+        for mark in (". ", ": ", "; "):
             end = words.find(mark, LEAST_LETTERS)
             if len(words) > MOST_LETTERS and 0 < end <= MOST_LETTERS:
                 words = words[:end]

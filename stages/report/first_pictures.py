@@ -29,6 +29,7 @@ from auvid.stages.page.pictures.drawing import CurveRow, SignalCurve, Span
 from auvid.stages.page.pictures.signal_picture import signal_picture
 from auvid.stages.presentation import degrees
 from auvid.stages.report.clock import Clock, make_clock
+from auvid.stages.report.glide_pictures import glide_pictures
 
 Tables = Mapping[str, pa.Table]
 DEGREES = 180.0 / np.pi
@@ -62,7 +63,10 @@ def first_pictures(
     swings = [name for name, parts in by_port.items() if parts[-1] in ("decays", "swings")]
     flights = [name for name, parts in by_port.items() if "flights" in parts]
     motions = [name for name, parts in by_port.items() if "axis_motion" in parts]
+    glides = [name for name, parts in by_port.items() if parts[-1] == "glides"]
     drawings: list[Markup] = []
+    if glides and tables[glides[0]].num_rows:
+        drawings += glide_pictures(tables[glides[0]], tables, logs)
     if motions:
         drawings += _axes({name.split("/")[-1]: tables[name] for name in motions})
     if channels:

@@ -82,6 +82,20 @@ def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace:
     assert not any(row["unit"] == "kg" for row in rows.values())
 
 
+@pytest.mark.parametrize("pulse_us", [1500.0, 0.0])
+def test_an_autopilot_under_tow_whose_outputs_rest_is_a_passive_body(
+    workspace: Path, pulse_us: float
+) -> None:
+    """Its force is in kgf, too."""
+    columns = towed_body(1)
+    columns["tow_force_kgf"] = columns.pop("tow_force_n") / 9.80665
+    columns |= {f"pwm_{n}_us": pulse_us + 0.0 * columns["time_s"] for n in range(1, 7)}
+    log = write_towed_body(workspace / "resting.csv", columns)
+    assert new_campaign("resting", [log]).kind == "passive"
+    maps = (workspace / "campaigns/resting").rglob("*.yaml")
+    assert any("kgf" in path.read_text() for path in maps)
+
+
 def test_a_body_that_does_nothing_and_an_unknown_role_are_refused(workspace: Path) -> None:
     columns = {key: 0.0 * item for key, item in towed_body(3).items()}
     columns["time_s"] = towed_body(3)["time_s"]

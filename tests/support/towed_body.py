@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 
-MASS_KG, LINEAR, QUADRATIC = 18.0, 4.0, 25.0
+MASS_KG, LINEAR, QUADRATIC = 40.0, 4.0, 25.0
 K, D_1, D_2 = 6.0, 0.4, 0.3
 STEP_S = 0.05
 

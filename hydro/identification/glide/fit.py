@@ -22,6 +22,7 @@ from auvid.hydro.dynamics.gliding.steady_glide import (
     slow_change,
     steady_glide,
 )
+from auvid.hydro.identification.constrained.statuses import PRIOR_SHARE
 from auvid.hydro.identification.glide.bins import GlideRows, yos_of
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
@@ -324,15 +325,19 @@ def _estimate(
         max(yos - 1, 1),
         int(np.unique(problem.rows.glide).size),
         split,
-        _verdicts(values, covariance, free),
+        _verdicts(values, covariance, noise, free),
         problem.body,
     )
 
 
-def _verdicts(values: Array, covariance: Array, free: list[str]) -> dict[str, GlideVerdict]:
+def _verdicts(
+    values: Array, covariance: Array, noise: Array, free: list[str]
+) -> dict[str, GlideVerdict]:
     """Return the verdict on every unknown.
 
-    Held ones rest on the prior; without dives and climbs drag and trim are one figure.
+    Held ones rest on the prior; so does drag without lift where the spread of a held
+    induced drag gives `PRIOR_SHARE` of its variance: glides of one pitch tell C_D, their
+    sum. Without dives and climbs drag and trim are one figure.
     """
     verdicts: dict[str, GlideVerdict] = {}
     for index, name in enumerate(UNKNOWNS):
@@ -342,6 +347,8 @@ def _verdicts(values: Array, covariance: Array, free: list[str]) -> dict[str, Gl
             verdicts[name] = "from the prior"
         else:
             verdicts[name] = "identified" if error <= limit else "weak"
+    if "C_D1" not in free and noise[0, 0] <= (1.0 - PRIOR_SHARE) * covariance[0, 0]:
+        verdicts["C_D0"] = "from the prior"
     if "trim" not in free:
         verdicts["C_D0"] = verdicts["trim"] = "inseparable"
     return verdicts

@@ -135,7 +135,7 @@ def passive_motions(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed 
     """
     if log.under_water is False:
         return NOT_UNDER_WATER
-    if log.has("actuators"):
+    if log.has("actuators") and _drives(log):
         return "something on board drives it"
     passive = log.vehicle is not None and is_passive(log.vehicle)
     if not log.has("tow") and not passive:
@@ -155,6 +155,12 @@ def passive_motions(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed 
         causes = "; ".join(motions.left_out[:2])
         return "it neither is towed nor coasts nor swings" + (f" ({causes})" if causes else "")
     return CampaignFeed("passive", tuple(name for name in passive_stage.STREAMS if log.has(name)))
+
+
+def _drives(log: CheckedLog) -> bool:
+    """Return whether outputs ever act: an autopilot under tow logs outputs at rest."""
+    acting = activity(log)
+    return acting is None or bool(acting.any())
 
 
 def is_passive(vehicle: Vehicle) -> bool:

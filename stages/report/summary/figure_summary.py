@@ -239,7 +239,10 @@ def _figure(part: str, row: Document) -> Figure:
     text = partial(significant, digits=4)
     if value and error:
         text = partial(fixed, places=places_of_error(error, value))
-    words = with_unit(text(value), printed_unit(str(row["unit"])))
+    unit = printed_unit(str(row["unit"]))
+    if unit == "percent":
+        unit, text = "%", text if error else partial(fixed, places=0)
+    words = with_unit(text(value), unit)
     interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
     narrow = bool(interval) and text(low) == text(high)
     if (not interval or narrow) and error is not None and value is not None:

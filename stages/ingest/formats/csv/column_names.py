@@ -50,6 +50,12 @@ UNIT_WORDS: tuple[tuple[str, str], ...] = (
     (r"degc|celsius", "degC"),
     (r"percent|pct", "percent"),
 )
+TOW_WORDS = re.compile(r"\b(?:tow(?:ing)? (?:force|tension|load)|tension|load cell)\b")
+TOW_UNITS = re.compile(
+    r" (?:in )?(?:(?P<kgf>kgf|kg f|kgs?|kilogram force|kp)"
+    r"|(?P<lbf>lbf|lb f|lbs?|pounds?(?: force)?)|(?P<kN>k ?n|kilonewtons?)|(?P<N>n|newtons?))$"
+)
+"""Units of the force of a line: kg and lb of a load cell are forces, kn is no knot."""
 UNIT_TEXTS: Mapping[str, str] = {
     "m/s": "m/s",
     "m/s^2": "m/s^2",
@@ -226,6 +232,9 @@ def split_unit(name: str) -> tuple[str, str]:
         spec = None if name == "pitch_rad" else schema(stream).columns.get(name)
         if spec is not None and spec.dtype.startswith("float") and spec.unit:
             return _words(name), spec.unit
+    towed = TOW_UNITS.search(_words(name)) if TOW_WORDS.search(_words(name)) else None
+    if towed and towed.lastgroup:
+        return _words(name)[: towed.start()], towed.lastgroup
     bracket = BRACKET.search(name)
     if bracket:
         inner = bracket[1].strip()

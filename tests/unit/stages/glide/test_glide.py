@@ -17,6 +17,7 @@ from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import glide, ingest
 from auvid.stages.base import RawFile, RawLog, collection
+from auvid.stages.report.glide_pictures import glide_pictures
 
 ROOT = Path(__file__).resolve().parents[4]
 FOLDER = ROOT / "campaigns" / "slocum_glide"
@@ -90,8 +91,27 @@ def test_the_slocum_record(ingested: ingest.Outputs) -> None:
     assert rows["angle of attack"]["value"] == pytest.approx(3.0, abs=0.3)
     assert rows["C_L_alpha"]["verdict"] == "identified"
     assert rows["C_L_alpha (without speed)"]["verdict"] == "from the prior"
+    assert rows["C_L (without speed)"]["verdict"] == "from the prior"
+    # Every glide has the same pitch: drag without lift rests on the assumed C_D1.
+    assert rows["C_D0"]["verdict"] == "from the prior"
+    assert "goes with C_D1 of the vehicle file" in rows["C_D0"]["note"]
+    assert rows["C_D"]["verdict"] == "identified"
     assert rows["depth rate of other glides predicted"]["value"] > 95.0
     assert isinstance(outputs.glides, pa.Table)
+
+
+def test_the_first_screen_has_pictures_of_yos_and_fit(ingested: ingest.Outputs) -> None:
+    outputs, glider = run(ingested), ingested.glider
+    assert glider is not None
+    pictures = glide_pictures(
+        outputs.glides, {"ingest/dive/glider": glider}, {"dive": ingested.log_info}
+    )
+    first, second = map(str, pictures)
+    for words in ("Settled glides of leg", "depth", "pitch", "depth rate", "speed through"):
+        assert words in first
+    assert "Fitted (up) against measured (across)" in second
+    without_speed = run(ingested, without("speed_m_s"))
+    assert "speed" not in str(glide_pictures(without_speed.glides, {}, {})[0])
 
 
 def test_without_speed_lift_is_named_as_not_observable(ingested: ingest.Outputs) -> None:

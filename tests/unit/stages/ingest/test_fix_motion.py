@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.pose.fixes import FixTrack, fix_track, metres_from_degrees
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
+from auvid.stages.columns import GYRO, LINEAR_VELOCITY, named
 from auvid.stages.ingest.fix_motion import fix_motion
 from auvid.stages.ingest.streams.mapping import Stream
+from tests.support.motions import shipped_vehicle
 
 STEP_S, LAG_S = 0.05, 2.0
 
@@ -121,6 +124,25 @@ def test_body_axes_come_from_the_attitude_and_heave_from_the_depth() -> None:
     assert body["w_m_s"][5:-5] == pytest.approx(0.1, abs=1e-6)
     assert motion.streams["position"].columns["z_m"] == pytest.approx(2.0 + 0.1 * at)
     assert "no sensor measures u, v, w" in motion.notes[0]
+
+
+def test_arm_and_mounting_of_a_velocity_log_do_not_turn_the_velocity_of_fixes() -> None:
+    """What takes them off the velocity afterwards finds that of the body."""
+    t_s, seen, _ = fixes(5, noise_m=0.2, every_s=0.5)
+    streams = streams_of(t_s, seen, 0.3)
+    rate = named(GYRO, np.column_stack([0.0 * t_s, 0.1 + 0.0 * t_s, 0.4 * np.sin(t_s)]))
+    time_us = streams["attitude"].columns["time_us"]
+    streams["imu"] = Stream("imu", {"time_us": time_us, **rate}, np.arange(t_s.size), "gyro")
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    log = replace(vehicle.dvl, rotation=quarter, arm_m=np.array([0.3, 0.1, 0.2]), lag_s=0.15)
+    bare = fix_motion(streams, None).streams["velocity"].columns
+    logged = fix_motion(streams, replace(vehicle, dvl=log)).streams["velocity"].columns
+    assert np.all(logged["time_us"] - bare["time_us"] == 150_000)
+    omega = np.column_stack([np.interp(bare["time_us"], time_us, rate[name]) for name in GYRO])
+    body, back = (np.column_stack([item[n] for n in LINEAR_VELOCITY]) for item in (bare, logged))
+    back = back @ quarter.T - np.cross(omega, log.arm_m)
+    np.testing.assert_allclose(back, body, atol=1e-6)
 
 
 def test_coarse_fixes_leave_heading_and_depth() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import LogError
+from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.column_draft import ColumnDraft, draft_columns
 from auvid.stages.ingest.formats.csv.column_map import column_map
@@ -282,3 +283,21 @@ def test_findings_correct_signs_and_assumed_units_only() -> None:
 def test_files_without_header_or_time_are_refused(text: bytes, words: str) -> None:
     with pytest.raises(LogError, match=words):
         draft_columns(RawFile("log.csv", np.frombuffer(text, np.uint8), None))
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("tow_force_n", "N"), ("Tension [N]", "N"), ("tow force (kgf)", "kgf"),
+        ("load_cell_kg", "kgf"), ("tow_force_lbf", "lbf"), ("Tension [lbs]", "lbf"),
+        ("tow_force_kN", "kN"),
+    ],
+)  # fmt: skip
+def test_the_force_of_a_line_has_its_unit(name: str, unit: str) -> None:
+    """A load cell reads kg and lb of force, and kn is no knot."""
+    (item,) = named_columns([name])
+    assert item.place == ("tow", "tow_force_n")
+    assert item.unit == unit
+    assert named_columns(["speed_kn"])[0].unit == "knot"
+    newtons = {"N": 1.0, "kgf": 9.80665, "lbf": 4.4482216, "kN": 1000.0}
+    assert factor_and_offset(unit, "N")[0] == pytest.approx(newtons[unit])
