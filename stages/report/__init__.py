@@ -160,7 +160,8 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
             part, inputs.ranking, logs, sections, inputs.vehicle, inputs.shelf or {}
         )
     elif results:
-        summary = summarise_results(results, logs, sections, inputs.vehicle.document)
+        log_of = {str(leg["id"]): str(leg.get("log")) for leg in inputs.campaign.get("legs") or ()}
+        summary = summarise_results(results, logs, sections, inputs.vehicle.document, log_of)
     else:
         summary = summarise(
             cards,

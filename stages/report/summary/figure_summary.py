@@ -29,7 +29,10 @@ BOUNDS_OF = ": bounds met of "
 """Between the name of a printed table and how many bounds are asked of it, in the
 figures of the stage that compares.
 """
+OF_LEG = " of leg "
+"""Between channel and leg in the title of the figures of a leg."""
 FEW = 6
+NO_LEGS: Mapping[str, str] = {}
 
 
 def summarise_results(
@@ -37,8 +40,9 @@ def summarise_results(
     logs: Mapping[str, LogInfo],
     sections: Mapping[str, Document],
     vehicle: VehicleDocument,
+    log_of: Mapping[str, str] = NO_LEGS,
 ) -> Summary:
-    """Summarise documents of schema `results`, keyed `stage/item`.
+    """Summarise documents of schema `results`, keyed `stage/item`; leg -> its log.
 
     Of their headlines, or of all figures where there is none.
 
@@ -54,6 +58,7 @@ def summarise_results(
     good = [
         row for _, row in figures if row.get("verdict") in DETERMINED and row["value"] is not None
     ]
+    good_of = [(part, row) for part, row in figures if row in good]
     judged = [row for _, row in figures if row.get("verdict")]
     missed = [row for row in bounds if row["verdict"] == MISSED]
     doubtful = [(part, row) for part, row in figures if row.get("verdict") and row not in good]
@@ -84,6 +89,7 @@ def summarise_results(
                 Alert(f"Missed beside the print: {_bound(row)}.", anchor("check_published"), "poor")
                 for row in missed
             ),
+            *_disagreements(good_of, log_of),
             *_undetermined(doubtful),
             *_damaged(logs),
             *assumed_figures(vehicle),
@@ -223,6 +229,36 @@ def _undetermined(doubtful: list[tuple[str, Document]]) -> list[Alert]:
     for part, row in doubtful:
         by_reason.setdefault(f"{part}: {row['verdict']}", []).append(str(row["quantity"]))
     return [Alert(f"{head}: {', '.join(names)}.") for head, names in by_reason.items()]
+
+
+def _disagreements(
+    determined: list[tuple[str, Document]], log_of: Mapping[str, str]
+) -> list[Alert]:
+    """Return values of a channel that two legs of a log give apart from each other.
+
+    Both by the same model and method (`note`), so that the legs and not the models differ.
+    """
+    groups: dict[tuple[str, str, str, str], list[tuple[str, Document]]] = {}
+    for part, row in determined:
+        channel, _, leg = part.partition(OF_LEG)
+        if leg in log_of and row.get("low") is not None and row.get("high") is not None:
+            name = (log_of[leg], channel, str(row["quantity"]), str(row.get("note")))
+            groups.setdefault(name, []).append((leg, row))
+    alerts = []
+    for (_, channel, quantity, _), items in groups.items():
+        low = max(items, key=lambda item: float(item[1]["low"]))
+        high = min(items, key=lambda item: float(item[1]["high"]))
+        if low[1]["low"] > high[1]["high"]:
+            figures = [_figure(leg, row) for leg, row in (high, low)]
+            words = [f"{item.value} ({item.interval}) on leg {item.part}" for item in figures]
+            alerts.append(
+                Alert(
+                    f"The legs disagree on {quantity} of {channel}: {' and '.join(words)}."
+                    " Neither interval holds beyond its own leg: something that is not in the"
+                    " model differs, as current, tether, trim or voltage."
+                )
+            )
+    return alerts
 
 
 def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:

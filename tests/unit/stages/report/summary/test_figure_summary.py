@@ -146,3 +146,35 @@ def test_page_shows_the_figures_escaped() -> None:
     page = render("T", "S", "", summarise_results(hostile, {}, {}, VEHICLE), {}).decode()
     assert "&lt;b&gt;" in page
     assert "<b>" not in page.split("<figure", 1)[1].split("</figure>")[0]
+
+
+@pytest.mark.parametrize(
+    ("low", "note", "log", "count"),
+    [
+        (-16.0, "quadratic", "dive", 1),
+        (-8.0, "quadratic", "dive", 0),
+        (-16.0, "linear", "dive", 0),
+        (-16.0, "quadratic", "another", 0),
+    ],
+)
+def test_legs_of_one_log_that_exclude_each_other_are_named(
+    low: float, note: str, log: str, count: int
+) -> None:
+    """Not where the intervals meet, the models differ, or the legs are of other logs."""
+    common = {"verdict": "identified", "headline": True, "note": "quadratic"}
+    results = {
+        "rlse/dive": {
+            "title": "heave of leg dive",
+            "rows": [row("Z_w|w|", -13.0, low=-15.0, high=-11.0, **common)],
+        },
+        "rlse/descent": {
+            "title": "heave of leg descent",
+            "rows": [row("Z_w|w|", -27.0, low=-37.0, high=low, **{**common, "note": note})],
+        },
+    }
+    log_of = {"dive": "dive", "descent": log}
+    missing = summarise_results(results, {}, {}, VEHICLE, log_of).missing
+    alerts = [
+        words for words in missing if words.startswith("The legs disagree on Z_w|w| of heave")
+    ]
+    assert len(alerts) == count
