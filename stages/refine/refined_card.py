@@ -47,8 +47,9 @@ COVERAGE_ON_TWINS: Mapping[str, Mapping[str, float]] = {
     "output_error": {"linear": 0.96, "gertler_hagen": 0.95},
 }
 """Share of the 95 % intervals of coefficients called identified that hold the truth, by the
-true model: fits to twins of the VT 690, plan default, of 6, 76 and 3 seeds; their binomial
-intervals are .84 to .94, .94 to .97 and .88 to .98 (benchmarks/coverage.py).
+true model: fits to twins of the VT 690 of 33 seeds (plan matched, with an unsteady force), and
+76 and 3 (plan default); their binomial intervals are .87 to .93, .94 to .97 and .88 to .98
+(benchmarks/coverage.py).
 """
 
 
