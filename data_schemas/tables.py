@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import groupby
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -233,12 +233,13 @@ def split_by(table: pa.Table, name: str) -> dict[Any, pa.Table]:
     >>> {value: part["n"].to_pylist() for value, part in parts.items()}
     {'a': [1, 2], 'b': [3]}
     """
+    encoded = table[name].combine_chunks().dictionary_encode()
+    codes = np.asarray(encoded.indices.fill_null(-1))
+    values = [*encoded.dictionary.to_pylist(), None]
+    edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
     parts: dict[Any, list[pa.Table]] = {}
-    place = 0
-    for value, same in groupby(table[name].to_pylist()):
-        rows = sum(1 for _ in same)
-        parts.setdefault(value, []).append(table.slice(place, rows))
-        place += rows
+    for start, end in pairwise(edges if len(codes) else []):
+        parts.setdefault(values[codes[start]], []).append(table.slice(start, end - start))
     return {value: pa.concat_tables(some) for value, some in parts.items()}
 
 

@@ -331,10 +331,15 @@ def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -
 def _forces(
     inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
 ) -> dict[str, Array]:
-    fused = None
-    if inputs.fused is not None and any(model.added_mass.any() for model in models.values()):
-        fused = inputs.fused[key]
+    fused = _fused(inputs, models, key)
     return {name: model.force(residual, fused) for name, model in models.items()}
+
+
+def _fused(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table | None:
+    """Return the state of a segment where a model's inertia needs it."""
+    if inputs.fused is not None and any(model.added_mass.any() for model in models.values()):
+        return inputs.fused[key]
+    return None
 
 
 def _flights(
@@ -435,14 +440,16 @@ def _free_runs(
 
 def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table:
     residual = inputs.residual[key]
-    n = residual.num_rows
+    n, fused = residual.num_rows, _fused(inputs, models, key)
+    force = np.empty((6, n * len(models)))
+    for number, model in enumerate(models.values()):
+        force[:, number * n : (number + 1) * n] = model.force(residual, fused).T
     columns: dict[str, Any] = {
-        "segment": [key] * (n * len(models)),
-        "model": [name for name in models for _ in range(n)],
+        "segment": pa.repeat(key, n * len(models)),
+        "model": pa.concat_arrays([pa.repeat(name, n) for name in models]),
         "t_s": np.tile(clock(residual), len(models)),
     }
-    force = np.vstack(list(_forces(inputs, models, key, residual).values()))
-    return make_table("predictions", columns | named(force_columns("tau"), force))
+    return make_table("predictions", columns | named(force_columns("tau"), force.T))
 
 
 STAGE = Stage(
