@@ -20,6 +20,7 @@ from auvid.hydro.identification.signals.answers import track_turn
 from auvid.hydro.identification.signals.motion_checks import (
     AxisGains,
     accelerometer_changes,
+    angles_at,
     depth_by_axes,
     depth_gains,
     own_and_cross,
@@ -51,6 +52,12 @@ SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
 """Largest standard error of a turn of the track, and the angle [deg] beyond which one
 axis or both have the wrong sign.
 """
+DRIVEN, JOINED, UNJOINED = 0.4, 0.5, 0.15
+"""Share of a motion that all outputs must explain together, and parts of it that they
+explain as the vehicle file joins them where it is right, and where it is not.
+"""
+TURNED_SHARE = 0.5
+"""Least sum of the shares of surge and sway that a turned velocity must explain."""
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -98,8 +105,8 @@ def motion_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
     answers = responses(log)
     response = {} if command_lead(answers) else dict(_responses(log))
-    exchanged = list(_exchanged_answers(log, response))
-    yield from exchanged or _response_signs(response)
+    exchanged = list(_exchanged_answers(log, response)) or list(_turned_answers(log, response))
+    yield from exchanged or list(_answers_out_of_order(log, response)) or _response_signs(response)
     if not log.has("velocity", "attitude"):
         return
     depth = _depth_gains(log)
@@ -384,6 +391,94 @@ def _exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> It
             value=other / 2.0,
             fields=LINEAR_VELOCITY[:2],
         )
+
+
+def _turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield a velocity that answers the thrusters once it is turned about the vertical.
+
+    By one angle all log long, or by the heading, as a velocity over ground is.
+    """
+    pushes = _pushes(log)
+    if pushes is None or not log.has("velocity", "attitude") or not np.ptp(pushes[1][:, 0]):
+        return
+    t_s, pushed = pushes
+    at, speed = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)[:, :2]
+    heading = angles_at(at, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
+    turns = {f"turned by {angle} degrees": np.radians(-angle) for angle in range(-150, 180, 30)}
+    turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
+    shares: dict[str, float] = {}
+    for words, angle in {**turns, "over ground": -heading}.items():
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turned = (
+            cosine * speed[:, 0] - sine * speed[:, 1],
+            sine * speed[:, 0] + cosine * speed[:, 1],
+        )
+        gains = [
+            response_gains(t_s, pushed[:, [axis]], at, motion)
+            for axis, motion in enumerate(turned)
+            if np.ptp(pushed[:, axis])
+        ]
+        shares[words] = sum(
+            item.explained for item in gains if item is not None and item.gain[0] > 0.0
+        )
+    own = sum(max(response[axis].explained, 0.0) for axis in "uv" if axis in response)
+    best = max(shares, key=lambda words: shares[words])
+    if best == "turned by 0 degrees" or shares[best] - own < ANSWER_GAP:
+        return
+    if shares[best] < TURNED_SHARE:
+        return
+    yield finding(
+        "velocity_axes",
+        f"The velocity ({log.source('velocity')}) answers the thrusters of surge and sway if it is"
+        f" {best if 'turned' in best else 'one over ground, north and east'} (sum of the shares"
+        f" explained {shares[best]:.2f}; as it is declared {own:.2f}).",
+        stream="velocity",
+        value=shares[best],
+        fields=LINEAR_VELOCITY[:2],
+        remedy=(
+            "Turn it into body axes with the attitude before the export, or map the log's body"
+            " velocity."
+            if best == "over ground"
+            else "Give the mounting of the velocity sensor in the vehicle file (sensors.dvl), or"
+            " correct the columns."
+        ),
+    )
+
+
+def _answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield outputs that drive the vehicle, but not as the vehicle file joins them."""
+    if log.vehicle is None or log.vehicle.thrusters is None:
+        return
+    thrusters, t_s = log.vehicle.thrusters, log.t_s("actuators") if log.has("actuators") else None
+    streams = dict.fromkeys("uvw", "velocity") | {"r": "imu"}
+    names = dict(zip("uvwr", (*LINEAR_VELOCITY, GYRO[2]), strict=True))
+    right: list[str] = []
+    wrong: list[str] = []
+    for axis, stream in streams.items():
+        if axis not in response or t_s is None:
+            continue
+        columns = [f"pwm_{number}_us" for number in thrusters.outputs]
+        pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
+        forces = thruster_forces(thrusters, pulses)
+        moving = forces[:, np.ptp(forces, axis=0) > 0.0]
+        gains = response_gains(t_s, moving, log.t_s(stream), log.column(stream, names[axis]))
+        if gains is None or gains.explained < DRIVEN:
+            continue
+        share = response[axis].explained / gains.explained
+        if share > JOINED:
+            right.append(axis)
+        elif share < UNJOINED:
+            wrong.append(axis)
+    if len(wrong) < 2 or right:
+        return
+    words = dict(zip("uvwr", (*SPEEDS, RATES[2]), strict=True))
+    yield finding(
+        "response_order",
+        f"The outputs drive {listed([words[axis] for axis in wrong])}, but not as the vehicle file"
+        " joins them.",
+        stream="actuators",
+        value=float(len(wrong)),
+    )
 
 
 def _response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:

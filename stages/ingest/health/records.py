@@ -63,6 +63,8 @@ DEPTH_FACTOR = 10.0
 """Depth comes in steps of millimetres to centimetres, so the same value for a while is
 nothing odd.
 """
+UNSIGNED_LOW = 0.2
+"""Part of its usual size that a motion without signs falls below."""
 USUAL_RUNS = 5
 """A run of repeats is none of a column's usual ones if it is so many times as long."""
 MIN_LIVE_SAMPLES = 20
@@ -281,6 +283,17 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
 def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
     still = _constant(names, values)
+    if stream == "velocity" and (values[:, 1:].min() >= 0.0 or values[:, 1:].max() <= 0.0):
+        low, high = np.percentile(np.abs(values[:, 1:]), (5.0, 95.0), axis=0)
+        if (high > limit("velocity_unsigned")).all() and (low < UNSIGNED_LOW * high).all():
+            yield finding(
+                "velocity_unsigned",
+                f"Sway and heave of the velocity ({log.source(stream)}) have one sign in all"
+                f" {len(values)} samples and come near zero again and again.",
+                stream=stream,
+                value=float(high.min()),
+                fields=names[1:],
+            )
     frozen = [index for index in still if stream == "velocity" and values[0, index] != 0.0]
     if frozen and len(still) < len(names):
         index = frozen[0]

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.answers import slow_answer
 from auvid.hydro.identification.signals.signal_checks import (
     Response,
@@ -54,6 +56,10 @@ NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
 DENSITIES_KG_M3 = (950.0, 1250.0)
 """Fresh water, warm, to brine."""
 POUNDS = 2.2046
+GYRATION_RADII, THRUSTER_RADII = (0.15, 4.0), 15.0
+"""Bounds of radii of gyration and of thrusters' arms, in radii of a ball of the
+displaced water: a torpedo of fifteen diameters has 0.19 and 3.1.
+"""
 MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
 
 
@@ -418,6 +424,7 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
             value=density,
         )
         return
+    yield from _sizes(vehicle)
     excess = vehicle.mass_kg / water - 1.0
     if abs(excess) > limit("weight_in_water"):
         newtons = (vehicle.mass_kg - water) * vehicle.gravity
@@ -441,6 +448,46 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
                 f" of {water:g} kg is {ratio:.2g} times that.",
                 value=ratio,
             )
+
+
+def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield gravity, inertia, centres and arms in a wrong unit or sign."""
+    if abs(vehicle.gravity - STANDARD_GRAVITY) > limit("gravity_value"):
+        yield finding(
+            "gravity_value",
+            f"The vehicle file gives {vehicle.gravity:g} m/s^2 as gravity.",
+            value=vehicle.gravity,
+        )
+    volume = vehicle.displaced_mass_kg / vehicle.water_density
+    radius = float(np.cbrt(0.75 * volume / np.pi))
+    apart = float(np.linalg.norm(vehicle.r_B - vehicle.r_G))
+    lengths = [("a distance of the centres of gravity and buoyancy", apart, 0.0, 1.0)]
+    gyration = np.sqrt(np.abs(np.diag(vehicle.inertia)) / vehicle.mass_kg)
+    if gyration.min() > 0.0:
+        oddest = float(gyration[np.argmax(np.abs(np.log(gyration / radius)))])
+        lengths.append(("a radius of gyration", oddest, *GYRATION_RADII))
+    if vehicle.thrusters is not None:
+        forces, moments = (
+            np.linalg.norm(part, axis=0) for part in np.split(vehicle.thrusters.allocation, 2)
+        )
+        pushing = forces > 0.1  # others make a moment alone
+        arm = float((moments[pushing] / forces[pushing]).max(initial=0.0))
+        lengths.append(("a thruster's lever arm", arm, 0.0, THRUSTER_RADII))
+    for words, length, low, high in lengths:
+        if not low * radius <= length <= high * radius:
+            yield finding(
+                "body_size",
+                f"The vehicle file gives {words} of {length:.3g} m; a ball of its displaced water"
+                f" has a radius of {radius:.3g} m.",
+                value=length / radius,
+            )
+    if vehicle.r_B[2] - vehicle.r_G[2] > limit("upside_down"):
+        yield finding(
+            "upside_down",
+            f"The centre of buoyancy of the vehicle file lies {vehicle.r_B[2] - vehicle.r_G[2]:.3g}"
+            " m below its centre of gravity: at rest the vehicle would turn over.",
+            value=float(vehicle.r_B[2] - vehicle.r_G[2]),
+        )
 
 
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:

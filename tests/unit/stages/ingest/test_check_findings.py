@@ -16,6 +16,7 @@ from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -314,7 +315,7 @@ def _set_points(log: Log) -> None:
         log.streams["actuators"][name] = np.full_like(log.streams["actuators"][name], 1600.0)
 
 
-def of_a_vehicle(name: str, *keys: str, value: float) -> Spoil:
+def of_a_vehicle(name: str, *keys: str, value: Any) -> Spoil:
     """The vehicle file says something else."""
 
     def change(log: Log) -> None:
@@ -330,6 +331,46 @@ def of_a_vehicle(name: str, *keys: str, value: float) -> Spoil:
 
 SPOIL["water_density"] = of_a_vehicle("bluerov2_heavy", "environment", "water_density", value=1.025)
 SPOIL["weight_in_water"] = of_a_vehicle("bluerov2_heavy", "rigid_body", "mass", value=29.8)
+
+
+SPOIL["gravity_value"] = of_a_vehicle("bluerov2_heavy", "environment", "gravity", value=-9.81)
+SPOIL["upside_down"] = of_a_vehicle(
+    "bluerov2_heavy", "rigid_body", "centre_of_buoyancy", value=[0.0, 0.0, 0.02]
+)
+SPOIL["body_size"] = of_a_vehicle(
+    "bluerov2_heavy", "rigid_body", "centre_of_buoyancy", value=[0.0, 0.0, -10.0]
+)
+
+
+@spoils("velocity_unsigned")
+def _sizes_only(log: Log) -> None:
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = np.abs(log.streams["velocity"][name])
+
+
+def drive(log: Log, order: tuple[int, ...]) -> None:
+    """Surge, sway, heave and yaw as the thrusters make them; outputs in an order."""
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    log.info["parameters"] = {"FRAME_CONFIG": 2.0}
+    thrusters = log.vehicle.thrusters
+    assert thrusters is not None
+    t_s, random = log.t_s("actuators"), np.random.default_rng(5)
+    pulses = np.repeat(random.uniform(-150.0, 150.0, (30, 8)), 20, axis=0)[: t_s.size]
+    for place, number in enumerate(order):
+        log.streams["actuators"][f"pwm_{number}_us"] = 1500.0 + pulses[:, place]
+    force = thruster_forces(thrusters, 1500.0 + pulses) @ thrusters.allocation.T
+    rate = force / np.diag(log.vehicle.mass_matrix)
+    motion = np.zeros_like(rate)
+    for n in range(1, t_s.size):
+        motion[n] = motion[n - 1] + 0.1 * (rate[n - 1] - 0.8 * motion[n - 1])
+    for axis, name in enumerate(SPEED_COLUMNS):
+        log.streams["velocity"][name] = np.interp(log.t_s("velocity"), t_s, motion[:, axis])
+    log.streams["imu"][IMU_COLUMNS[2]] = np.interp(log.t_s("imu"), t_s, motion[:, 5])
+
+
+@spoils("response_order")
+def _other_order(log: Log) -> None:
+    drive(log, (5, 6, 7, 8, 1, 2, 3, 4))
 
 
 @spoils("hull_volume")
@@ -779,3 +820,16 @@ def test_commands_that_are_early_are_no_slow_vehicle(
     time_constant_s: float, early_s: float
 ) -> None:
     assert "commands_early" in driven(time_constant_s, early_s).ids()
+
+
+def test_outputs_that_are_joined_as_the_vehicle_file_says_have_no_finding() -> None:
+    log = sound()
+    drive(log, tuple(range(1, 9)))
+    assert not {"response_order", "response_sign", "velocity_axes"} & set(log.ids())
+
+
+@pytest.mark.parametrize("name", ["bluerov2_heavy", "remus100", "thaus", "vt690", "hauv"])
+def test_bundled_vehicles_have_possible_sizes(name: str) -> None:
+    log = sound()
+    log.vehicle = vehicle_from_document(vehicle_document(name))
+    assert not {"body_size", "upside_down", "gravity_value"} & set(log.ids())

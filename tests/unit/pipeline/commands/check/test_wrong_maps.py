@@ -22,6 +22,7 @@ import yaml
 from auvid.data_schemas.checks import checks, mistakes
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands.new.new_example import example_log
@@ -214,6 +215,41 @@ def frozen_sway(case: Case) -> None:
     values[column] = np.where(np.arange(900) > 500, values[column][500], values[column])
 
 
+def vehicle(*keys: str, factor: float, of: str = "rigid_body") -> Change:
+    """The vehicle file has these numbers times a factor."""
+
+    def change(case: Case) -> None:
+        document = case.vehicle.document.model_dump(mode="python", exclude_none=True)
+        for key in keys:
+            entry = document[of][key] if of != "thrusters" else document["actuators"][of][key]
+            entry["value"] = (factor * np.array(entry["value"], dtype=float)).tolist()
+        case.vehicle = vehicle_from_document(document)
+
+    return change
+
+
+def shifted(case: Case) -> None:
+    """Each output column is taken for the next."""
+    entries = [case.entry(name) for name in PULSES]
+    columns = [entry["column"] for entry in entries]
+    for entry, column in zip(entries, columns[1:] + columns[:1], strict=True):
+        entry["column"] = column
+
+
+def turned_velocity(degrees: float | None) -> Change:
+    """The velocity in axes turned about the vertical; None: by the heading."""
+
+    def change(case: Case) -> None:
+        (first, u), (other, v) = case.values("u_m_s"), case.values("v_m_s")
+        values, psi = case.values("psi_rad")
+        angle = np.radians(values[psi] if degrees is None else degrees)
+        surge, sway = first[u].copy(), other[v].copy()
+        first[u] = np.cos(angle) * surge - np.sin(angle) * sway
+        other[v] = np.sin(angle) * surge + np.cos(angle) * sway
+
+    return change
+
+
 def in_minutes(case: Case) -> None:
     for values in case.files.values():
         values[next(iter(values))] /= 60.0
@@ -360,6 +396,37 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "response_sign",
         "Heave",
     ),
+    "inertia in g cm^2 taken for kg m^2": (vehicle("inertia", factor=1e7), "body_size", "gyration"),
+    "inertia in lb ft^2 taken for kg m^2": (
+        vehicle("inertia", factor=23.73),
+        "body_size",
+        "gyration",
+    ),
+    "centre of buoyancy in mm taken for m": (
+        vehicle("centre_of_buoyancy", factor=1e3),
+        "body_size",
+        "centres",
+    ),
+    "centre of buoyancy counted upward": (
+        vehicle("centre_of_buoyancy", factor=-1.0),
+        "upside_down",
+        "turn over",
+    ),
+    "places of thrusters in mm taken for m": (
+        vehicle("position", factor=1e3, of="thrusters"),
+        "body_size",
+        "lever arm",
+    ),
+    "gravity counted upward": (
+        vehicle("gravity", factor=-1.0, of="environment"),
+        "gravity_value",
+        "-9.8",
+    ),
+    "gravity in ft/s^2": (vehicle("gravity", factor=3.2808, of="environment"), "gravity_value", ""),
+    "output columns shifted by one": (shifted, "response_order", "vehicle file"),
+    "speeds without signs": (data(np.abs, *SPEED), "velocity_unsigned", "signs"),
+    "velocity over ground, down as heave": (turned_velocity(None), "velocity_axes", "over ground"),
+    "velocity log turned by 45 degrees": (turned_velocity(45.0), "velocity_axes", "by 45 degrees"),
     "attitude in gradians declared degrees": (
         data(lambda angle: angle / 0.9, *ANGLES),
         "attitude_unit",
