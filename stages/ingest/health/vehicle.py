@@ -460,8 +460,8 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
         )
     volume = vehicle.displaced_mass_kg / vehicle.water_density
     radius = float(np.cbrt(0.75 * volume / np.pi))
-    apart = float(np.linalg.norm(vehicle.r_B - vehicle.r_G))
-    lengths = [("a distance of the centres of gravity and buoyancy", apart, 0.0, 1.0)]
+    lever = float(np.linalg.norm(vehicle.r_B - vehicle.r_G))
+    lengths = [("a distance of the centres of gravity and buoyancy", lever, 0.0, 1.0)]
     gyration = np.sqrt(np.abs(np.diag(vehicle.inertia)) / vehicle.mass_kg)
     if gyration.min() > 0.0:
         oddest = float(gyration[np.argmax(np.abs(np.log(gyration / radius)))])
