@@ -193,8 +193,27 @@ def _of_coasts(
 def pooled(swings: list[FreeSwing]) -> tuple[Array, Array]:
     """Return the mean of k, D_1, D_2 over swings (3,) and standard errors (3,).
 
-    Of several the scatter counts where it is larger than what each says of itself.
+    Of several the scatter counts where it is larger than what each says of itself. D_1 and
+    D_2 are those of `alike_damped`: linear damping of one swing is another figure than that
+    of a swing whose damping is linear and quadratic.
     """
+    k, k_error = _mean(swings)
+    damping, damping_error = _mean(alike_damped(swings))
+    return np.append(k[:1], damping[1:]), np.append(k_error[:1], damping_error[1:])
+
+
+def alike_damped(swings: list[FreeSwing]) -> list[FreeSwing]:
+    """Return the swings with the damping that most have; of two, the larger swings."""
+
+    def weight(damping: str) -> tuple[int, float]:
+        own = [swing.amplitude for swing in swings if swing.damping == damping]
+        return len(own), max(own)
+
+    chosen = max({swing.damping: None for swing in swings}, key=weight)
+    return [swing for swing in swings if swing.damping == chosen]
+
+
+def _mean(swings: list[FreeSwing]) -> tuple[Array, Array]:
     values = np.array([swing.values for swing in swings])
     own = np.array([np.sqrt(np.maximum(np.diag(swing.covariance), 0.0)) for swing in swings])
     count = len(swings)
@@ -206,6 +225,7 @@ def pooled(swings: list[FreeSwing]) -> tuple[Array, Array]:
 
 def _of_swings(channel: str, swings: list[FreeSwing], vehicle: Vehicle) -> list[Figure]:
     values, errors = pooled(swings)
+    alike = alike_damped(swings)
     k, k_error = float(values[0]), float(errors[0])
     per, what = ("1/m", "mass") if channel == "heave" else ("1/rad", "inertia")
     root = float(np.sqrt(k))
@@ -226,7 +246,9 @@ def _of_swings(channel: str, swings: list[FreeSwing], vehicle: Vehicle) -> list[
         if value != 0.0 or error != 0.0:
             label = f"damping over apparent {what} in {channel}, {name}"
             weak = "weak" if value <= 0.0 else ""
-            note = swings[0].damping
+            note = alike[0].damping
+            if len(alike) < len(swings):
+                note += f"; {len(alike)} of {count}, the others have other damping"
             rows.append(_row(label, float(value), float(error), unit, note, verdict=weak))
     size, spread = apparent_mass(vehicle, channel)
     unit = "N/m" if channel == "heave" else "N m/rad"
