@@ -117,10 +117,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     set_us = clock_set([stream.columns["time_us"] for stream in merged.values()])
     rejected: list[Rejected] = []
     streams = {}
-    for name, whole in merged.items():
-        stream, lost = reject_samples(whole, set_us=set_us)
+    for name, merged_stream in merged.items():
+        stream, lost = reject_samples(merged_stream, set_us=set_us)
         rejected += lost
-        _check_share(lost, len(whole), params.max_dropped_share, log.id)
+        _check_share(lost, len(merged_stream), params.max_dropped_share, log.id)
         if len(stream):
             streams[name] = stream
     if not streams:

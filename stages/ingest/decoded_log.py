@@ -123,7 +123,7 @@ class LogReader:
     recognises: Callable[[bytes], bool]
     decode: Callable[[RawFile, frozenset[str] | None], DecodedLog]
 
-    def read(self, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
+    def read(self, file: RawFile, message_types: frozenset[str] | None = None) -> DecodedLog:
         """Decode a log held in memory or memory-mapped.
 
         Raises:
@@ -133,4 +133,4 @@ class LogReader:
         if not buffer.size:
             remedy = "Copy the log from the vehicle again."
             raise LogError("the file is empty", file=file.name, remedy=remedy)
-        return self.decode(replace(file, buffer=buffer), wanted)
+        return self.decode(replace(file, buffer=buffer), message_types)

@@ -194,8 +194,8 @@ def on_one_clock(files: Sequence[DecodedFile], *, log: str) -> list[DecodedFile]
     epochs = {item.epoch for item in files}
     if len(epochs) <= 1:
         return list(files)
-    known = [item.utc_offset_us for item in files if item.epoch == "boot"]
-    offset = next((value for value in known if value is not None), None)
+    offsets = [item.utc_offset_us for item in files if item.epoch == "boot"]
+    offset = next((value for value in offsets if value is not None), None)
     if epochs != {"boot", "unix"} or offset is None:
         raise LogError(
             f"the files of log '{log}' are not on one clock",

@@ -93,8 +93,8 @@ def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream
     if stamps.dtype != np.int64:
         finite = np.isfinite(stamps) & (np.abs(stamps) < float(2**62))
         stream = keep(stream, finite, NO_TIME)
-        whole = np.rint(stream.columns["time_us"]).astype(np.int64)
-        stream = replace(stream, columns={**stream.columns, "time_us": whole})
+        whole_us = np.rint(stream.columns["time_us"]).astype(np.int64)
+        stream = replace(stream, columns={**stream.columns, "time_us": whole_us})
     stream = keep(stream, complete_rows(stream.name, stream.columns), EMPTY)
     stream = keep(stream, possible_rows(stream.name, stream.columns), IMPOSSIBLE)
     if set_us is not None:

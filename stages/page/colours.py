@@ -146,8 +146,8 @@ def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
         for light, dark in SPARE
         if (light, dash) not in taken
     ]
-    made = {name: inks[place % len(inks)] for place, name in enumerate(free)}
-    return {name: item or made[name] for name, item in own.items()}
+    own_inks = {name: inks[place % len(inks)] for place, name in enumerate(free)}
+    return {name: item or own_inks[name] for name, item in own.items()}
 
 
 def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -457,9 +457,9 @@ def heat(ratio: float | None) -> str:
 
 def inks(own_inks: Mapping[str, Ink]) -> str:
     """CSS variables of all colours, on paper and on a dark screen."""
-    known = {**AXIS_INKS, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **own_inks}
-    light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(known.items()))
-    dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(known.items()))
+    by_name = {**AXIS_INKS, **MODELS, **COMPONENTS, **ROLES, "none": Ink(*SPARE[0]), **own_inks}
+    light = ";".join(f"--ink-{name}:{item.light}" for name, item in sorted(by_name.items()))
+    dark = ";".join(f"--ink-{name}:{item.dark}" for name, item in sorted(by_name.items()))
     system = (
         f"@media screen and (prefers-color-scheme:dark){{:root:not([data-theme=light]){{{dark}}}}}"
     )

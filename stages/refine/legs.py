@@ -104,11 +104,11 @@ def actuator_record(samples: SegmentSamples, vehicle: Vehicle) -> ActuatorRecord
         return "belongs to a vehicle without actuators"
     if not has_columns(table, names):
         return f"lacks the stream 'actuators'; it can come from: {supply_text('actuators')}"
-    known: Mask = np.all(np.isfinite(matrix(table, names)), axis=1)
+    finite: Mask = np.all(np.isfinite(matrix(table, names)), axis=1)
     t_s = clock(table)
-    if not known[(t_s >= 0.0) & (t_s <= samples.segment.duration_s)].all():
+    if not finite[(t_s >= 0.0) & (t_s <= samples.segment.duration_s)].all():
         return "is not covered by the stream 'actuators'"
-    table, t_s = table.filter(pa.array(known)), t_s[known]
+    table, t_s = table.filter(pa.array(finite)), t_s[finite]
     force = None
     if vehicle.thrusters is not None:
         thrust = thruster_forces(vehicle.thrusters, matrix(table, pulses), _voltage(table))

@@ -250,7 +250,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     cards = {
         model.name: model_card(
             model,
-            declared=whole,
+            declared=declared_model,
             data=data,
             fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
             turns={axis: turns[model.name, axis] for axis in AXES},
@@ -260,7 +260,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             trim=params.trim,
             held_out=held_out[model.name],
         )
-        for whole, model in zip(declared, models, strict=True)
+        for declared_model, model in zip(declared, models, strict=True)
     }
     if not choice.is_plain:
         samples = FitSamples.of(legs(), terms, data.factor.n_samples)
@@ -278,8 +278,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name, own_factor in zip(
                 names, _with_motion(inputs, training, structures), strict=True
             ):
-                known = factors.get(name)
-                factors[name] = own_factor if known is None else known.merge(own_factor)
+                factor_kept = factors.get(name)
+                factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
             moving = reduce(TriangularFactor.merge, factors.values())
         for model in structures:
             per_one = {
@@ -312,9 +312,9 @@ def _chosen(params: Params) -> list[ViscousModel]:
     """Return the models to fit: the campaign's own, structures, published forms."""
     field = "stages.synthesise.models"
     own = {name: _own_structure(name, terms) for name, terms in params.structures.items()}
-    known = {model.name: model for model in (*STRUCTURES, *MODELS)}
+    by_name = {model.name: model for model in (*STRUCTURES, *MODELS)}
     for name in own:
-        if name in known:
+        if name in by_name:
             raise CampaignError(
                 "a structure has the name of a known model",
                 field="stages.synthesise.structures",
@@ -322,22 +322,22 @@ def _chosen(params: Params) -> list[ViscousModel]:
                 remedy="Give it another name.",
             )
     for name in params.models:
-        if name not in known:
+        if name not in by_name:
             raise CampaignError(
                 "unknown model",
                 field=field,
                 value=name,
-                allowed=tuple(known),
-                remedy=nearest(name, known),
+                allowed=tuple(by_name),
+                remedy=nearest(name, by_name),
             )
     if not (params.models or own) or len(set(params.models)) < len(params.models):
         raise CampaignError(
             "name at least one model, and each once",
             field=field,
             value=list(params.models),
-            allowed=tuple(known),
+            allowed=tuple(by_name),
         )
-    return [*own.values(), *(known[name] for name in params.models)]
+    return [*own.values(), *(by_name[name] for name in params.models)]
 
 
 def _own_structure(name: str, terms: Mapping[str, list[str]]) -> ViscousModel:

@@ -312,8 +312,8 @@ def _losses(rows: Iterable[Row], model: str) -> tuple[int, int]:
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
+    numbers = [value for value in values if value is not None]
+    return float(np.mean(numbers)) if numbers else None
 
 
 def _number(value: float | None) -> float | None:

@@ -140,8 +140,8 @@ def rough_sd(legs: list[LegRecord]) -> Array:
             zip(*(r.values.T for r in records), strict=True),
             strict=True,
         ):
-            known = [column[np.isfinite(column)] for column in columns]
-            steps = np.concatenate([np.diff(np.unwrap(column), 3) for column in known])
+            finite = [column[np.isfinite(column)] for column in columns]
+            steps = np.concatenate([np.diff(np.unwrap(column), 3) for column in finite])
             if len(steps):
                 out[channel] = 1.4826 * np.median(np.abs(steps)) / np.sqrt(20.0)
     return np.asarray(np.maximum(out, SMALLEST_SD))
@@ -156,7 +156,7 @@ def _linear(t_s: Array, times: Array, values: Array) -> Array:
     """Return values linear between samples, 0 in a column without any."""
     out = np.zeros((len(t_s), values.shape[1]))
     for column, series in enumerate(values.T):
-        known = np.isfinite(series)
-        if known.any():
-            out[:, column] = np.interp(t_s, times[known], series[known])
+        finite = np.isfinite(series)
+        if finite.any():
+            out[:, column] = np.interp(t_s, times[finite], series[finite])
     return out

@@ -316,12 +316,12 @@ def _positive_diagonal(R: Array) -> Array:
 
 
 def _column(factor: TriangularFactor, term: str) -> int:
-    known = (*factor.terms, CONSTANT)
-    if term not in known:
+    columns = (*factor.terms, CONSTANT)
+    if term not in columns:
         raise PipelineError(
-            "the factor has no column for this term", value=term, remedy=nearest(term, known)
+            "the factor has no column for this term", value=term, remedy=nearest(term, columns)
         )
-    return known.index(term)
+    return columns.index(term)
 
 
 def _split_by_rank(scaled: Array) -> tuple[list[int], list[int], Array]:

@@ -62,8 +62,8 @@ def coloured_over_white(fit: AxisFit, covariance: Array) -> float:
     It is how many samples count as one independent one.
     """
     white, coloured = np.diag(fit.covariance), np.diag(covariance)
-    known = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
-    return max(1.0, float(np.median(coloured[known] / white[known]))) if known.any() else 1.0
+    usable = np.isfinite(white) & np.isfinite(coloured) & (white > 0.0)
+    return max(1.0, float(np.median(coloured[usable] / white[usable]))) if usable.any() else 1.0
 
 
 def _covariance(

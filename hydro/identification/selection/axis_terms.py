@@ -179,9 +179,10 @@ def _worst_over_legs(
     for i, term in enumerate(terms):
         if term in couplings and abs(signs[:, i].sum()) < len(folds):
             return term, "its sign depends on which leg is left out"
-    whole = _held_out(legs, folds, axis, terms, trim)
+    all_terms_error = _held_out(legs, folds, axis, terms, trim)
     worse = {
-        term: _held_out(legs, folds, axis, tuple(t for t in terms if t != term), trim) - whole
+        term: _held_out(legs, folds, axis, tuple(t for t in terms if t != term), trim)
+        - all_terms_error
         for term in couplings
     }
     term = min(worse, key=lambda name: float(worse[name].sum()))

@@ -75,17 +75,17 @@ def choose(candidates: Sequence[RankedModel]) -> Choice | None:
     sound = [item for item in candidates if item.is_sound] or list(candidates)
     legs = max((len(item.left_out) for item in sound), default=0)
     if legs >= 2:
-        known = [item for item in sound if len(item.left_out) == legs]
-        best = min(known, key=_mean)
-        near = [item for item in known if _within_one_error(item, best)]
+        judged = [item for item in sound if len(item.left_out) == legs]
+        best = min(judged, key=_mean)
+        near = [item for item in judged if _within_one_error(item, best)]
         chosen = min(near, key=lambda item: (item.terms, _mean(item)))
         words = f"within one standard error of the best over {legs} legs, each left out in turn"
         return Choice(chosen.name, best.name, f"the simplest {words}")
-    known = [item for item in sound if np.isfinite(item.information)]
-    if not known:
+    judged = [item for item in sound if np.isfinite(item.information)]
+    if not judged:
         return None
-    best = min(known, key=lambda item: item.information)
-    near = [item for item in known if item.information - best.information <= CLEAR_DIFFERENCE]
+    best = min(judged, key=lambda item: item.information)
+    near = [item for item in judged if item.information - best.information <= CLEAR_DIFFERENCE]
     chosen = min(near, key=lambda item: (item.terms, item.information))
     return Choice(
         chosen.name,

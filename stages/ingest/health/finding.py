@@ -113,8 +113,8 @@ class CheckedLog:
                 for number, function in functions.items()
                 if function is not None and int(function) in MOTOR_FUNCTIONS
             ]
-        wanted = [f"pwm_{number}_us" for number in named or range(1, MOTORS + 1)]
-        return [name for name in wanted if name in there]
+        columns = [f"pwm_{number}_us" for number in named or range(1, MOTORS + 1)]
+        return [name for name in columns if name in there]
 
     def commands(self) -> list[str]:
         """Return the columns of normalised commands."""

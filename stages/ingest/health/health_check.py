@@ -78,8 +78,8 @@ def _others(
             yield other
             continue
         rows = np.arange(other.columns["time_us"].size)
-        whole = Stream(other.stream, other.columns, rows, other.source)
-        stream, _ = reject_samples(whole, set_us=set_us)
+        other_stream = Stream(other.stream, other.columns, rows, other.source)
+        stream, _ = reject_samples(other_stream, set_us=set_us)
         if len(stream):
             yield replace(other, columns=stream.columns)
 

@@ -227,9 +227,9 @@ def _active_span(log: CheckedLog, moving: Mask) -> str:
 
 
 def _saturation(log: CheckedLog) -> Iterator[Finding]:
-    given = log.info.parameters
+    parameters = log.info.parameters
     low, high = (
-        given.get(key) or usual
+        parameters.get(key) or usual
         for key, usual in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PWM_LIMITS_US, strict=True)
     )
     shares = []
@@ -504,11 +504,11 @@ def identity_findings(log: CheckedLog) -> Iterator[Finding]:
     if binary and firmware is None and log.under_water is None:
         yield finding("firmware_unknown", "No text of the log names the firmware.")
     if binary and log.thrusters() and log.under_water is not False:
-        wanted = (
+        expected = (
             "FRAME_CONFIG",
             *(f"MOT_{name.split('_')[1]}_DIRECTION" for name in log.thrusters()),
         )
-        missing = [name for name in wanted if name not in info.parameters]
+        missing = [name for name in expected if name not in info.parameters]
         if missing:
             words = (
                 f"{missing[0]} and {len(missing) - 1} directions"

@@ -149,8 +149,10 @@ def merge_modes(time_us: Ints, names: list[str], armed_us: Ints, armed: Mask) ->
         by_time = np.argsort(armed_us, kind="stable")
         since = np.searchsorted(armed_us[by_time], times, side="right") - 1
         # Before the first arming event the state was the opposite of it.
-        known = armed[by_time]
-        columns["armed"] = np.where(since >= 0, known[np.maximum(since, 0)], ~known[0])
+        armed_by_time = armed[by_time]
+        columns["armed"] = np.where(
+            since >= 0, armed_by_time[np.maximum(since, 0)], ~armed_by_time[0]
+        )
     return columns
 
 
@@ -173,7 +175,7 @@ def downward_score(column: str) -> Callable[[Messages, DecodedLog], float]:
     """
 
     def score(messages: Messages, log: DecodedLog) -> float:
-        known = column in messages.columns
-        return float(known and np.median(messages.floats(column)) != DOWNWARD)
+        present = column in messages.columns
+        return float(present and np.median(messages.floats(column)) != DOWNWARD)
 
     return score

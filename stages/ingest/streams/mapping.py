@@ -103,10 +103,10 @@ class Candidate:
         return self.messages is not None and self.refused is None
 
 
-def map_streams(log: DecodedLog, rules: Rules, wanted: Mapping[str, str]) -> dict[str, Stream]:
+def map_streams(log: DecodedLog, rules: Rules, sources: Mapping[str, str]) -> dict[str, Stream]:
     """Return all streams that a decoded log can fill, by stream name.
 
-    `wanted` names the source that the manifest wants for a stream; where this log does
+    `sources` names the source that the manifest wants for a stream; where this log does
     not have it, the order of the mapping decides.
     """
     log = _numbers(log, rules.spec)
@@ -117,7 +117,7 @@ def map_streams(log: DecodedLog, rules: Rules, wanted: Mapping[str, str]) -> dic
         named = [
             item
             for item in logged
-            if wanted.get(name) in (item.label, item.source.name) and item.refused != NO_CLOCK
+            if sources.get(name) in (item.label, item.source.name) and item.refused != NO_CLOCK
         ]
         for chosen in (named or [item for item in logged if item.usable])[:1]:
             streams[name] = _stream(name, chosen, candidates, log, rules)

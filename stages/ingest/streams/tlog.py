@@ -317,9 +317,9 @@ def utc_offset_us(log: DecodedLog) -> int | None:
     own = log.get("SYSTEM_TIME")
     if own is not None:
         unix = own.ints("time_unix_usec")
-        known = unix > UNIX_TIME_US
-        if known.any():
-            return int(np.median((unix - own.ints("time_boot_ms") * 1000)[known]))
+        dated = unix > UNIX_TIME_US
+        if dated.any():
+            return int(np.median((unix - own.ints("time_boot_ms") * 1000)[dated]))
     line, keeper = boot_offset(log), _timekeeper(log)
     if line is None or keeper is None:
         return 0

@@ -141,9 +141,9 @@ def utc_offset_us(log: DecodedLog) -> int | None:
         fix = log.get(name, "time_utc_usec")
         if fix is not None:
             unix = fix.ints("time_utc_usec")
-            known = unix > UNIX_TIME_US
-            if known.any():
-                return int(np.median((unix - fix.ints("timestamp"))[known]))
+            dated = unix > UNIX_TIME_US
+            if dated.any():
+                return int(np.median((unix - fix.ints("timestamp"))[dated]))
     return None
 
 

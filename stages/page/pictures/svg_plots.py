@@ -245,8 +245,12 @@ def _leaving(
     limits: tuple[float, float],
 ) -> Iterator[str]:
     for (_, y), series in zip(data, panel["series"], strict=True):
-        entry, known = entries[str(series["name"])], y[np.isfinite(y)]
-        if entry.is_drawn and known.size and (known.min() < limits[0] or known.max() > limits[1]):
+        entry, finite = entries[str(series["name"])], y[np.isfinite(y)]
+        if (
+            entry.is_drawn
+            and finite.size
+            and (finite.min() < limits[0] or finite.max() > limits[1])
+        ):
             yield entry.name
 
 
@@ -266,9 +270,9 @@ def telling_range(signals: Sequence[Array], roles: Sequence[str]) -> tuple[float
     if not near or len(near) == len(kept):
         return None
     low, high = float(min(y.min() for y in near)), float(max(y.max() for y in near))
-    whole = float(max(y.max() for _, y in kept)) - float(min(y.min() for _, y in kept))
+    full_range = float(max(y.max() for _, y in kept)) - float(min(y.min() for _, y in kept))
     span = max(high - low, 0.1 * max(abs(low), abs(high)))
-    return None if span <= 0.0 or whole <= FAR * span else (low - span, high + span)
+    return None if span <= 0.0 or full_range <= FAR * span else (low - span, high + span)
 
 
 SMALLEST_SPAN = 1e-30
@@ -333,23 +337,25 @@ def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
     return start + "l" + " ".join(map(str, steps)).replace(" -", "-")
 
 
-def ticks(low: float, high: float, wanted: int, *, upward: bool = False) -> tuple[Tick, ...]:
-    """Return about `wanted` round values between `low` and `high`, with labels.
+def ticks(low: float, high: float, count: int, *, upward: bool = False) -> tuple[Tick, ...]:
+    """Return about `count` round values between `low` and `high`, with labels.
 
     Labels tell neighbours apart.
     """
     span = high - low
-    power = 10.0 ** np.floor(np.log10(span / wanted))
-    step = next((m * power for m in (1, 2, 2.5, 5, 10) if span / (m * power) <= wanted), 10 * power)
+    power = 10.0 ** np.floor(np.log10(span / count))
+    step = next((m * power for m in (1, 2, 2.5, 5, 10) if span / (m * power) <= count), 10 * power)
     values = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
     digits = max(
         0, -int(np.floor(np.log10(step) + 1e-9)) + (1 if f"{step:.3e}".startswith("2.5") else 0)
     )
-    made = []
+    labelled = []
     for value in values:
         share = (value - low) / span * 100
-        made.append(Tick(round(100 - share if upward else share, 3), _label(float(value), digits)))
-    return tuple(made)
+        labelled.append(
+            Tick(round(100 - share if upward else share, 3), _label(float(value), digits))
+        )
+    return tuple(labelled)
 
 
 def _label(value: float, digits: int) -> str:

@@ -39,7 +39,7 @@ def record_difference(
     out = Recording(f"{first.name} against {second.name}", content=words, bins=bins)
     out.document("answer/text", words)
     starts = make_clock(first.segments, first.logs).logs
-    sent: dict[str, dict[str, LoggedSeries]] = {}
+    logged: dict[str, dict[str, LoggedSeries]] = {}
     for pair in pairs:
         shift = (
             starts.get(str(first.segments[pair.segment].log), 0.0)
@@ -49,7 +49,7 @@ def record_difference(
         kind = _entity(pair.kind)
         for place, name in enumerate(pair.first.names):
             origin = _origin(first, pair, name)
-            lanes = sent.setdefault(kind, {})
+            lanes = logged.setdefault(kind, {})
             for side, drawn, line in ((first, pair.first, FIRST), (second, pair.second, SECOND)):
                 entity = f"{origin}/{'first' if side is first else 'second'}"
                 lanes[origin] = _send(
@@ -62,7 +62,7 @@ def record_difference(
                     lanes.get(origin),
                 )
             second_less_first = f"difference/{origin}"
-            others = sent.setdefault(f"difference/{kind}", {})
+            others = logged.setdefault(f"difference/{kind}", {})
             others[second_less_first] = _send(
                 out,
                 second_less_first,
@@ -77,7 +77,7 @@ def record_difference(
         for pair in pairs
         for name, unit in zip(pair.first.names, pair.first.units, strict=True)
     }
-    blueprint, left_out = _blueprint(pairs, sent, units)
+    blueprint, left_out = _blueprint(pairs, logged, units)
     if left_out:
         out.document(LEFT_OUT, left_out)
     return out.finish(blueprint)
@@ -127,7 +127,9 @@ def _send(
 
 
 def _blueprint(
-    pairs: Sequence[Pair], sent: Mapping[str, Mapping[str, LoggedSeries]], units: Mapping[str, str]
+    pairs: Sequence[Pair],
+    logged: Mapping[str, Mapping[str, LoggedSeries]],
+    units: Mapping[str, str],
 ) -> tuple[rrb.Blueprint, str]:
     kinds = list(dict.fromkeys(pair.kind for pair in pairs))
     words: Any = rrb.TextDocumentView(origin="answer/text", name="What changed")
@@ -135,9 +137,9 @@ def _blueprint(
     if opening is None:
         return opened([words]), ""
     first = limited(
-        {opening: _plots(f"difference/{_entity(opening)}", sent, units)}, most=MOST_VIEWS // 4
+        {opening: _plots(f"difference/{_entity(opening)}", logged, units)}, most=MOST_VIEWS // 4
     )[0][opening]
-    tabs = {kind: _plots(_entity(kind), sent, units) for kind in kinds}
+    tabs = {kind: _plots(_entity(kind), logged, units) for kind in kinds}
     kept, left_out = limited(tabs, most=(MOST_VIEWS - len(first)) // 2)
     if left_out:
         words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
@@ -145,7 +147,7 @@ def _blueprint(
         rrb.Horizontal(in_pages(first, None, 2), words, column_shares=[6, 4], name="Answer")
     ]
     for kind, overlaid in kept.items():
-        every = _plots(f"difference/{_entity(kind)}", sent, units)
+        every = _plots(f"difference/{_entity(kind)}", logged, units)
         differences = {origin: every[origin] for origin in overlaid}
         pages.append(
             rrb.Tabs(
@@ -158,9 +160,9 @@ def _blueprint(
 
 
 def _plots(
-    kind: str, sent: Mapping[str, Mapping[str, LoggedSeries]], units: Mapping[str, str]
+    kind: str, logged: Mapping[str, Mapping[str, LoggedSeries]], units: Mapping[str, str]
 ) -> dict[str, rrb.TimeSeriesView]:
-    lanes = sent[kind]
+    lanes = logged[kind]
     times = outer(item.times for item in lanes.values())
     plots: dict[str, rrb.TimeSeriesView] = {}
     for origin, item in lanes.items():

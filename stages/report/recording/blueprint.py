@@ -65,7 +65,7 @@ class VisibleTabs:
     spans if there are any.
     """
 
-    sent: Mapping[str, LoggedSeries]
+    logged: Mapping[str, LoggedSeries]
     paths: Mapping[str, Array] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
     spans: tuple[float, float] | None = None
@@ -84,7 +84,7 @@ def parent(group: Document) -> str:
 
 def whole_view(
     groups: Sequence[Owned],
-    seen: VisibleTabs,
+    contents: VisibleTabs,
     tab: str = "",
     first: Callable[[Any], Any] | None = None,
 ) -> tuple[rrb.Blueprint, str]:
@@ -102,14 +102,18 @@ def whole_view(
     for owner, group in groups:
         tabs.setdefault(str(visible(group["tab"])), []).append((owner, group))
     plots, left_out = limited(
-        {name: _plots(items, groups, seen) for name, items in tabs.items()}, leg
+        {name: _plots(items, groups, contents) for name, items in tabs.items()}, leg
     )
     answer = plots.pop(ANSWER)
     words: Any = rrb.TextDocumentView(origin="answer/text", name="Summary")
     if left_out:
         words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
     left = (
-        in_pages(answer, None, 2, leg) if answer else paths_view(seen.paths) if seen.paths else None
+        in_pages(answer, None, 2, leg)
+        if answer
+        else paths_view(contents.paths)
+        if contents.paths
+        else None
     )
     pages: list[Any] = [] if first is None else [first(words)]
     pages += [
@@ -119,12 +123,12 @@ def whole_view(
             else words
         )
     ]
-    pages += [path_view("path", seen.paths, PATH)] if seen.paths else []
+    pages += [path_view("path", contents.paths, PATH)] if contents.paths else []
     pages += [in_pages(views, name, 2, leg) for name, views in plots.items() if views]
-    texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in seen.texts]
+    texts = [rrb.TextDocumentView(origin=f"tables/{stage}", name=stage) for stage in contents.texts]
     pages += [rrb.Tabs(*texts, name=TABLES)] if texts else []
     log = rrb.TextLogView(origin="log", name=LOG)
-    spans = spans_view("Modes and segments", seen.spans) if seen.spans is not None else None
+    spans = spans_view("Modes and segments", contents.spans) if contents.spans is not None else None
     pages.append(
         rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log
     )
@@ -250,7 +254,7 @@ def time_plot(
 
 
 def _plots(
-    groups: Sequence[Owned], every: Sequence[Owned], seen: VisibleTabs
+    groups: Sequence[Owned], every: Sequence[Owned], contents: VisibleTabs
 ) -> dict[str, rrb.TimeSeriesView]:
     """Return the plots of a tab, all over the same time.
 
@@ -274,7 +278,9 @@ def _plots(
         chosen.setdefault(origin, group)
         named[origin] += map(str, group["names"])
     below = {
-        origin: [item for name, item in seen.sent.items() if f"{name}/".startswith(f"{origin}/")]
+        origin: [
+            item for name, item in contents.logged.items() if f"{name}/".startswith(f"{origin}/")
+        ]
         for origin in chosen
     }
     times = outer(item.times for items in below.values() for item in items)

@@ -39,9 +39,9 @@ def send_flights(
                 part for part in reversed(parts) if part != "flights"
             ).partition("-")
             flights.setdefault(trajectory, {})[flight] = table
-    known = {**inks_of([flight for group in flights.values() for flight in group]), **inks}
+    all_inks = {**inks_of([flight for group in flights.values() for flight in group]), **inks}
     return {
-        trajectory: _trajectory(out, trajectory, group, known)
+        trajectory: _trajectory(out, trajectory, group, all_inks)
         for trajectory, group in flights.items()
     }
 
@@ -89,8 +89,8 @@ def _trajectory(
             rr.Points3D.columns(positions=flown),
         )
         places.append(flown)
-    whole = np.vstack(places)
-    box = np.array([np.nanmin(whole, axis=0), np.nanmax(whole, axis=0)])
+    points = np.vstack(places)
+    box = np.array([np.nanmin(points, axis=0), np.nanmax(points, axis=0)])
     for near in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
         more = f" and {len(near) - NAMED} more" if len(near) > NAMED else ""
         named = ", ".join(near[:NAMED]) + more

@@ -63,12 +63,14 @@ def send_paths(
         return None
     places = np.vstack([pose[:, :3] for _, pose in paths.values()])
     corners = np.array([places.min(axis=0), places.max(axis=0)])
-    known = np.concatenate(
+    measured = np.concatenate(
         [np.linalg.norm(force, axis=1) for force in forces.values() if force is not None]
         or [np.zeros(0)]
     )
     strongest = (
-        float(np.percentile(known[np.isfinite(known)], 95)) if np.isfinite(known).any() else 0.0
+        float(np.percentile(measured[np.isfinite(measured)], 95))
+        if np.isfinite(measured).any()
+        else 0.0
     )
     scale = (
         LONGEST * max(float(np.ptp(corners, axis=0).max()), 2.0) / strongest

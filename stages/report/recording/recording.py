@@ -96,7 +96,7 @@ def record(
     texts = stage_texts(sections)
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
-    sent = _send_groups(out, groups, tables, load, clock, _preferred(summary))
+    logged = _send_groups(out, groups, tables, load, clock, _preferred(summary))
     dive: dict[str, LoggedSeries] = {}
     best = next(iter(_preferred(summary)), "")
     if fused:
@@ -110,7 +110,7 @@ def record(
     try:
         blueprint, left_out = whole_view(
             groups,
-            VisibleTabs(sent, paths, tuple(texts), lanes),
+            VisibleTabs(logged, paths, tuple(texts), lanes),
             tab,
             partial(dive_view, dive, lanes) if dive else None,
         )
@@ -144,7 +144,7 @@ def _send_groups(
 
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
-    sent: dict[str, LoggedSeries] = {}
+    logged: dict[str, LoggedSeries] = {}
     bundles = [
         (find_table(names, owner, str(bundle[0]["table"])), entity, owner, bundle)
         for entity, owner, bundle in _bundles(groups)
@@ -166,7 +166,7 @@ def _send_groups(
             or not all(has_columns(table, _columns(group)) for group in bundle)
         ):
             continue
-        if entity not in sent:
+        if entity not in logged:
             out.static(entity, _lines(bundle, preferred))
         values = np.hstack(
             [
@@ -183,8 +183,8 @@ def _send_groups(
             [role for role, kept in zip(_roles_drawn(bundle), is_drawn, strict=True) if kept],
         )
         drawn = drawn if limits is None else np.clip(drawn, *limits)
-        sent[entity] = sent.get(entity, LoggedSeries()).add(times, drawn)
-    return sent
+        logged[entity] = logged.get(entity, LoggedSeries()).add(times, drawn)
+    return logged
 
 
 def _edges_only(group: Document) -> bool:
@@ -306,19 +306,19 @@ def _bundles(groups: Sequence[Owned]) -> list[tuple[str, str, list[Document]]]:
     return named_bundles
 
 
-def find_table(tables: Collection[str], owner: str, wanted: str) -> str | None:
+def find_table(tables: Collection[str], owner: str, kind: str) -> str | None:
     """Return the key of the table that a view of `owner` (stage/item) means.
 
     Its own artefact, a full key, or another stage's of the same item.
     """
-    own = f"{owner}/{wanted}"
-    for name in (own, wanted):
+    own = f"{owner}/{kind}"
+    for name in (own, kind):
         if name in tables:
             return name
     item = owner.partition("/")[2]
     for name in tables:
         parts = name.split("/")
-        if sorted(parts) == sorted(own.split("/")) or (item and wanted in parts and item in parts):
+        if sorted(parts) == sorted(own.split("/")) or (item and kind in parts and item in parts):
             return name
     return None
 
@@ -364,8 +364,10 @@ def line_inks(names: Sequence[str], roles: Sequence[str]) -> list[Ink]:
     axes = [
         next((word for word in key(name).split("_") if word in AXIS_INKS), None) for name in names
     ]
-    known = len(set(axes)) == len(axes) and None not in axes
-    chosen = [AXIS_INKS[str(axis)] for axis in axes] if known else list(distinct(names).values())
+    one_axis_each = len(set(axes)) == len(axes) and None not in axes
+    chosen = (
+        [AXIS_INKS[str(axis)] for axis in axes] if one_axis_each else list(distinct(names).values())
+    )
     return [Ink(item.light, item.dark, width=ink(roles[0]).width) for item in chosen]
 
 

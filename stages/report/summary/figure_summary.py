@@ -145,11 +145,11 @@ def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...])
 
     Few determined figures with their intervals; of many, what the stages state first.
     """
-    known = [_figure(part, row) for part, row in figures if row["value"] is not None]
-    if not known or len(known) > FEW:
+    with_value = [_figure(part, row) for part, row in figures if row["value"] is not None]
+    if not with_value or len(with_value) > FEW:
         return " ".join(findings[:2])
     parts: dict[str, list[str]] = {}
-    for item in known:
+    for item in with_value:
         interval = f" ({item.interval})" if item.interval else ""
         parts.setdefault(item.part, []).append(f"{item.quantity} {item.value}{interval}")
     return " ".join(

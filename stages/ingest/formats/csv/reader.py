@@ -91,10 +91,12 @@ def recognises(head: bytes) -> bool:
     )
 
 
-CSV = LogReader("csv", recognises, lambda file, wanted: read_csv(file, wanted)[0])
+CSV = LogReader("csv", recognises, lambda file, message_types: read_csv(file, message_types)[0])
 
 
-def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[DecodedLog, ColumnMap]:
+def read_csv(
+    file: RawFile, message_types: frozenset[str] | None = None
+) -> tuple[DecodedLog, ColumnMap]:
     """Return the streams of a CSV log, and its checked column map.
 
     Raises:
@@ -107,8 +109,8 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
     if late is not None:
         names = (*head.names[: late.start], *late.names, *head.names[late.start :])
         head = replace(head, names=names, late=late)
-    known = dialect_map(head.names) if raw is None else None
-    raw, note = known or (raw, None)
+    dialect = dialect_map(head.names) if raw is None else None
+    raw, note = dialect or (raw, None)
     if raw is None:
         raise LogError(
             "a CSV log needs a column map",
@@ -123,7 +125,9 @@ def read_csv(file: RawFile, wanted: frozenset[str] | None = None) -> tuple[Decod
         )
     _check_separator(head, file.name)
     mapping = column_map(raw, head.names, file=file.name)
-    columns = [item for item in mapping.columns if wanted is None or item.stream in wanted]
+    columns = [
+        item for item in mapping.columns if message_types is None or item.stream in message_types
+    ]
     sound = _parse(file, head, mapping, columns, str(raw.get("decimal", ".")))
     rows = sound.rows
     time_us = _time(sound.table, mapping, rows, file.name) + mapping.shift_us
@@ -200,10 +204,10 @@ def _late_columns(buffer: Buffer, head: Head) -> LateColumns | None:
     if lacking is None:
         return None
     late, delimiter = LateColumns(*lacking), head.delimiter.encode()
-    wanted, place = len(head.names) + len(late.names), late.start + len(late.names)
+    width, place = len(head.names) + len(late.names), late.start + len(late.names)
     for row in buffer.tobytes().split(b"\n")[1:]:
         cells = row.split(delimiter)
-        if len(cells) == wanted:
+        if len(cells) == width:
             return late if CLOCK.match(cells[place]) else None
     return None
 
@@ -377,9 +381,9 @@ def _of_day(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray:
         else sum(float(part) * 60.0**k for part, k in zip(text.split(":"), (2, 1, 0), strict=True))
         for text in values.to_pylist()
     ]
-    known = np.array([value for value in seconds if value is not None])
-    days = np.cumsum(np.append(0, np.diff(known) < -0.5 * DAY_S))
-    stamps = iter(np.rint((known + DAY_S * days) * 1e6).astype(np.int64).tolist())
+    read_seconds = np.array([value for value in seconds if value is not None])
+    days = np.cumsum(np.append(0, np.diff(read_seconds) < -0.5 * DAY_S))
+    stamps = iter(np.rint((read_seconds + DAY_S * days) * 1e6).astype(np.int64).tolist())
     return pa.chunked_array(
         [pa.array([None if value is None else next(stamps) for value in seconds], pa.int64())]
     )

@@ -75,8 +75,8 @@ def recognises(head: bytes) -> bool:
     return head[:2] == layout.MAGIC or _whole_fmt(data, candidates(data)).offset.size > 0
 
 
-def decode_dataflash(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
-    """Decode the types `wanted` of a binary log, FMT, FMTU, UNIT and MULT among them.
+def decode_dataflash(file: RawFile, message_types: frozenset[str] | None) -> DecodedLog:
+    """Decode the `message_types` of a binary log, FMT, FMTU, UNIT and MULT among them.
 
     Raises:
         LogError: the file holds no DataFlash record.
@@ -89,7 +89,7 @@ def decode_dataflash(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog
             allowed="a log that starts with format definitions (FMT)",
             remedy=REMEDY,
         )
-    return _decode(file.buffer, index, wanted)
+    return _decode(file.buffer, index, message_types)
 
 
 def _whole_fmt(buffer: Buffer, offset: Ints) -> Proposals:
@@ -164,9 +164,9 @@ def _contradicted(chain: Chain, definitions: Definitions) -> list[int]:
     return rows
 
 
-def _decode(buffer: Buffer, index: Index, wanted: frozenset[str] | None) -> DecodedLog:
+def _decode(buffer: Buffer, index: Index, message_types: frozenset[str] | None) -> DecodedLog:
     layouts = _layouts(index)
-    names = set(layouts) if wanted is None else wanted & set(layouts)
+    names = set(layouts) if message_types is None else message_types & set(layouts)
     tables = {
         name: merge(
             [(unpack(buffer, definition, offset), offset) for definition, _, offset in parts]

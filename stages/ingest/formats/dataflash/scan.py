@@ -259,10 +259,10 @@ class Walk:
         """
         end = int(self.end[last])
         for inner in range(last + 1, following):
-            whole = (
+            complete = (
                 self.valid[inner] and self.end[inner] <= end and self.clock[self.entry[inner]] > 0
             )
-            if whole and (
+            if complete and (
                 self.end[inner] == end or header_at(self.buffer, self.end[inner : inner + 1])[0]
             ):
                 low, high = self._window(last - 1, following)

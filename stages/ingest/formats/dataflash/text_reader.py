@@ -131,14 +131,14 @@ def _sliced(buffer: Buffer) -> Sliced:
     return buffer.tobytes()
 
 
-def decode_text_log(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
-    """Decode the types `wanted` of a text log, FMT among them.
+def decode_text_log(file: RawFile, message_types: frozenset[str] | None) -> DecodedLog:
+    """Decode the `message_types` of a text log, FMT among them.
 
     Raises:
         LogError: no line of the file can be read.
     """
     buffer = file.buffer
-    log = _decode(buffer, wanted) if buffer.size > NAME_BYTES else None
+    log = _decode(buffer, message_types) if buffer.size > NAME_BYTES else None
     if log is None or not log.counts:
         raise LogError(
             "no line declares a message format", file=file.name, allowed="a log with FMT lines"
@@ -146,7 +146,7 @@ def decode_text_log(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
     return log
 
 
-def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
+def _decode(buffer: Buffer, message_types: frozenset[str] | None) -> DecodedLog:
     data = _sliced(buffer)
     lines = split_lines(buffer)
     members = _members(data, lines)
@@ -161,7 +161,7 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
         read = [index[:0]]
         for definition, chosen in _by_layout(declared[name], index):
             good = _with_all_fields(lines, definition, chosen)
-            if wanted is None or name in wanted or name in METADATA:
+            if message_types is None or name in message_types or name in METADATA:
                 columns, good = _parse(data, lines, definition, good)
                 parts.append((columns, lines.start[good]))
             read.append(good)
@@ -184,7 +184,7 @@ def _decode(buffer: Buffer, wanted: frozenset[str] | None) -> DecodedLog:
         messages={
             name: Messages(name, *table, units.texts(declared[name][-1][1]))
             for name, table in tables.items()
-            if wanted is None or name in wanted
+            if message_types is None or name in message_types
         },
         counts=counts,
         account=ByteAccount(buffer.size, sum(sizes.values()) - defining, defining, skipped),
@@ -243,13 +243,15 @@ def _declare(data: Sliced, lines: TextLines, index: Ints) -> tuple[dict[str, Dec
             continue
         sound.append(i)
         definition = layout.Definition(int(id), int(length), name, formats, columns)
-        line, known = declared.get(name, [(-1, None)])[-1]
+        line, earlier = declared.get(name, [(-1, None)])[-1]
         if name == "FMT":
             begin = i
-        elif known is not None and line > begin and replace(known, columns=columns) == definition:
-            if not _is_named(known) and _is_named(definition):
+        elif (
+            earlier is not None and line > begin and replace(earlier, columns=columns) == definition
+        ):
+            if not _is_named(earlier) and _is_named(definition):
                 declared[name][-1] = (line, definition)
-        elif known != definition:
+        elif earlier != definition:
             declared.setdefault(name, []).append((i, definition))
     return declared, np.array(sound, np.int64)
 

@@ -80,28 +80,28 @@ def first_of_overlapping(start: Ints, stop: Ints) -> Mask:
 
 def explain(buffer: Buffer) -> Explained:
     """Put every byte of the file into proven records, unusable frames and the rest."""
-    whole, unproven = scan(buffer)
+    proven, unproven = scan(buffer)
     uncut = proven_uncut(buffer, unproven)
     recut = unproven.take(uncut)
     if len(recut):
-        whole, unproven = inserted(whole, recut), unproven.take(~uncut)
-    distinct = first_of_overlapping(whole.start, whole.stop)
+        proven, unproven = inserted(proven, recut), unproven.take(~uncut)
+    distinct = first_of_overlapping(proven.start, proven.stop)
     if not distinct.all():
-        whole = whole.take(distinct)
-    bad_stamp = implausible(whole.stamp)
-    records = whole.take(~bad_stamp) if bad_stamp.any() else whole
+        proven = proven.take(distinct)
+    bad_stamp = implausible(proven.stamp)
+    records = proven.take(~bad_stamp) if bad_stamp.any() else proven
     size, record_bytes = buffer.size, int(records.size.sum(dtype=np.int64))
     if record_bytes == size:
         account = ByteAccount(size, record_bytes, 0)
         return Explained(records, recut, records.take(slice(0)), account, "complete", 0.0)
-    unstamped = _unstamped(buffer, whole)
-    odd = _linked(unproven.take(unproven.stop <= size), _both(whole, unstamped), size)
-    known = defined(odd) | ~_of_undefined_message(buffer, odd)
-    mismatched = odd.take(known)
+    unstamped = _unstamped(buffer, proven)
+    odd = _linked(unproven.take(unproven.stop <= size), _both(proven, unstamped), size)
+    defined_message = defined(odd) | ~_of_undefined_message(buffer, odd)
+    mismatched = odd.take(defined_message)
     pieces: list[Piece] = [
-        *((BAD_STAMP, part.start, part.stop) for part in (whole.take(bad_stamp), unstamped)),
+        *((BAD_STAMP, part.start, part.stop) for part in (proven.take(bad_stamp), unstamped)),
         (MISMATCH, mismatched.start, mismatched.stop),
-        *_unknown(odd.take(~known)),
+        *_unknown(odd.take(~defined_message)),
     ]
     start, stop = _rest(records, pieces, size)
     torn = _torn_end(buffer, unproven.take(unproven.stop > size), start, stop)
@@ -133,13 +133,13 @@ def _both(first: Frames, second: Frames) -> tuple[Ints, Ints]:
     return start[order], np.concatenate([first.stop, second.stop])[order]
 
 
-def _unstamped(buffer: Buffer, whole: Frames) -> Frames:
+def _unstamped(buffer: Buffer, records: Frames) -> Frames:
     """Return proven frames behind a record whose eight bytes of stamp cannot be one."""
-    parts = [whole.take(slice(0))]
-    at = np.append(whole.stop, 0)
+    parts = [records.take(slice(0))]
+    at = np.append(records.stop, 0)
     for _ in range(UNSTAMPED_RUN):
-        at = np.setdiff1d(at, whole.start)
-        room = np.append(whole.start, buffer.size)[np.searchsorted(whole.start, at)]
+        at = np.setdiff1d(at, records.start)
+        room = np.append(records.start, buffer.size)[np.searchsorted(records.start, at)]
         frames = frames_at(buffer, at)
         frames = frames.take(frames.stop <= room[np.searchsorted(at, frames.start)])
         frames = frames.take(proven(buffer, frames))

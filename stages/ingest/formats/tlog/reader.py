@@ -72,9 +72,9 @@ def recognises(head: bytes) -> bool:
 
 
 def decode_tlog(
-    file: RawFile, wanted: frozenset[str] | None, *, system: int | None = None
+    file: RawFile, message_types: frozenset[str] | None, *, system: int | None = None
 ) -> DecodedLog:
-    """Decode the types `wanted`; damage is counted, never an error.
+    """Decode the `message_types`; damage is counted, never an error.
 
     `system` chooses the vehicle by its MAVLink system id (None: the one with most
     messages).
@@ -91,7 +91,7 @@ def decode_tlog(
         *leap_notes(content.records.stamp, content.records.start),
     )
     account, status, seconds_lost = content.account, content.status, content.seconds_lost
-    groups = _by_type(content.records, senders, wanted)
+    groups = _by_type(content.records, senders, message_types)
     # The records are copied in groups: columns and both copies would be the peak of memory.
     del content
     tables = {}
@@ -103,7 +103,9 @@ def decode_tlog(
     return DecodedLog(
         format="tlog",
         messages={
-            name: table for name, table in tables.items() if wanted is None or name in wanted
+            name: table
+            for name, table in tables.items()
+            if message_types is None or name in message_types
         },
         counts=senders.by_type,
         account=account,
@@ -154,7 +156,9 @@ def _senders(buffer: Buffer, records: Frames, system: int | None) -> Senders:
     return Senders(counts, by_type, heartbeat, chosen)
 
 
-def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -> list[Frames]:
+def _by_type(
+    records: Frames, senders: Senders, message_types: frozenset[str] | None
+) -> list[Frames]:
     """Return the frames of each wanted type and of parameters and texts, by message id.
 
     Each type is from one sender.
@@ -162,7 +166,9 @@ def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -
     if senders.chosen is None:
         return []
     ids = mavlink.ids_by_name()
-    names = [n for n in senders.by_type if wanted is None or n in wanted or n in _PARTS]
+    names = [
+        n for n in senders.by_type if message_types is None or n in message_types or n in _PARTS
+    ]
     types = np.array(sorted(ids[name] for name in names), dtype=np.int64)
     place = np.zeros(int(records.message_id.max()) + 1, dtype=np.int32)
     place[types] = np.arange(1, types.size + 1)
@@ -171,14 +177,14 @@ def _by_type(records: Frames, senders: Senders, wanted: frozenset[str] | None) -
     number[[system << 8 | component for system, component in others]] = np.arange(len(others))
     # Of type and sender.
     pair = place[records.message_id] * np.int32(len(others)) + number[_keys(records)]
-    sent = np.bincount(pair, minlength=(types.size + 1) * len(others)).reshape(-1, len(others))
+    counts = np.bincount(pair, minlength=(types.size + 1) * len(others)).reshape(-1, len(others))
     own = others.index(senders.chosen)
     foreign = {sender[0] for sender in senders.vehicles} - {senders.chosen[0]}
-    allowed = np.where([sender[0] in foreign for sender in others], 0, sent)
+    allowed = np.where([sender[0] in foreign for sender in others], 0, counts)
     allowed[0] = 0
     speaker = np.where(allowed[:, own] > 0, own, allowed.argmax(axis=1))
     rows = np.arange(types.size + 1)
-    rank = np.full(sent.shape, -1, dtype=np.int16)
+    rank = np.full(counts.shape, -1, dtype=np.int16)
     rank[rows, speaker] = np.where(allowed.max(axis=1) > 0, rows, -1)
     key = rank.ravel()[pair]
     del pair

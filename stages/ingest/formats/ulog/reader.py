@@ -50,8 +50,8 @@ def recognises(head: bytes) -> bool:
     return head.startswith(layout.MAGIC)
 
 
-def decode_ulog(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
-    """Decode the topics `wanted` with all their instances, or single instances.
+def decode_ulog(file: RawFile, message_types: frozenset[str] | None) -> DecodedLog:
+    """Decode the topics `message_types` with all their instances, or single instances.
 
     Raises:
         LogError: the file does not begin as a ULog file and holds no ULog message.
@@ -97,7 +97,7 @@ def decode_ulog(file: RawFile, wanted: frozenset[str] | None) -> DecodedLog:
         messages={
             item.name: Messages(item.name, _unpack(buffer, place, item.topic, scan.formats), place)
             for item, place in streams
-            if wanted is None or item.name in wanted or item.topic in wanted
+            if message_types is None or item.name in message_types or item.topic in message_types
         },
         counts={item.name: place.size for item, place in streams},
         account=account,
@@ -189,11 +189,11 @@ def _clock_notes(scan: Scan, offset: Ints, times_us: Ints, stream: StreamNumbers
     count = times_us.size // NEIGHBOURS
     if count == 0:
         return []
-    whole = times_us[: count * NEIGHBOURS].reshape(count, NEIGHBOURS)
-    median = np.partition(whole, NEIGHBOURS // 2, axis=1)[:, NEIGHBOURS // 2]
+    groups_us = times_us[: count * NEIGHBOURS].reshape(count, NEIGHBOURS)
+    median = np.partition(groups_us, NEIGHBOURS // 2, axis=1)[:, NEIGHBOURS // 2]
     around = np.maximum(median, np.append(median[1:], 0))
-    rest = whole.size + np.flatnonzero(times_us[whole.size :] > median[-1] + STRAY_US)
-    stray = np.append(np.flatnonzero(whole > around[:, None] + STRAY_US), rest)
+    rest = groups_us.size + np.flatnonzero(times_us[groups_us.size :] > median[-1] + STRAY_US)
+    stray = np.append(np.flatnonzero(groups_us > around[:, None] + STRAY_US), rest)
     notes = []
     for number in np.unique(stream[stray]).tolist():
         these = stray[stream[stray] == number]

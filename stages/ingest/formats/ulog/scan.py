@@ -103,7 +103,7 @@ class Numbers:
         self.sizes_met.add(size)
         self.version += 1
 
-    def known(self, id: int) -> bool:
+    def is_subscribed(self, id: int) -> bool:
         """Return whether the number is subscribed."""
         return bool(self.size[0, id])
 
@@ -319,7 +319,7 @@ class Scan:
                 return self._subscription(content, apply)
             case "R":  # never written by PX4; data that follow all the same are read as before
                 id = int.from_bytes(content, "little")
-                credible = len(content) == 2 and self.numbers.known(id)
+                credible = len(content) == 2 and self.numbers.is_subscribed(id)
             case "L" | "C":
                 text = messages.logged_text(content, tagged=kind == "C")
                 return None if text is None else partial(self.texts.append, text)
@@ -374,8 +374,8 @@ class Scan:
         most, best = -1, self.formats.by_name[subscription.topic]
         for declared in (best, *self.formats.rivals.pop(subscription.topic)):
             self.formats.replace(declared)
-            known = self.formats.layout(subscription.topic)
-            tried = set() if known is None else {known.written, known.padded}
+            topic_layout = self.formats.layout(subscription.topic)
+            tried = set() if topic_layout is None else {topic_layout.written, topic_layout.padded}
             votes = sum(int(sizes[size + 2]) for size in tried) if tried else -1
             if votes > most:
                 most, best = votes, declared
@@ -458,13 +458,13 @@ class Scan:
         if place < behind <= resume:
             self._add_gap(place, behind)
             return behind
-        whole = (
+        complete = (
             before < 0
             or self._blank_behind(place, resume)
             or self._damage_starts_behind(place)
             or self._ends_as_before(before, place)
         )
-        if not whole:
+        if not complete:
             self._drop_last()
             cut = resume == self.size and not self.buffer[place:].any()
             self._add_gap(before, place, CUT_OFF if cut else DAMAGED)
@@ -553,7 +553,9 @@ class Scan:
                 id, size = int(self.words[start + 3]), stop - start - layout.MESSAGE_HEADER_BYTES
                 stream = self.numbers.match(id, size)
                 if stream is None:
-                    stream = WRONG_SIZE_STREAM if self.numbers.known(id) else UNDEFINED_STREAM
+                    stream = (
+                        WRONG_SIZE_STREAM if self.numbers.is_subscribed(id) else UNDEFINED_STREAM
+                    )
                     self.numbers.put(2, id, size, stream)
                 self.data.append((np.array([start]), np.array([stream], np.int32)))
             else:
