@@ -32,7 +32,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.stages.synthesise.wiring import thruster_legs
 from benchmarks.installation import share
 
-LIMITS = (3.0, 3.5)
+LIMITS = (5.0, wiring.CERTAIN, 15.0)
 
 
 def legs_of(run: Run, *, training: bool) -> list[ThrusterLeg]:
@@ -81,7 +81,7 @@ def main() -> None:
         print(f"{words}, as the dive is: {wiring.wiring_fault(legs, thrusters.allocation)}")
         for limit in LIMITS:
             best, named, tried = counted(legs, thrusters.allocation, limit)
-            print(f"{words}, limit {limit}: best {best}, named {share(named, tried)}")
+            print(f"{words}, limit {limit:.1f}: best {best}, named {share(named, tried)}")
 
 
 if __name__ == "__main__":

@@ -78,6 +78,8 @@ def recursion(driven: Array, feedback: ArrayLike) -> Array:
     >>> recursion(np.array([[1.0], [0.0], [0.0]]), [-0.5]).ravel().tolist()
     [1.0, 0.5, 0.25]
     """
+    if driven.size == 0:  # LAPACK's wrapper writes where it may not for no columns
+        return driven.copy()
     from scipy.linalg import lapack
 
     weights = np.asarray(feedback, dtype=np.float64)

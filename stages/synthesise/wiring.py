@@ -14,7 +14,7 @@ from auvid.hydro.identification.fleet.thruster_strength import (
     ThrusterStrength,
     thruster_strengths,
 )
-from auvid.hydro.identification.fleet.wiring import WiringFault, wiring_fault
+from auvid.hydro.identification.fleet.wiring import CERTAIN, WiringFault, wiring_fault
 from auvid.stages.columns import VELOCITY, clock, force_columns
 from auvid.stages.presentation import Block, remark
 from auvid.stages.synthesise.training import LegTables
@@ -98,7 +98,7 @@ def _words(fault: WiringFault, outputs: tuple[int, ...]) -> str:
     numbers = [outputs[index - 1] for index in fault.outputs]
     why = (
         f" {100.0 * fault.gain:.0f} % of what the thrusters leave unexplained on these axes goes"
-        f" ({fault.certainty:.1f} standard deviations)"
+        f" (logarithm of the likelihood ratio {fault.log_ratio:.0f}; {CERTAIN:.0f} is certain)"
     )
     if len(numbers) == 2:
         return (

@@ -7,8 +7,14 @@ column of the other sign, makes. On each axis
     F = Phi theta + g (B' f) + noise,   g >= 0,
 
 Phi the damping terms of a hull that is alike on port and starboard, with a constant, and
-f the thrust after a common lag. The fault that leaves least of F, less than B itself, is
-named if it does so in most of the dive and not in a few blocks of it.
+f the thrust after a common lag. The fault that leaves least of F is named if the logarithm
+of its likelihood over that of B as it stands,
+
+    sum over axes of n / (2 tau) ln(S / S'),
+
+S and S' the squares that they leave, exceeds `CERTAIN`, also without the block of the dive
+that speaks most for it. tau counts the samples that belong together, by the
+autocorrelation of what the fault leaves.
 """
 
 from __future__ import annotations
@@ -19,7 +25,7 @@ from itertools import combinations
 
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
@@ -28,17 +34,16 @@ from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
 LAGS_S = (0.0, 0.1, 0.2, 0.3)
 """Thrust lags that are tried; the one with the least residuals is taken."""
 BLOCK_S = 5.0
-"""Pieces of a dive that count as independent."""
+"""Pieces of a dive, one of which may not decide: the tether may have pulled in it."""
 FEWEST_BLOCKS = 12
-CERTAIN = 3.5
-"""Standard deviations of the mean over blocks by which a fault must be the better one: that
-of 36 tries which chance exceeds in 1 of 120 dives.
+CERTAIN = float(np.log(36 * 1000))
+"""Least logarithm of the ratio of likelihoods. Where the wiring is right, a ratio exceeds c
+with a probability of at most 1 / c (Markov), so that of 36 faults in one of 1000 dives.
 """
 LEAST_GAIN = 0.05
-"""Least part of what is left as it stands that a fault must explain, mean of the axes. On
-the bundled dive all 36 single faults come out as the best; at the limit of 3.5 none is
-named from its 88 s of training, and 1 from all 126 s (`benchmarks/wiring.py`).
-"""
+"""Least part of what is left as it stands that a fault must explain, mean of the axes."""
+LEAST_CORRELATION = 0.05
+"""Samples whose residuals correlate by less count as independent."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +51,13 @@ class WiringFault:
     """Outputs, counted from 1: two that are exchanged, or one that acts backward.
 
     `gain`: part of the squared residual that goes with the fault, mean of the axes it
-    concerns; `certainty` in standard deviations over blocks of `BLOCK_S`.
+    concerns; `log_ratio`: logarithm of its likelihood over that of the wiring as it stands,
+    the smaller of that on all of the dive and that without the block that speaks most for it.
     """
 
     outputs: tuple[int, ...]
     gain: float
-    certainty: float
+    log_ratio: float
 
 
 @dataclass(frozen=True)
@@ -92,16 +98,39 @@ def wiring_fault(legs: Sequence[ThrusterLeg], allocation: Array) -> WiringFault 
     outputs = min(costs, key=lambda key: costs[key])
     if int(block[-1]) + 1 < FEWEST_BLOCKS or costs[outputs] >= _cost(axes, allocation):
         return None
-    better, shares = np.zeros(int(block[-1]) + 1), []
-    for axis, (own, other) in enumerate(zip(allocation, allocations[outputs], strict=True)):
-        if np.array_equal(own, other):
-            continue
-        as_is, changed = axes[axis].residual(own) ** 2, axes[axis].residual(other) ** 2
-        better += np.bincount(block, (as_is - changed) / as_is.mean(), minlength=better.size)
-        shares.append(1.0 - changed.sum() / as_is.sum())
-    spread = float(better.std(ddof=1)) / np.sqrt(better.size)
-    fault = WiringFault(outputs, float(np.mean(shares)), float(better.mean()) / spread)
-    return fault if fault.gain > LEAST_GAIN and fault.certainty > CERTAIN else None
+    pairs = [
+        (axes[axis].residual(own), axes[axis].residual(other))
+        for axis, (own, other) in enumerate(zip(allocation, allocations[outputs], strict=True))
+        if not np.array_equal(own, other)
+    ]
+    better = sum(
+        np.bincount(block, (as_is**2 - changed**2) / np.mean(as_is**2)) for as_is, changed in pairs
+    )
+    rest = block != np.argmax(better)
+    ratio = min(_log_ratio(pairs, kept) for kept in (np.ones_like(rest), rest))
+    gain = float(np.mean([1.0 - np.sum(other**2) / np.sum(own**2) for own, other in pairs]))
+    fault = WiringFault(outputs, gain, ratio)
+    return fault if fault.gain > LEAST_GAIN and fault.log_ratio > CERTAIN else None
+
+
+def _log_ratio(pairs: Sequence[tuple[Array, Array]], kept: Mask) -> float:
+    """Return sum n / (2 tau) ln(S / S') of residuals as is and with the fault."""
+    return sum(
+        0.5
+        * float(kept.sum())
+        / _samples_together(other)
+        * float(np.log(np.sum(own[kept] ** 2) / np.sum(other[kept] ** 2)))
+        for own, other in pairs
+    )
+
+
+def _samples_together(residual: Array) -> float:
+    """Return tau = 1 + 2 sum of the autocorrelation until it is below its least."""
+    x = residual - residual.mean()
+    power = np.abs(np.fft.rfft(x, 2 * len(x))) ** 2
+    correlation = np.fft.irfft(power)[: len(x)] / float(x @ x)
+    end = int(np.argmax(np.append(correlation < LEAST_CORRELATION, True)))
+    return 1.0 + 2.0 * float(correlation[1:end].sum())
 
 
 def _faulty(allocation: Array) -> dict[tuple[int, ...], Array]:

@@ -1,0 +1,25 @@
+"""Arrays that several rooms share: the recursion against SciPy's filter."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from auvid.hydro.arrays import recursion
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 400])
+@pytest.mark.parametrize("feedback", [[-0.9], [-1.6, 0.7]])
+def test_a_recursion_is_scipy_s_filter(samples: int, feedback: list[float]) -> None:
+    driven = np.random.default_rng(0).normal(size=(samples, 3))
+    np.testing.assert_allclose(
+        recursion(driven, feedback), lfilter([1.0], [1.0, *feedback], driven, axis=0), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("shape", [(50, 0), (0, 3)])
+def test_a_recursion_of_nothing_is_nothing(shape: tuple[int, int]) -> None:
+    """LAPACK's wrapper damages the memory of the process where there is no column."""
+    for _ in range(100):
+        assert recursion(np.zeros(shape), [-0.9]).shape == shape
