@@ -98,3 +98,16 @@ def test_a_short_log_within_a_long_one_is_recognised() -> None:
     )
     logs = [log("tlog", whole, form="telemetry"), log("bin", part, form="DataFlash")]
     assert len(same_dives(logs)) == 1
+
+
+def test_depths_that_look_alike_are_no_dive_where_the_turns_are_others() -> None:
+    one, other = motion(1, noise_seed=2), motion(4, noise_seed=5)
+    alike = other.model_copy(update={"depth_m": one.depth_m})
+    assert same_dives([log("a", one, form="DataFlash"), log("b", alike, form="telemetry")]) == []
+    still = [0.0] * len(one.depth_m)
+    start = "2026-01-07T10:00:00Z"
+    straight = [
+        log(name, item.model_copy(update={"yaw_rate_rad_s": still}), form=name, start=start)
+        for name, item in (("a", one), ("b", motion(1, noise_seed=3)))
+    ]
+    assert len(same_dives(straight)) == 1, "nothing turns, so the depth says it"
