@@ -76,7 +76,8 @@ def fitted_together(
     if options.together == "never" or not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
-    tried = [_joined(group, using, legs, vehicle, options, commands) for group in groups]
+    axes = [item.axis for item in singles]
+    tried = [_joined(group, axes, using, legs, vehicle, options, commands) for group in groups]
     # Axes that a group leaves out err in it as they do one by one.
     joint, together = min(tried, key=lambda item: _total(item[1]))
     if not together.chosen:
@@ -91,20 +92,24 @@ def _total(item: Together) -> float:
 
 def _joined(
     joining: Sequence[FittedAxis],
+    axes: Sequence[str],
     using: Mapping[str, LegData],
     legs: Mapping[str, LegData],
     vehicle: Vehicle,
     options: FitOptions,
     commands: CommandForces,
 ) -> tuple[dict[str, FittedAxis], Together]:
-    """Return some axes of one common fit, and whether it is better than one by one.
+    """Return some of the fitted `axes` of one common fit, and whether it is better.
 
-    Both are judged on the same windows: those that the axes share.
+    Better than one by one: both are judged on the same windows: those that the axes share.
     """
-    fit = _common_fit(joining, using, vehicle, options, commands)
+    fit = _common_fit(joining, axes, using, vehicle, options, commands)
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
     ratio, pairs = error_ratio(
-        [(held_out_alone(item, fit, list(using)), by_axis[item.axis].held_out) for item in joining]
+        [
+            (held_out_alone(item, fit, list(using), options), by_axis[item.axis].held_out)
+            for item in joining
+        ]
     )
     chosen = options.together == "always" or ratio < 1.0
     return by_axis, Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
@@ -112,6 +117,7 @@ def _joined(
 
 def _common_fit(
     joining: Sequence[FittedAxis],
+    axes: Sequence[str],
     using: Mapping[str, LegData],
     vehicle: Vehicle,
     options: FitOptions,
@@ -122,7 +128,7 @@ def _common_fit(
     The inertia of an axis may follow from its own fit, m = k / c. Then the search starts
     where one with the ratios of the vehicle file ends.
     """
-    numerators = _numerators([item.axis for item in joining], vehicle, options, commands)
+    numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
 
     def fitted(
         first: Mapping[str, Sequence[float]],
@@ -151,15 +157,23 @@ def _common_fit(
     return fitted(first, numerators, judge=True)
 
 
-def _numerators(
-    axes: Sequence[str], vehicle: Vehicle, options: FitOptions, commands: CommandForces
+def filed_inertia(
+    axes: Sequence[str],
+    every: Sequence[str],
+    vehicle: Vehicle,
+    options: FitOptions,
+    commands: CommandForces,
 ) -> dict[str, tuple[float, str]]:
-    """Return velocity -> k and velocity j, where the filed inertia is k / c_j."""
+    """Return velocity -> k and velocity j, where the filed inertia is k / c_j.
+
+    A pull may be on another axis of `every` one that is fitted. Empty, for the ratios of
+    the vehicle file, where that axis does not join and gives an inertia by its own c.
+    """
     speed = {axis: VELOCITIES[AXES.index(axis)] for axis in axes}
     if not commands.normalised:
         fixed = options.given_inertia if options.inertia_sd == 0.0 else ()
         return {speed[axis]: (1.0, speed[axis]) for axis in axes if axis not in fixed}
-    pulled = commands.pulled(axes)
+    pulled = commands.pulled(every)
     if options.newtons_from == "mass" or pulled is None:
         return {}
     out = {}
@@ -167,21 +181,24 @@ def _numerators(
         pull = pull_of(axis, pulled, commands)
         if pull is not None:
             out[speed[axis]] = (pull, speed[axis])
+        elif pulled not in axes:
+            return {}
         else:
             ratio = apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
             out[speed[axis]] = (commands.full_force[pulled] * ratio, speed[pulled])
     return out
 
 
-def held_out_alone(item: FittedAxis, fit: CoupledFit, names: Sequence[str]) -> Sequence[HeldOutFit]:
+def held_out_alone(
+    item: FittedAxis, fit: CoupledFit, names: Sequence[str], options: FitOptions
+) -> Sequence[HeldOutFit]:
     """Return how an axis by itself flies the windows of the common fit, held out."""
     shared = {(names[w.leg], w.first, w.end) for w in fit.pool.windows}
     own = {(part.leg, *ends) for part in item.motion if part.leg in names for ends in part.windows}
     if own == shared:
         return item.held_out
-    by_itself = one_by_one(
-        fit, item.equation.speed, lag_s=item.lag_s, fit_lag=item.lag_verdict == "identified"
-    )
+    # The lag is sought anew: that of the fit on all windows has seen what is held out.
+    by_itself = one_by_one(fit, item.equation.speed, lag_s=options.lag_s, fit_lag=options.fit_lag)
     return held_out_fits(by_itself, item.equation.speed, names)
 
 

@@ -18,7 +18,7 @@ def first_order_lag(values: Array, *, lag_s: float, step_s: float) -> Array:
     >>> round(float(ramp[-1] - late[-1]), 6)
     0.25
     """
-    if lag_s <= 0.0:
+    if lag_s <= 0.0 or values.size == 0:
         return values
     share = lag_s / step_s
     e = np.exp(-1.0 / share)

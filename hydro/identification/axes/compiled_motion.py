@@ -96,13 +96,12 @@ def _slope(
     for p in range(weights.size):
         i, a, b, up, down = products[p]
         weight = weights[p]
-        if up >= 0:
-            weight *= theta[up]
         if down >= 0:
             weight /= max(theta[down], LEAST_C)
+        if up >= 0:
+            out[i, 1 + up] += weight * nu[a] * nu[b]
+            weight *= theta[up]
         out[i, 0] += weight * nu[a] * nu[b]
-        if up >= 0 and theta[up] > LEAST_C:
-            out[i, 1 + up] += weight / theta[up] * nu[a] * nu[b]
         if down >= 0 and theta[down] > LEAST_C:
             out[i, 1 + down] -= weight / theta[down] * nu[a] * nu[b]
         for j in range(k):

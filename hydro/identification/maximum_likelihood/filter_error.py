@@ -47,7 +47,7 @@ from auvid.hydro.identification.maximum_likelihood.output_error import (
     require_samples,
 )
 from auvid.hydro.identification.maximum_likelihood.parameters import (
-    KnownParameters,
+    FixedParameters,
     ParameterPrior,
     UnknownParameters,
 )
@@ -115,7 +115,7 @@ def fit_filter_error(
     values, before = np.concatenate([theta, first.ravel(), phi]), np.zeros(0)
     if scoring_fit.normalised_error(np.clip(values[:size], lower, upper), phi) > FAR:
         # The noise first, at the model of the start: it leads coefficients astray.
-        at_start = KnownParameters(parameters, np.clip(theta, lower[:k], upper[:k]))
+        at_start = FixedParameters(parameters, np.clip(theta, lower[:k], upper[:k]))
         noise_problem = replace(likelihood, parameters=at_start, prior=None)
         quiet = _Scoring(noise_problem, unknown, starts, noise.sensor_sd).maximise(
             values[k:],
@@ -166,7 +166,7 @@ class _Scoring:
     starts: Array
     sensor_sd: Array
     points: list[tuple[Array, Array]] = field(default_factory=list)
-    lowest: float = np.inf
+    last: float = np.inf
     latest: tuple[list[WindowRun], Array] = field(default_factory=lambda: ([], np.zeros((0, 0))))
 
     def normalised_error(self, common: Array, phi: Array) -> float:
@@ -195,9 +195,9 @@ class _Scoring:
         self.latest = (runs, information)
         matrix = information.copy()
         matrix[np.arange(size, len(matrix)), np.arange(size, len(matrix))] += RIDGE
-        if objective > self.lowest - NEAR:
+        if objective > self.last - NEAR:
             self.points.append((values, vector))
-        self.lowest = objective
+        self.last = objective
         secants = [(b[0] - a[0], a[1] - b[1]) for a, b in pairwise(self.points[-SECANTS - 1 :])]
         return Evaluation(objective, NormalEquations(with_secants(matrix, secants), vector))
 

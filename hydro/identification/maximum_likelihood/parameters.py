@@ -139,8 +139,8 @@ class UnknownParameters:
         )
 
 
-class KnownParameters(UnknownParameters):
-    """The parameters of a model at a theta (k,) that is no unknown: names are none."""
+class FixedParameters(UnknownParameters):
+    """The parameters of a model at one theta (k,): none of them is fitted."""
 
     def __init__(self, model: UnknownParameters, theta: Array) -> None:
         super().__init__(model.vehicle, {})

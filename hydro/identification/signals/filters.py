@@ -40,6 +40,10 @@ def zero_phase_lowpass(
     step = float(t[-1] - t[0]) / (len(t) - 1)
     if not (step > 0 and np.abs(np.diff(t) - step).max() <= CLOCK_TOLERANCE * step):
         raise ValueError("the low-pass needs a uniform clock: resample first")
+    if order < 2 or order % 2:
+        raise DataError(
+            "the order of the low-pass must be even", value=order, allowed="2, 4, 6 ..."
+        )
     if not 0 < cutoff_hz < 0.5 / step:
         raise DataError(
             "the cutoff of the low-pass must lie below half the sample rate",
@@ -113,7 +117,7 @@ def spline_lowpass(values: ArrayLike, cutoff_hz: float, *, step_s: float) -> Arr
     """
     signal = np.asarray(values, dtype=np.float64)
     # Beyond, the spline's response to a sample is gone: exp(-sqrt(2) pi f t) of it is below
-    # rounding, and a tail that the end of the spectrum leaves falls with the square of time.
+    # 1e-9 of its level, and the tail of the end of the spectrum falls with the square of time.
     reach = max(LEAST_REACH, int(np.ceil(SPLINE_REACH / (cutoff_hz * step_s))))
     edge = min(reach, len(signal))
     longer = np.concatenate([signal[:edge][::-1], signal, signal[::-1][:edge]])

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from auvid.hydro.arrays import recursion
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3, 400])
@@ -23,3 +24,8 @@ def test_a_recursion_of_nothing_is_nothing(shape: tuple[int, int]) -> None:
     """LAPACK's wrapper damages the memory of the process where there is no column."""
     for _ in range(100):
         assert recursion(np.zeros(shape), [-0.9]).shape == shape
+
+
+@pytest.mark.parametrize("shape", [(0,), (0, 4), (5, 0)])
+def test_a_lag_of_nothing_is_nothing(shape: tuple[int, ...]) -> None:
+    assert first_order_lag(np.zeros(shape), lag_s=0.1, step_s=0.1).shape == shape

@@ -15,8 +15,8 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import model_card
-from auvid.stages.fit_axes.coupling import held_out_alone
-from auvid.stages.fit_axes.fitted import AxisFits
+from auvid.stages.fit_axes.coupling import filed_inertia, held_out_alone
+from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
@@ -151,10 +151,25 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
         [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
     )
     assert len(singles[0].motion[0].windows) > len([w for w in fit.pool.windows if w.leg == 0])
-    alone = held_out_alone(singles[0], fit, list(using))
+    alone = held_out_alone(singles[0], fit, list(using), options)
     counts = {item.what: item.windows for item in alone}
     blocks = fit.held_out[:2]
     assert [counts[item.what] for item in blocks] == [item.windows for item in blocks]
+
+
+def test_a_pull_on_an_axis_that_does_not_join_gives_the_others_their_inertia() -> None:
+    """By the layout, as in the file; by the ratios of the file where the layout is open."""
+    options, vehicle = FitOptions(newtons_from="pull"), body()
+    ties = {"X": 2.0, "Y": 2.0, "Z": 4.0, "N": 0.5}
+    by_layout = CommandForces(True, {"Z": 100.0}, ties)
+    assert filed_inertia("XYN", "XYZN", vehicle, options, by_layout) == {
+        "u": (50.0, "u"),
+        "v": (50.0, "v"),
+        "r": (12.5, "r"),
+    }
+    without = CommandForces(True, {"Z": 100.0}, {})
+    assert filed_inertia("XYN", "XYZN", vehicle, options, without) == {}
+    assert filed_inertia("XYZ", "XYZ", vehicle, options, without)["u"][1] == "w"
 
 
 def test_an_axis_that_predicts_nothing_by_itself_is_fitted_with_the_others() -> None:

@@ -94,3 +94,9 @@ def test_the_next_length_that_a_transform_likes() -> None:
     good = sorted(2**a * 3**b * 5**c for a in range(12) for b in range(8) for c in range(6))
     for least in range(1, 2000, 7):
         assert fast_length(least) == next(size for size in good if size >= least)
+
+
+@pytest.mark.parametrize("order", [0, 3])
+def test_an_odd_order_is_refused(order: int) -> None:
+    with pytest.raises(DataError, match="must be even"):
+        zero_phase_lowpass(np.arange(50.0), np.zeros(50), cutoff_hz=0.1, order=order)
