@@ -30,7 +30,7 @@ from auvid.hydro.identification.signals.motion_checks import (
 )
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
-from auvid.stages.ingest.health.sensor_agreement import ESTIMATED, OF_POSES
+from auvid.stages.ingest.health.sensor_agreement import ESTIMATED, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.vehicle import command_lead, responses
 from auvid.stages.number_format import percent, significant
 
@@ -58,6 +58,10 @@ explain as the vehicle file joins them where it is right, and where it is not.
 """
 TURNED_SHARE = 0.5
 """Least sum of the shares of surge and sway that a turned velocity must explain."""
+LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
+"""Pushes in surge and sway tell a turned velocity if the smaller is so large a part of the
+other, and they are no multiples of each other.
+"""
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -149,8 +153,17 @@ def _poses(log: CheckedLog) -> tuple[Array, Array, Array, Array]:
         log.t_s("attitude"),
         log.values("attitude", ATTITUDE),
         log.t_s("velocity"),
-        log.values("velocity", LINEAR_VELOCITY),
+        _velocity(log),
     )
+
+
+def _velocity(log: CheckedLog) -> Array:
+    """Return the velocity (n, 3) with the mounting of the vehicle file taken off."""
+    measured = log.values("velocity", LINEAR_VELOCITY)
+    rotation = np.eye(3) if log.vehicle is None else log.vehicle.dvl.rotation
+    if np.array_equal(rotation, np.eye(3)):
+        return measured  # an axis that is not measured spoils no other
+    return np.asarray(measured @ rotation.T)
 
 
 def _depth_gains(log: CheckedLog) -> AxisGains | None:
@@ -233,7 +246,9 @@ def _heading(log: CheckedLog) -> Iterator[Finding]:
 
 
 def _of_the_heading(log: CheckedLog) -> bool:
-    """Return whether the position was made with the heading, so that both agree."""
+    """Return whether position or velocity was made with the heading, so that they agree."""
+    if log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        return True
     source = log.source("position")
     return source.startswith(OF_POSES) or any(
         note.startswith("position") and ESTIMATED.search(note) for note in log.info.notes
@@ -360,12 +375,19 @@ def _responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
     for axis, (stream, name) in enumerate(streams):
         if not log.has(stream) or not np.ptp(pushed[:, axis]):
             continue
-        motion = log.column(stream, name)
+        motion = _motion(log, stream, name)
         if float(motion.std()) < SMALLEST_MOTION:
             continue
         gains = response_gains(t_s, pushed[:, [axis]], log.t_s(stream), motion)
         if gains is not None:
             yield "uvwpqr"[axis], gains
+
+
+def _motion(log: CheckedLog, stream: str, name: str) -> Array:
+    """Return one motion (n,) in body axes."""
+    if stream == "velocity":
+        return _velocity(log)[:, LINEAR_VELOCITY.index(name)]
+    return log.column(stream, name)
 
 
 def _exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
@@ -376,7 +398,7 @@ def _exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> It
     t_s, pushed = pushes
     crossed = [
         response_gains(
-            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), log.column("velocity", name)
+            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), _motion(log, "velocity", name)
         )
         for axis, name in enumerate(LINEAR_VELOCITY[:2])
     ]
@@ -399,10 +421,12 @@ def _turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Itera
     By one angle all log long, or by the heading, as a velocity over ground is.
     """
     pushes = _pushes(log)
-    if pushes is None or not log.has("velocity", "attitude") or not np.ptp(pushes[1][:, 0]):
+    if pushes is None or not log.has("velocity", "attitude"):
         return
     t_s, pushed = pushes
-    at, speed = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)[:, :2]
+    if not pushes_apart(pushed[:, 0], pushed[:, 1]):
+        return
+    at, speed = log.t_s("velocity"), _velocity(log)[:, :2]
     heading = angles_at(at, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
     turns = {f"turned by {angle} degrees": np.radians(-angle) for angle in range(-150, 180, 30)}
     turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
@@ -414,9 +438,7 @@ def _turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Itera
             sine * speed[:, 0] + cosine * speed[:, 1],
         )
         gains = [
-            response_gains(t_s, pushed[:, [axis]], at, motion)
-            for axis, motion in enumerate(turned)
-            if np.ptp(pushed[:, axis])
+            response_gains(t_s, pushed[:, [axis]], at, motion) for axis, motion in enumerate(turned)
         ]
         shares[words] = sum(
             item.explained for item in gains if item is not None and item.gain[0] > 0.0
@@ -445,6 +467,14 @@ def _turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Itera
     )
 
 
+def pushes_apart(first: Array, second: Array) -> bool:
+    """Return whether two pushes (n,) are of comparable size and no multiples."""
+    sizes = sorted((float(first.std()), float(second.std())))
+    if sizes[0] <= LEAST_PUSH_RATIO * sizes[1]:
+        return False
+    return abs(float(np.corrcoef(first, second)[0, 1])) < LARGEST_CORRELATION
+
+
 def _answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield outputs that drive the vehicle, but not as the vehicle file joins them."""
     if log.vehicle is None or log.vehicle.thrusters is None:
@@ -461,7 +491,7 @@ def _answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) ->
         pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
         forces = thruster_forces(thrusters, pulses)
         moving = forces[:, np.ptp(forces, axis=0) > 0.0]
-        gains = response_gains(t_s, moving, log.t_s(stream), log.column(stream, names[axis]))
+        gains = response_gains(t_s, moving, log.t_s(stream), _motion(log, stream, names[axis]))
         if gains is None or gains.explained < DRIVEN:
             continue
         share = response[axis].explained / gains.explained

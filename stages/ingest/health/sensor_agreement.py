@@ -59,7 +59,7 @@ healthy logs that correlate so well have scales from 0.96 to 1.03.
 """
 SMALLEST_MOVE_M_S = 0.03
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
-OF_POSES = "pose of "
+OF_FIXES, OF_POSES = "fixes of ", "pose of "
 """How the sources of streams begin that are made from the poses."""
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
 ESTIMATED = re.compile(

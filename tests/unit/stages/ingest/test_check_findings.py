@@ -20,6 +20,7 @@ from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.ingest.health.motion_agreement import pushes_apart
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
@@ -833,3 +834,46 @@ def test_bundled_vehicles_have_possible_sizes(name: str) -> None:
     log = sound()
     log.vehicle = vehicle_from_document(vehicle_document(name))
     assert not {"body_size", "upside_down", "gravity_value"} & set(log.ids())
+
+
+def turned_log(degrees: float) -> Log:
+    """Log of a driven vehicle whose velocity sensor is turned about the vertical."""
+    log = sound()
+    drive(log, tuple(range(1, 9)))
+    angle, columns = np.radians(degrees), log.streams["velocity"]
+    surge, sway = columns["u_m_s"], columns["v_m_s"]
+    columns["u_m_s"] = np.cos(angle) * surge + np.sin(angle) * sway
+    columns["v_m_s"] = np.cos(angle) * sway - np.sin(angle) * surge
+    return log
+
+
+def test_a_mounting_that_the_vehicle_file_says_is_taken_off() -> None:
+    log = turned_log(45.0)
+    assert "velocity_axes" in log.ids()
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    document["sensors"]["dvl"]["mounting"] = {
+        "value": [0.0, 0.0, 45.0], "unit": "deg", "source": "drawing", "assumed": False,
+    }  # fmt: skip
+    log.vehicle = vehicle_from_document(document)
+    assert not {"velocity_axes", "response_sign", "response_order"} & set(log.ids())
+
+
+def test_a_push_in_sway_that_is_a_small_part_of_surge_tells_no_turn() -> None:
+    surge = np.random.default_rng(1).standard_normal(500)
+    other = np.random.default_rng(2).standard_normal(500)
+    assert pushes_apart(surge, other)
+    assert not pushes_apart(surge, 0.017 * surge)
+    assert not pushes_apart(surge, 0.1 * other)
+    assert not pushes_apart(surge, -0.8 * surge + 0.01 * other)
+    assert not pushes_apart(surge, 0.0 * surge)
+
+
+@pytest.mark.parametrize("source", ["fixes of run.csv", "pose of run.csv"])
+def test_a_velocity_that_was_made_with_the_heading_tells_nothing_about_it(source: str) -> None:
+    log = sound()
+    with_track(log, 25.0)
+    assert "heading_offset" in log.ids()
+    log.info["streams"]["velocity"] = {"source": source}
+    found = log.ids()
+    assert "heading_offset" not in found
+    assert "heading_unseen" in found
