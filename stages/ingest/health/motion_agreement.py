@@ -246,7 +246,7 @@ def _heading(log: CheckedLog) -> Iterator[Finding]:
 
 
 def _of_the_heading(log: CheckedLog) -> bool:
-    """Return whether position or velocity was made with the heading, so that they agree."""
+    """Return whether position or velocity was made with the heading, so both agree."""
     if log.source("velocity").startswith((OF_FIXES, OF_POSES)):
         return True
     source = log.source("position")
