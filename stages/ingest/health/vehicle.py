@@ -56,6 +56,8 @@ NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
 DENSITIES_KG_M3 = (950.0, 1250.0)
 """Fresh water, warm, to brine."""
 POUNDS = 2.2046
+SURE_BELOW = 0.05
+"""Part of the radius of a ball of the displaced water; trim errs by less."""
 GYRATION_RADII, THRUSTER_RADII = (0.15, 4.0), 15.0
 """Bounds of radii of gyration and of thrusters' arms, in radii of a ball of the
 displaced water: a torpedo of fifteen diameters has 0.19 and 3.1.
@@ -464,8 +466,9 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
     lengths = [("a distance of the centres of gravity and buoyancy", lever, 0.0, 1.0)]
     gyration = np.sqrt(np.abs(np.diag(vehicle.inertia)) / vehicle.mass_kg)
     if gyration.min() > 0.0:
-        oddest = float(gyration[np.argmax(np.abs(np.log(gyration / radius)))])
-        lengths.append(("a radius of gyration", oddest, *GYRATION_RADII))
+        low, high = GYRATION_RADII
+        lengths.append(("a smallest radius of gyration", float(gyration.min()), low, np.inf))
+        lengths.append(("a largest radius of gyration", float(gyration.max()), 0.0, high))
     if vehicle.thrusters is not None:
         forces, moments = (
             np.linalg.norm(part, axis=0) for part in np.split(vehicle.thrusters.allocation, 2)
@@ -481,12 +484,16 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
                 f" has a radius of {radius:.3g} m.",
                 value=length / radius,
             )
-    if vehicle.r_B[2] - vehicle.r_G[2] > limit("upside_down"):
+    below = float(vehicle.r_B[2] - vehicle.r_G[2])
+    if below > limit("buoyancy_low"):
+        actuators = vehicle.document.actuators
+        driven = actuators.propeller or actuators.fins or actuators.thrusters
+        sure = driven is not None and below > SURE_BELOW * radius
         yield finding(
-            "upside_down",
-            f"The centre of buoyancy of the vehicle file lies {vehicle.r_B[2] - vehicle.r_G[2]:.3g}"
-            " m below its centre of gravity: at rest the vehicle would turn over.",
-            value=float(vehicle.r_B[2] - vehicle.r_G[2]),
+            "upside_down" if sure else "buoyancy_low",
+            f"The centre of buoyancy of the vehicle file lies {below:.3g} m below its centre of"
+            " gravity: at rest the vehicle would turn over.",
+            value=below,
         )
 
 

@@ -11,6 +11,8 @@ CLOCK_DIGITS = "hhmmss"
 DAY_S = 86_400.0
 LONGEST_PAUSE_S = 5.0
 """Largest step of time over a full minute that tells a clock from seconds."""
+LEAST_LATE = 10_000.0
+"""Digits of one o'clock in the morning."""
 
 
 def clock_seconds(values: ArrayLike) -> Array:
@@ -35,8 +37,9 @@ def clock_seconds(values: ArrayLike) -> Array:
 def counts_like_a_clock(values: ArrayLike) -> bool:
     """Return whether numbers (n,) that are taken for seconds are the digits of a clock.
 
-    They are if they pass a full minute, no seconds or minutes of any are 60 to 99, and at
-    each full minute the number leaps while the clock goes on: 101559.9, 101600.1.
+    They are if no seconds or minutes of any are 60 to 99, and at each full minute the
+    number leaps while the clock goes on: 101559.9, 101600.1. One such leap may be a pause
+    of a log in seconds: two tell, or one where all numbers have five digits.
 
     >>> counts_like_a_clock([101559.8, 101559.9, 101600.0]), counts_like_a_clock([58, 59, 60])
     (True, False)
@@ -48,7 +51,8 @@ def counts_like_a_clock(values: ArrayLike) -> bool:
     clock, numbers = np.diff(clock_seconds(x)), np.diff(x)
     full = numbers != 0.0
     full &= np.abs(numbers - clock) > 1.0
-    return bool(full.any() and (np.abs(clock[full]) < LONGEST_PAUSE_S).all())
+    enough = 1 if x.min() >= LEAST_LATE else 2
+    return bool(full.sum() >= enough and (np.abs(clock[full]) < LONGEST_PAUSE_S).all())
 
 
 def _of_clock(x: Array) -> Mask:

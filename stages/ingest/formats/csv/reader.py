@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -336,13 +337,14 @@ def declared_start_us(mapping: ColumnMap, file: str) -> int | None:
         return None
     if mapping.time_factor is not None and isinstance(mapping.start, int | float):
         start = clock_seconds([mapping.start])[0] if mapping.clock else mapping.start
-        return round(float(start) * mapping.time_factor)
+        if math.isfinite(start):
+            return round(float(start) * mapping.time_factor)
     stamps = (
         iso_microseconds(pa.array([str(mapping.start)])) if mapping.time_factor is None else None
     )
     if stamps is None:
         allowed = (
-            "a number in the unit of the time column"
+            f"a number in the unit of the time column{', a time of the day' * mapping.clock}"
             if mapping.time_factor is not None
             else "an ISO 8601 time"
         )

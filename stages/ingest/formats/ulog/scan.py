@@ -96,6 +96,7 @@ class Numbers:
         self.version = 0
         self.shared: dict[int, tuple[int, int]] = {}
         self._places: dict[int, int] = {}
+        self._free: set[int] = set()
 
     def put(self, table: int, id: int, size: int, stream: int) -> None:
         """Set what one table holds for a number."""
@@ -106,6 +107,10 @@ class Numbers:
     def is_subscribed(self, id: int) -> bool:
         """Return whether the number is subscribed."""
         return bool(self.size[0, id])
+
+    def free(self, id: int) -> None:
+        """Let another stream have a number; data of the one before stay readable."""
+        self._free.add(id)
 
     def subscribe(self, id: int, stream: int, sizes: layout.RecordSizes) -> None:
         """Put a stream in force.
@@ -118,7 +123,9 @@ class Numbers:
         written, padded = sizes.written + 2, sizes.padded + 2
         before, other = int(self.size[0, id]), int(self.stream[0, id])
         place = self._places.setdefault(stream, len(self._places))
-        if before == written and other != stream:
+        free = id in self._free
+        self._free.discard(id)
+        if before == written and other != stream and not free:
             self.shared[id] = (other, stream)
             if self._places.get(other) == id != place:
                 return
@@ -319,7 +326,8 @@ class Scan:
                 return self._subscription(content, apply)
             case "R":  # never written by PX4; data that follow all the same are read as before
                 id = int.from_bytes(content, "little")
-                credible = len(content) == 2 and self.numbers.is_subscribed(id)
+                if len(content) == 2 and self.numbers.is_subscribed(id):
+                    return partial(self.numbers.free, id)
             case "L" | "C":
                 text = messages.logged_text(content, tagged=kind == "C")
                 return None if text is None else partial(self.texts.append, text)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -337,6 +338,9 @@ SPOIL["weight_in_water"] = of_a_vehicle("bluerov2_heavy", "rigid_body", "mass", 
 SPOIL["gravity_value"] = of_a_vehicle("bluerov2_heavy", "environment", "gravity", value=-9.81)
 SPOIL["upside_down"] = of_a_vehicle(
     "bluerov2_heavy", "rigid_body", "centre_of_buoyancy", value=[0.0, 0.0, 0.02]
+)
+SPOIL["buoyancy_low"] = of_a_vehicle(
+    "bluerov2_heavy", "rigid_body", "centre_of_buoyancy", value=[0.0, 0.0, 0.004]
 )
 SPOIL["body_size"] = of_a_vehicle(
     "bluerov2_heavy", "rigid_body", "centre_of_buoyancy", value=[0.0, 0.0, -10.0]
@@ -877,3 +881,30 @@ def test_a_velocity_that_was_made_with_the_heading_tells_nothing_about_it(source
     found = log.ids()
     assert "heading_offset" not in found
     assert "heading_unseen" in found
+
+
+def test_a_low_centre_of_buoyancy_stops_no_vehicle_without_actuators() -> None:
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    document["rigid_body"]["centre_of_buoyancy"]["value"] = [0.0, 0.0, 0.02]
+    document["actuators"] = {}
+    log = sound()
+    log.vehicle = vehicle_from_document(document)
+    found = log.ids()
+    assert "buoyancy_low" in found
+    assert "upside_down" not in found
+
+
+@pytest.mark.parametrize("name", ["velocity_unsigned", "velocity_frozen"])
+def test_one_sided_and_steady_speeds_stop_no_run(name: str) -> None:
+    assert not checks()[name].stops
+    assert checks()[name].severity == "warning"
+
+
+@pytest.mark.parametrize(("axis", "factor"), [(0, 0.01), (2, 60.0)])
+def test_one_moment_of_inertia_that_does_not_fit_is_found(axis: int, factor: float) -> None:
+    log = sound()
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    inertia = log.vehicle.inertia.copy()
+    inertia[axis, axis] *= factor
+    log.vehicle = replace(log.vehicle, inertia=inertia)
+    assert "body_size" in log.ids()

@@ -193,6 +193,8 @@ def test_declared_start_of_a_csv_log() -> None:
     assert run(depth_csv(start=0)).log_info.start_us == 0
     with pytest.raises(CampaignError, match=r"time.start.*found 'noon'"):
         run(depth_csv(start="noon"))
+    with pytest.raises(CampaignError, match=r"time.start.*found nan"):
+        run(depth_csv(start=float("nan")))
 
 
 def test_files_on_different_clocks() -> None:

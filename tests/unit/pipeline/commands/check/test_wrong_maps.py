@@ -468,7 +468,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "Heave",
     ),
 }
-NOT_STOPPING = ("stuck_sensor",)
+NOT_STOPPING = ("stuck_sensor", "velocity_frozen", "velocity_unsigned")
 
 
 def judged(case: Case) -> list[dict[str, Any]]:

@@ -159,6 +159,16 @@ def test_a_number_can_be_subscribed_again() -> None:
     assert log.status == "complete"
 
 
+def test_a_number_that_was_removed_is_free_for_a_topic_of_equal_size() -> None:
+    other = declare("heading:uint64_t timestamp;float radians;")
+    turned = data(0, struct.pack("<Qf", 5, 0.25))
+    start = HEADER + DEPTH + other + subscribe(0, "depth") + depth(1)
+    log = read(start + message("R", b"\0\0") + subscribe(0, "heading") + turned)
+    assert log.messages["depth"].columns["metres"].tolist() == [1.0]
+    assert log.messages["heading"].columns["radians"].tolist() == [0.25]
+    assert log.notes == []
+
+
 def test_last_parameter_wins_and_defaults_do_not_count() -> None:
     def parameter(kind: str, name: str, value: bytes) -> bytes:
         return message("P", keyed(f"{kind} {name}", value))
