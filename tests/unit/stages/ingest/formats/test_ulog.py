@@ -166,7 +166,7 @@ def test_a_number_that_was_removed_is_free_for_a_topic_of_equal_size() -> None:
     log = read(start + message("R", b"\0\0") + subscribe(0, "heading") + turned)
     assert log.messages["depth"].columns["metres"].tolist() == [1.0]
     assert log.messages["heading"].columns["radians"].tolist() == [0.25]
-    assert log.notes == []
+    assert not log.notes
 
 
 def test_last_parameter_wins_and_defaults_do_not_count() -> None:
