@@ -32,7 +32,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.stages.synthesise.wiring import thruster_legs
 from benchmarks.installation import share
 
-LIMITS = (5.0, wiring.CERTAIN, 15.0)
+LIMITS = (0.0, wiring.CERTAIN, 5.0)
 
 
 def legs_of(run: Run, *, training: bool) -> list[ThrusterLeg]:

@@ -98,7 +98,8 @@ def _words(fault: WiringFault, outputs: tuple[int, ...]) -> str:
     numbers = [outputs[index - 1] for index in fault.outputs]
     why = (
         f" {100.0 * fault.gain:.0f} % of what the thrusters leave unexplained on these axes goes"
-        f" (logarithm of the likelihood ratio {fault.log_ratio:.0f}; {CERTAIN:.0f} is certain)"
+        f" (logarithm of the likelihood over that of any one thruster of another strength, less"
+        f" that of the faults tried: {fault.log_ratio:.1f}; named from {CERTAIN:.1f})"
     )
     if len(numbers) == 2:
         return (

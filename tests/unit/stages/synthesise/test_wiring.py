@@ -49,3 +49,9 @@ def test_a_thruster_at_half_strength_is_named_by_its_output() -> None:
     (weak,) = wiring_blocks([whole], HEAVY)
     assert str(weak["text"]).startswith("The thruster of output 3 looks weak")
     assert weak["level"] == "warning"
+
+
+def test_a_dead_thruster_is_not_called_reversed() -> None:
+    still = tables(B * np.where(np.arange(8) == 2, 0.0, 1.0))
+    (dead,) = wiring_blocks([still], HEAVY)
+    assert str(dead["text"]).startswith("The thruster of output 3 looks dead")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
@@ -31,6 +32,39 @@ def leg(wiring: Array, *, seed: int = 0, noise: float = 2.0, drive: float = 10.0
     delivered = 0.8 * first_order_lag(thrust, lag_s=0.1, step_s=0.1) @ wiring.T
     scatter = noise * random.standard_normal((len(t_s), 6)) * [1.0, 1, 1, 0.2, 0.2, 0.2]
     return ThrusterLeg(t_s, nu, hull + delivered - thrust @ B.T + scatter, thrust)
+
+
+def dive(seed: int, strength: Array, *, tether_N: float, tether_s: float) -> ThrusterLeg:
+    """A dive of 120 s, wired rightly; feedback answers .8 of a force off the origin."""
+    random, t_s, step_s = np.random.default_rng(seed), np.arange(0.0, 120.0, 0.1), 0.1
+    want = np.zeros((len(t_s), 6))
+    pilot = np.repeat(random.normal(size=(len(t_s) // 20, 4)), 20, axis=0)
+    want[:, [0, 1, 2, 5]] = pilot * [20.0, 15.0, 15.0, 4.0]
+    keep = np.exp(-step_s / tether_s)
+    pull = lfilter([np.sqrt(1 - keep**2)], [1, -keep], random.normal(size=(len(t_s), 3)), axis=0)
+    pull = tether_N * np.hstack([pull, np.cross([[0.3, 0.1, -0.2]], pull)])
+    thrust = (want - 0.8 * pull * [1, 1, 1, 0, 0, 1]) @ np.linalg.pinv(B).T
+    force = (thrust * strength) @ B.T + pull
+    drag, inertia = np.array([15.0, 25.0, 30.0, 1.0, 1.0, 2.0]), np.diag(HEAVY.mass_matrix)
+    nu = np.zeros_like(force)
+    for i in range(1, len(nu)):
+        nu[i] = nu[i - 1] + step_s * (force[i - 1] - drag * nu[i - 1]) / inertia
+    scatter = random.normal(size=force.shape) * [1.0, 1, 1, 0.1, 0.1, 0.1]
+    return ThrusterLeg(t_s, nu, force - drag * nu - thrust @ B.T + scatter, thrust)
+
+
+def test_dead_thrusters_name_no_fault_of_the_wiring() -> None:
+    for i in range(8):
+        dead = np.where(np.arange(8) == i, 0.0, 1.0)
+        for seed in (100, 101):
+            assert wiring_fault([leg(B * dead, seed=seed)], B) is None
+            assert wiring_fault([dive(seed, dead, tether_N=5.0, tether_s=2.0)], B) is None
+
+
+def test_a_tether_that_feedback_answers_names_nothing() -> None:
+    for seed in range(100, 110):
+        assert wiring_fault([dive(seed, np.ones(8), tether_N=10.0, tether_s=3.0)], B) is None
+        assert wiring_fault([dive(seed, np.ones(8), tether_N=20.0, tether_s=4.0)], B) is None
 
 
 def test_every_exchange_and_every_reversed_thruster_is_named() -> None:
