@@ -131,7 +131,7 @@ def _covariance(residuals: Array) -> Array:
     """Return the covariance (6, 6) of residuals, each axis with noise of its own."""
     covariance = residuals @ residuals.T / residuals.shape[1]
     own = np.maximum(np.diag(covariance), 1e-300)
-    return (1.0 - LEAST_OF_AXIS) * covariance + LEAST_OF_AXIS * np.diag(own)
+    return np.asarray((1.0 - LEAST_OF_AXIS) * covariance + LEAST_OF_AXIS * np.diag(own))
 
 
 def _log_det(residuals: Array) -> float:
@@ -141,7 +141,8 @@ def _log_det(residuals: Array) -> float:
 
 def _log_density(residuals: Array) -> Array:
     """Return minus half the whitened square (n,) of residuals (6, n)."""
-    return -0.5 * np.sum(residuals * np.linalg.solve(_covariance(residuals), residuals), axis=0)
+    whitened = np.linalg.solve(_covariance(residuals), residuals)
+    return np.asarray(-0.5 * np.sum(residuals * whitened, axis=0))
 
 
 def _log_ratio(best: Array, changed: Array, kept: Mask) -> float:
