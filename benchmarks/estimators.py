@@ -240,10 +240,10 @@ def output_error() -> dict[str, Row]:
 
     def by_scipy() -> Array:
         begin = np.concatenate([start, first.ravel(), starts.ravel()])
-        found = scipy_least_squares(errors, begin, x_scale="jac", method="lm", xtol=1e-12)
-        inverse = np.linalg.inv(found.jac.T @ found.jac)[: len(start), : len(start)]
-        other[:] = [0.5 * float(found.fun @ found.fun), np.sqrt(np.diag(inverse))]
-        return np.asarray(found.x[: len(start)])
+        solution = scipy_least_squares(errors, begin, x_scale="jac", method="lm", xtol=1e-12)
+        inverse = np.linalg.inv(solution.jac.T @ solution.jac)[: len(start), : len(start)]
+        other[:] = [0.5 * float(solution.fun @ solution.fun), np.sqrt(np.diag(inverse))]
+        return np.asarray(solution.x[: len(start)])
 
     reached: list[Any] = []
     other: list[Any] = []

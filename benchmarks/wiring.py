@@ -60,11 +60,11 @@ def counted(legs: Sequence[ThrusterLeg], right: Array, limit: float) -> tuple[in
     for outputs, wrong in faults.items():
         seen = with_allocation(legs, right, wrong)
         with patch.multiple(wiring, CERTAIN=-np.inf, LEAST_GAIN=-np.inf):
-            found = wiring.wiring_fault(seen, wrong)
-        best += found is not None and found.outputs == outputs
+            fault = wiring.wiring_fault(seen, wrong)
+        best += fault is not None and fault.outputs == outputs
         with patch.multiple(wiring, CERTAIN=limit):
-            found = wiring.wiring_fault(seen, wrong)
-        named += found is not None and found.outputs == outputs
+            fault = wiring.wiring_fault(seen, wrong)
+        named += fault is not None and fault.outputs == outputs
     return best, named, len(faults)
 
 

@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.signals.motion_checks import (
     FEWEST_WINDOWS,
     WINDOW_S,
-    angles_at,
     fitted_gains,
     integrals,
+    track_windows,
     windows,
 )
 
@@ -104,13 +103,10 @@ def track_turn(
     constant current beside: a positive delta means that the heading reads so much too
     little, or that the velocity's axes are turned so much. None for too few windows.
     """
-    width = 2.0 * WINDOW_S
-    start = max(t_position[0], t_velocity[0], t_attitude[0])
-    end = min(t_position[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_position, t_velocity, t_attitude, width_s=width)
-    if at.size < FEWEST_WINDOWS:
+    shared = track_windows(t_position, t_attitude, euler, t_velocity)
+    if shared is None:
         return None
-    turn = rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler))
+    at, turn, width = shared
     expected = integrals(t_velocity, np.einsum("nij,nj->ni", turn, velocity)[:, :2], at, width)
     ends = [
         np.stack([np.interp(side, t_position, column) for column in position.T[:2]], axis=1)

@@ -171,6 +171,23 @@ def depth_by_axes(
     return shares
 
 
+def track_windows(
+    t_position: Array, t_attitude: Array, euler: Array, t_velocity: Array
+) -> tuple[Array, Array, float] | None:
+    """Return windows of 2 s that track, attitude and velocity share; None for too few.
+
+    Their starts (k,) [s], the rotation from body to NED at each velocity (m, 3, 3), and
+    their width [s].
+    """
+    width = 2.0 * WINDOW_S
+    start = max(t_position[0], t_velocity[0], t_attitude[0])
+    end = min(t_position[-1], t_velocity[-1], t_attitude[-1])
+    at = windows(start, end, t_position, t_velocity, t_attitude, width_s=width)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    return at, rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler)), width
+
+
 def position_gains(
     t_position: Array,
     position: Array,
@@ -183,13 +200,10 @@ def position_gains(
 
     d(x, y)/dt = R(psi, theta, phi) [u v w], rows north and east, over windows of 2 s.
     """
-    width = 2.0 * WINDOW_S
-    start = max(t_position[0], t_velocity[0], t_attitude[0])
-    end = min(t_position[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_position, t_velocity, t_attitude, width_s=width)
-    if at.size < FEWEST_WINDOWS:
+    shared = track_windows(t_position, t_attitude, euler, t_velocity)
+    if shared is None:
         return None
-    turn = rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler))
+    at, turn, width = shared
     moved, parts = [], []
     for row in range(2):
         ends = [np.interp(side, t_position, position[:, row]) for side in (at, at + width)]

@@ -151,8 +151,8 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
         [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
     )
     assert len(singles[0].motion[0].windows) > len([w for w in fit.pool.windows if w.leg == 0])
-    alone = held_out_alone(singles[0], fit, list(using), options)
-    counts = {item.what: item.windows for item in alone}
+    by_itself = held_out_alone(singles[0], fit, list(using), options)
+    counts = {item.what: item.windows for item in by_itself}
     blocks = fit.held_out[:2]
     assert [counts[item.what] for item in blocks] == [item.windows for item in blocks]
 

@@ -33,8 +33,8 @@ def tilting(axis: str, c: float, e: float, errors: tuple[float, float]) -> Fitte
         np.diag([0.01, errors[0] ** 2]),
         {},
     )
-    beside = AxisEquation(axis, (FORCE, RIGHTING), np.array([c, e]), np.diag(np.square(errors)), {})
-    return replace(item, equation=equation, righting=beside)
+    pair = AxisEquation(axis, (FORCE, RIGHTING), np.array([c, e]), np.diag(np.square(errors)), {})
+    return replace(item, equation=equation, righting=pair)
 
 
 def moment(*items: FittedAxis) -> tuple[float, float]:
@@ -72,10 +72,10 @@ def test_roll_and_pitch_that_disagree_widen_the_moment() -> None:
 def test_the_force_of_surge_on_heave_has_the_error_of_the_inertia() -> None:
     heave = fits(False).fitted[0]
     c, e = heave.equation.value(FORCE), 0.01
-    beside = AxisEquation(
+    pair = AxisEquation(
         "Z", (FORCE, SURGE), np.array([c, e]), np.diag([(0.2 * c) ** 2, (0.1 * e) ** 2]), {}
     )
-    fitted: AxisFits = replace(fits(False), fitted=(replace(heave, surge=beside),))
+    fitted: AxisFits = replace(fits(False), fitted=(replace(heave, surge=pair),))
     out = righting_and_surge(fitted, scaled(fitted, body(), by="pull"))["cross_forces"]
     assert isinstance(out, list)
     low, high = out[0]["interval_95"]

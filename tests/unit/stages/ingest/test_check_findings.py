@@ -757,9 +757,9 @@ def test_an_attitude_in_gradians(factor: float, unit: str) -> None:
     log = sound()
     for name in ("phi_rad", "theta_rad", "psi_rad"):
         log.streams["attitude"][name] = factor * log.streams["attitude"][name]
-    found = log.finding("attitude_unit")
-    assert "gradians" in found["text"]
-    assert f"unit: {unit} " in found["remedy"]
+    findings = log.finding("attitude_unit")
+    assert "gradians" in findings["text"]
+    assert f"unit: {unit} " in findings["remedy"]
 
 
 def test_yaw_in_gradians_that_wraps_is_no_jump_of_the_attitude() -> None:
@@ -768,8 +768,8 @@ def test_yaw_in_gradians_that_wraps_is_no_jump_of_the_attitude() -> None:
     t_s = log.t_s("attitude")
     psi = 400.0 + 20.0 * np.sin(0.5 * t_s)  # gradians, across the wrap, slower than the gyro
     log.streams["attitude"]["psi_rad"] = np.radians(psi % 400.0)
-    found = log.health()["findings"]
-    ids = [item["id"] for item in found]
+    findings = log.health()["findings"]
+    ids = [item["id"] for item in findings]
     assert "attitude_unit" in ids
     assert "attitude_jumps" not in ids
 
@@ -777,9 +777,9 @@ def test_yaw_in_gradians_that_wraps_is_no_jump_of_the_attitude() -> None:
 def test_one_axis_that_freezes_halfway_is_named() -> None:
     log = sound()
     at("velocity", 30.0, 99.0, v_m_s=0.07)(log)
-    found = log.finding("stuck_sensor")
-    assert found["fields"] == ["v_m_s"]
-    assert found["value"] == pytest.approx(30.0, abs=0.3)  # s
+    findings = log.finding("stuck_sensor")
+    assert findings["fields"] == ["v_m_s"]
+    assert findings["value"] == pytest.approx(30.0, abs=0.3)  # s
 
 
 def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
@@ -878,9 +878,9 @@ def test_a_velocity_that_was_made_with_the_heading_tells_nothing_about_it(source
     with_track(log, 25.0)
     assert "heading_offset" in log.ids()
     log.info["streams"]["velocity"] = {"source": source}
-    found = log.ids()
-    assert "heading_offset" not in found
-    assert "heading_unseen" in found
+    findings = log.ids()
+    assert "heading_offset" not in findings
+    assert "heading_unseen" in findings
 
 
 def test_a_low_centre_of_buoyancy_stops_no_vehicle_without_actuators() -> None:
@@ -889,9 +889,9 @@ def test_a_low_centre_of_buoyancy_stops_no_vehicle_without_actuators() -> None:
     document["actuators"] = {}
     log = sound()
     log.vehicle = vehicle_from_document(document)
-    found = log.ids()
-    assert "buoyancy_low" in found
-    assert "upside_down" not in found
+    findings = log.ids()
+    assert "buoyancy_low" in findings
+    assert "upside_down" not in findings
 
 
 @pytest.mark.parametrize("name", ["velocity_unsigned", "velocity_frozen"])
