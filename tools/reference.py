@@ -249,7 +249,7 @@ def commands_page() -> str:
         groups[group.commands[name.partition(" ")[0]].rich_help_panel].append(name)
     parts = [
         "# Commands\n",
-        WRITTEN.format("`pipeline/cli.py`") + "\n",
+        WRITTEN.format("`pipeline/command_line/`") + "\n",
         "```text\nauvid [OPTIONS] COMMAND [ARGS]\n```\n",
         table(("option", "meaning"), _options(group)),
         "## Exit codes\n",

@@ -1,0 +1,149 @@
+"""Commands over many dives: fleet run, fleet report, fleet find."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auvid.pipeline.command_line.application import app
+from auvid.pipeline.command_line.arguments import (
+    EngineName,
+    Force,
+    JobCount,
+    Scheduler,
+    WorkerMemory,
+)
+from auvid.pipeline.output import (
+    RUNNING,
+    Command,
+    Commands,
+    answer,
+    answering,
+)
+
+if TYPE_CHECKING:
+    pass
+
+
+fleet = typer.Typer(cls=Commands, no_args_is_help=True)
+app.add_typer(
+    fleet,
+    name="fleet",
+    rich_help_panel=RUNNING,
+    help="Run a disk of dives, and say what they agree on.",
+    epilog="Example: auvid fleet run /media/dives --out fleet",
+)
+FleetName = Annotated[
+    Path, typer.Argument(metavar="FLEETDIR", help="Folder that auvid fleet run has written.")
+]
+
+
+@fleet.command(
+    "run",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog="Example: auvid fleet run /media/dives --out fleet --jobs 2",
+)
+@answering
+def fleet_run(
+    disk: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DIR|LIST", help="Folder with logs in it and below, or a text file of paths."
+        ),
+    ],
+    out: Annotated[
+        Path, typer.Option(metavar="FLEETDIR", help="Folder for all that is made.")
+    ] = Path("fleet"),
+    vehicle: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[PATTERN=]NAME",
+            help=(
+                "Vehicle, by name or file, of all logs or of those whose path matches; may be"
+                " repeated. (default: the one that each log names)"
+            ),
+        ),
+    ] = None,
+    engine: EngineName = None,
+    jobs: JobCount = None,
+    scheduler: Scheduler = None,
+    memory: WorkerMemory = None,
+    force: Force = False,
+) -> None:
+    """Run every log of a disk as far as it goes; only new and changed ones run again.
+
+    Each log ends as done, partly or refused, with the reason. Nothing is written beside
+    the logs.
+
+    Exit codes: 0 all done; 1 none is done, or the call cannot be followed; 2 wrong use;
+    3 some logs are not done; 130 interrupted, what was finished is kept.
+    """
+    from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
+    from auvid.pipeline.execution.engines import make_engine
+
+    workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory)
+    raise typer.Exit(
+        print_fleet_run(disk, out, vehicles=vehicle or (), engine=workers, force=force)
+    )
+
+
+@fleet.command(
+    "report",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog="Example: auvid fleet report fleet --open",
+)
+@answering
+def fleet_report(
+    folder: FleetName = Path("fleet"),
+    open_it: Annotated[
+        bool, typer.Option("--open", help="Open the report in the browser.")
+    ] = False,
+) -> None:
+    """Write the page of a fleet, and print its path and those of its tables.
+
+    Which dives are usable for what, states and reasons, findings, coefficients dive by
+    dive with what they agree on, outlying dives and changes.
+    """
+    from auvid.pipeline.commands.fleet.fleet_folder import TABLES, open_fleet
+    from auvid.pipeline.commands.fleet.report.fleet_page import write_page
+
+    place = open_fleet(folder)
+    write_page(place)
+    print(place.page)
+    answer({"report": place.page, "tables": {name: place.table(name) for name in TABLES}})
+    if open_it:
+        typer.launch(place.page.as_uri())
+
+
+@fleet.command(
+    "find",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog='Example: auvid fleet find "surge = identified and J/J0 < .5"',
+)
+@answering
+def fleet_find(
+    expression: Annotated[
+        str,
+        typer.Argument(
+            metavar="EXPRESSION", help="Comparisons of fields of a run, joined by and, or, not."
+        ),
+    ],
+    fleet_folder: Annotated[
+        Path, typer.Option("--in", metavar="FLEETDIR", help="Folder of the fleet.")
+    ] = Path("fleet"),
+) -> None:
+    """Print the logs of a fleet of which an expression holds.
+
+    Fields are the columns of table runs (J/J0, surge, state, vehicle, ...), and
+    coefficients of the recommended model as X_u.
+
+    Exit codes: 0 some; 1 none, or no fleet there; 2 wrong use.
+    """
+    from auvid.pipeline.commands.fleet.find_command import print_matches
+
+    raise typer.Exit(print_matches(fleet_folder, expression))
