@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from auvid.arguments import as_numbers, finite, worded_for_arrays
 from auvid.data_schemas.documents.campaign import LegEntry
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import DataError, UsageError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.model_file import ModelFile

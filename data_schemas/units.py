@@ -15,6 +15,8 @@ from auvid.data_schemas.errors import SchemaError
 if TYPE_CHECKING:
     import pint
 
+NEUTRAL_US = 1500.0
+"""Pulse of a thruster at rest [us]."""
 TURNS = {
     "rpm": 1.0 / 60.0,
     "rev/min": 1.0 / 60.0,

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array, read_only
-from auvid.hydro.dynamics.actuators.thrusters import NEUTRAL_US, ThrustCurve, Thrusters
+from auvid.hydro.dynamics.actuators.thrusters import ThrustCurve, Thrusters
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 HALF_RANGE_US = 400.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.data_schemas.documents.vehicle import ThrustersEntry
+from auvid.data_schemas.documents.vehicle.actuators import ThrustersEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.model_file import (
     DynamicsFigures,

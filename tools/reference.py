@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 
 from auvid.data_schemas.documents import MODELS, model_of
 from auvid.data_schemas.documents.model import Model, Quantity, Range, Unit
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.model_file import FORMAT, PARTIAL_FORMAT, ModelFile
 from auvid.data_schemas.schemas import schema, schema_names, schema_text
 from auvid.data_schemas.yaml_text import read_yaml

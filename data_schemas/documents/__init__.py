@@ -21,7 +21,7 @@ MODELS = {
     "fusion": "records.motion.FusionRecord",
     "health": "records.logs.HealthRecord",
     "installation": "records.motion.InstallationRecord",
-    "inertia": "documents.vehicle.InertiaDocument",
+    "inertia": "documents.vehicle.vehicle.InertiaDocument",
     "leg": "documents.campaign.LegEntry",
     "log_info": "records.logs.LogInfo",
     "log_survey": "records.fleet.LogSurvey",
@@ -41,7 +41,7 @@ MODELS = {
     "tolerances": "documents.tolerances.TolerancesDocument",
     "triangular_factor": "records.models.FactorRecord",
     "twin": "documents.twin.TwinDocument",
-    "vehicle": "documents.vehicle.VehicleDocument",
+    "vehicle": "documents.vehicle.vehicle.VehicleDocument",
     "views": "records.report.ViewsRecord",
 }
 """Document -> its model, counted from data_schemas."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field, model_validator
 
 from auvid.data_schemas.documents.model import Faults, Model, fault
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.models import (
     AxisMerit,
     CovarianceCard,

@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.export.body import Body, names_of
 from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import Lost, sample_envelope
 from auvid.export.text import commented, number, numbers
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import NEUTRAL_US
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 
 WATER_DENSITY = 1023.6

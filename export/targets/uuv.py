@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.data_schemas.records.model_file import ThrusterFigures
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.export.body import (
     STANDING,
     TO_FLU,
@@ -29,7 +30,6 @@ from auvid.export.thrusters import (
     without_thrusters,
 )
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import NEUTRAL_US
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 
 CONVENTION = (

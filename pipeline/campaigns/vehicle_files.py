@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from auvid.data_schemas.documents.model import Quantity
-from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import InertiaDocument, VehicleDocument
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.measured_inertia import with_measured_inertia

@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import has_columns, matrix
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import AXES, Array, Mask
 from auvid.hydro.dynamics.actuators.commands import (
     ARDUSUB_FRAMES,
@@ -31,7 +32,6 @@ from auvid.hydro.dynamics.actuators.slow_outputs import (
     rebuild_outputs,
 )
 from auvid.hydro.dynamics.actuators.thrusters import (
-    NEUTRAL_US,
     NO_PULSE_US,
     Thrusters,
     thruster_force,

@@ -22,10 +22,10 @@ from auvid.data_schemas.documents.plans.plan import (
     TankRunEntry,
 )
 from auvid.data_schemas.errors import CampaignError, DataError, nearest
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import (
     FULL_COMMAND,
-    NEUTRAL_US,
     Thrusters,
     thruster_force,
     thruster_forces,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.documents.model import assumed_quantities, parse
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord

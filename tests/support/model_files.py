@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.documents.model import in_schema_units, parse
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import UsableFor, VelocityRange
 from auvid.hydro.arrays import AXES, VELOCITIES

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import AXES, Array, read_only
 from auvid.hydro.dynamics.actuators.thrusters import (
-    NEUTRAL_US,
     ThrustCurve,
     Thrusters,
     thruster_allocation,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array, cross
 
 NO_PULSE_US = 800.0
@@ -17,7 +18,6 @@ NO_PULSE_US = 800.0
 thruster stands still.
 """
 
-NEUTRAL_US = 1500.0
 FULL_COMMAND = 100.0
 
 

@@ -8,18 +8,20 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.documents.model import Faults, Quantity, Unit, assumed_quantities, parse
-from auvid.data_schemas.documents.vehicle import (
-    AddedMassEntry,
-    BuoyancyEngineEntry,
+from auvid.data_schemas.documents.vehicle.actuators import (
     CommandsEntry,
+    PropellerEntry,
+    ThrustersEntry,
+)
+from auvid.data_schemas.documents.vehicle.body import AddedMassEntry
+from auvid.data_schemas.documents.vehicle.sensors import MountedEntry
+from auvid.data_schemas.documents.vehicle.shape import (
+    BuoyancyEngineEntry,
     GeometryEntry,
     HullEntry,
-    MountedEntry,
-    PropellerEntry,
     SurfaceEntry,
-    ThrustersEntry,
-    VehicleDocument,
 )
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import CampaignError, PipelineError, raise_faults
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine

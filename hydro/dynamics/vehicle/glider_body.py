@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from auvid.data_schemas.documents.vehicle import GliderEntry
+from auvid.data_schemas.documents.vehicle.shape import GliderEntry
 from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from auvid.data_schemas.documents.model import Quantity, Unit
-from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import InertiaDocument, VehicleDocument
 
 INERTIAS = ("I_x", "I_y", "I_z")
 

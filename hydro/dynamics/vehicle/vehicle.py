@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.hydro.arrays import Array, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
 from auvid.hydro.dynamics.actuators.commands import FullCommands

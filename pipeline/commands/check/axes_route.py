@@ -6,15 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
-from auvid.stages.ingest.health.vehicle import NEUTRAL_US
 from auvid.stages.leg_record.record import FREE_AXES, WORDS, RecordedLeg, leg_record
 from auvid.stages.leg_record.refusal import fed_axes, refusal
 from auvid.stages.leg_streams import Streams

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -27,7 +28,6 @@ from auvid.stages.ingest.health.finding import (
 )
 from auvid.stages.number_format import percent, significant
 
-NEUTRAL_US = 1500.0
 PULSES_US = (800.0, 2200.0)
 PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from auvid.data_schemas.documents.model import Quantity, assumed_quantities
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.models import AxisCard, ModelCard, TermCard, VelocityRange
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord

@@ -12,7 +12,7 @@ from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, rai
 from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED, STREAMS, csv_dialects
-from auvid.data_schemas.units import convertible, factor_and_offset
+from auvid.data_schemas.units import NEUTRAL_US, convertible, factor_and_offset
 from auvid.stages.ingest.formats.csv.clock_digits import CLOCK_DIGITS
 from auvid.stages.ingest.formats.csv.pose_columns import (
     EXTRA_FIELDS,
@@ -50,7 +50,6 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
     "r": ("gyro_z_rad_s",),
 }
 """Fields by what users call their axis."""
-NEUTRAL_US = 1500.0
 NORMALISED: Mapping[str, float] = {"1": 400.0, "percent": 4.0}
 """Units of a normalised output, and microseconds of one: full thrust is 1100 or 1900 us."""
 WEIGHT_OF_WATER = 1025.0 * 9.80665

@@ -11,7 +11,7 @@ import pytest
 
 from auvid.data_schemas.documents import MODELS, check_document, model_of
 from auvid.data_schemas.documents.model import Model, Range, parse
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import ManyFaults, PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from auvid.data_schemas.documents.vehicle import VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import column, make_table
 from auvid.data_schemas.yaml_text import read_yaml

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.documents.model import parse
-from auvid.data_schemas.documents.vehicle import InertiaDocument, VehicleDocument
+from auvid.data_schemas.documents.vehicle.vehicle import InertiaDocument, VehicleDocument
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document

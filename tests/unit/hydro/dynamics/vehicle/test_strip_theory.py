@@ -10,7 +10,7 @@ import pytest
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.documents.model import parse
-from auvid.data_schemas.documents.vehicle import GeometryEntry
+from auvid.data_schemas.documents.vehicle.shape import GeometryEntry
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.fins import fin_force

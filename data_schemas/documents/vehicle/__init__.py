@@ -1,0 +1,1 @@
+"""The vehicle document and its parts: body, actuators, sensors, shape."""
