@@ -19,6 +19,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import cumulative_trapezoid
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
@@ -379,7 +380,7 @@ def _static(data: ChannelRun, rate: float) -> StaticRegression:
     angle = (
         np.interp(run.grid_s, run.grid_s[run.position_at], run.position)
         if run.position.size
-        else _integral(run.grid_s, x)
+        else cumulative_trapezoid(x, run.grid_s, initial=0.0)
     )
     pull = data.restoring * np.sin(angle)
     force = np.append(run.force_left, run.force_right[-1]) - pull
@@ -389,10 +390,6 @@ def _static(data: ChannelRun, rate: float) -> StaticRegression:
     columns = np.column_stack([x, x * np.abs(x), force, np.ones_like(x)])
     samples = data.samples[data.samples > 0]
     return static_form(run.grid_s, x, columns, rate=rate, regressor_after=after, samples=samples)
-
-
-def _integral(t: Array, x: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
 
 
 def _recursive_fit(
