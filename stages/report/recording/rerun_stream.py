@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun_bindings
 
 from auvid.hydro.arrays import Array
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import AXIS_INKS, Ink
 from auvid.stages.report.recording.identity import Property, recording_id
 
+APPLICATION = "auvid"
 TIMELINE = "t"
 CHUNK_ROWS = 50_000
 PREVIEW_BINS = 2000
@@ -48,7 +50,7 @@ class Recording:
         path: str | None = None,
     ) -> None:
         self.stream = rr.RecordingStream(
-            "auvid", recording_id=recording_id(title, content), send_properties=False
+            APPLICATION, recording_id=recording_id(title, content), send_properties=False
         )
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
@@ -74,16 +76,21 @@ class Recording:
                 f" largest value in each of {self.bins} bins"
             )
             self.messages("log/thinned", [(0.0, "note", words)])
-        self.stream.send_blueprint(blueprint)
+        _send_blueprint(blueprint, self.stream)
         return self.discard()
 
     def discard(self) -> bytes:
-        """End the recording; else Rerun warns at the end of the program."""
+        """End the recording and give what is in memory; nothing can be added to it then.
+
+        Rerun keeps each stream, with two threads and some megabytes, until it is called
+        upon to drop those that nobody refers to.
+        """
         self.stream.flush()
-        if self._sink is None:
-            self.stream.disconnect()
-            return b""
-        return self._sink.read(flush=True) or b""
+        content = b"" if self._sink is None else self._sink.read(flush=True) or b""
+        self.stream.disconnect()
+        del self.stream, self._sink
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
+        return content
 
     def static(self, entity: str, value: Any) -> None:
         """Send one static value in a chunk of its own.
@@ -251,3 +258,19 @@ def quaternions(euler: Array) -> Array:
         cr * cp * cy + sr * sp * sy,
     ]
     return np.column_stack(parts)
+
+
+def _send_blueprint(blueprint: Any, stream: rr.RecordingStream) -> None:
+    """Send a blueprint as `stream.send_blueprint` does, and end the stream it is made on.
+
+    Rerun's own leaves that stream in a circle with its memory, which nothing drops.
+    """
+    native = rerun_bindings.new_blueprint(
+        application_id=APPLICATION, make_default=False, make_thread_default=False
+    )
+    made_on = rr.RecordingStream._from_native(native)
+    made_on.set_time("blueprint", sequence=0)
+    blueprint.to_blueprint()._log_to_stream(made_on)
+    storage = rerun_bindings.memory_recording(native)
+    rerun_bindings.send_blueprint(storage, True, True, recording=stream.to_native())
+    made_on.disconnect()

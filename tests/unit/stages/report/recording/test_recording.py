@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.tables import column, make_table
@@ -297,3 +298,21 @@ def test_preview_is_smaller(made: ExampleRun, tmp_path: Path) -> None:
     render_recording(long.inputs(), Params(), content, str(preview), preview=True)
     render_recording(long.inputs(), Params(), content, str(whole))
     assert preview.stat().st_size < 0.8 * whole.stat().st_size
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads as Linux counts them")
+@pytest.mark.parametrize("is_saved", [True, False])
+def test_a_recording_leaves_no_thread_behind(is_saved: bool, tmp_path: Path) -> None:
+    """Rerun keeps two threads and megabytes for each stream that is not dropped."""
+
+    def threads_after(recordings: int) -> int:
+        for number in range(recordings):
+            path = str(tmp_path / f"{number}.rrd") if is_saved else None
+            out = Recording("a dive", content=number, path=path)
+            out.series("depth", np.arange(100.0), np.ones((100, 3)))
+            content = out.finish(rrb.Blueprint(rrb.TimeSeriesView(origin="depth")))
+            assert is_saved or content.startswith(b"RRF")
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    before = threads_after(1)
+    assert threads_after(6) <= before
