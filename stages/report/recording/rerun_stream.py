@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
-import rerun_bindings
 
 from auvid.hydro.arrays import Array
 from auvid.stages.number_format import visible
@@ -80,7 +79,7 @@ class Recording:
         return self.discard()
 
     def discard(self) -> bytes:
-        """End the recording and give what is in memory; nothing can be added to it then.
+        """End the recording and give what is in memory.
 
         Rerun keeps each stream, with two threads and some megabytes, until it is called
         upon to drop those that nobody refers to.
@@ -89,7 +88,7 @@ class Recording:
         content = b"" if self._sink is None else self._sink.read(flush=True) or b""
         self.stream.disconnect()
         del self.stream, self._sink
-        rerun_bindings.flush_and_cleanup_orphaned_recordings()
+        rr.bindings.flush_and_cleanup_orphaned_recordings()
         return content
 
     def static(self, entity: str, value: Any) -> None:
@@ -261,16 +260,16 @@ def quaternions(euler: Array) -> Array:
 
 
 def _send_blueprint(blueprint: Any, stream: rr.RecordingStream) -> None:
-    """Send a blueprint as `stream.send_blueprint` does, and end the stream it is made on.
+    """Send a blueprint, and end the stream that it is made on.
 
-    Rerun's own leaves that stream in a circle with its memory, which nothing drops.
+    `stream.send_blueprint` leaves that in a circle with its memory, which nothing drops.
     """
-    native = rerun_bindings.new_blueprint(
+    native = rr.bindings.new_blueprint(
         application_id=APPLICATION, make_default=False, make_thread_default=False
     )
     made_on = rr.RecordingStream._from_native(native)
     made_on.set_time("blueprint", sequence=0)
     blueprint.to_blueprint()._log_to_stream(made_on)
-    storage = rerun_bindings.memory_recording(native)
-    rerun_bindings.send_blueprint(storage, True, True, recording=stream.to_native())
+    storage = rr.bindings.memory_recording(native)
+    rr.bindings.send_blueprint(storage, True, True, recording=stream.to_native())
     made_on.disconnect()
