@@ -56,7 +56,8 @@ from auvid.stages.report.recording.text import markdown, stage_texts
 from auvid.stages.steps import counted
 
 MODELS_SHOWN = 3
-TABLES_KEPT = 4
+TABLES_KEPT = 2
+"""In memory: the table of a group, and that which it is drawn less."""
 BAND = 2.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
@@ -90,13 +91,12 @@ def record(
     """
     out = Recording(title, content=content, properties=properties, bins=bins, path=path)
     clock = make_clock(segments, logs, windows)
-    load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
     out.document("answer/text", markdown(title, summary, segments, clock.segments))
     texts = stage_texts(sections)
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
-    logged = _send_groups(out, groups, tables, load, clock, _preferred(summary))
+    logged = _send_groups(out, groups, tables, clock, _preferred(summary))
     dive: dict[str, LoggedSeries] = {}
     best = next(iter(_preferred(summary)), "")
     if fused:
@@ -135,42 +135,45 @@ def _preferred(summary: Summary) -> list[str]:
 def _send_groups(
     out: Recording,
     groups: Sequence[Owned],
-    names: Collection[str],
-    load: Callable[[str], pa.Table],
+    tables: Mapping[str, pa.Table],
     clock: Clock,
     preferred: Sequence[str],
 ) -> dict[str, LoggedSeries]:
-    """Send every group that has its table.
+    """Send every group that has its table; nothing of one table stays for the next.
 
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     logged: dict[str, LoggedSeries] = {}
+    load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
     bundles = [
-        (find_table(names, owner, str(bundle[0]["table"])), entity, owner, bundle)
+        (find_table(tables, owner, str(bundle[0]["table"])), entity, owner, bundle)
         for entity, owner, bundle in _bundles(groups)
     ]
     bundles.sort(key=lambda item: str(item[0]))  # a long table is read once
     rows: dict[tuple[str, ...], pa.Table] = {}
+    parts: list[pa.Table] = []
     before = ""
     for name, entity, owner, bundle in counted("recording: group", bundles):
         if name is None:
             continue
-        table = load(name)
         if name != before:
-            rows, before = {}, name
-        parts = [_rows(table, group, rows) for group in bundle]
+            before = name
+            rows.clear()
+            parts.clear()
+            load.cache_clear()
+        parts = [_rows(load(name), group, rows) for group in bundle]
         times = clock.seconds(name, parts[0])
         if (
             times is None
             or not len(times)
-            or not all(has_columns(table, _columns(group)) for group in bundle)
+            or not all(has_columns(parts[0], _columns(group)) for group in bundle)
         ):
             continue
         if entity not in logged:
             out.static(entity, _lines(bundle, preferred))
         values = np.hstack(
             [
-                _values(part, group, names, load, owner)
+                _values(part, group, tables, load, owner)
                 for part, group in zip(parts, bundle, strict=True)
             ]
         )
