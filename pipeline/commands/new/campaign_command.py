@@ -51,8 +51,8 @@ from auvid.pipeline.commands.new.vehicle_choice import (
 )
 from auvid.pipeline.output import FAILED, FINE, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.finding import CheckedLog
-from auvid.stages.ingest.health.vehicle import MOTION_WORDS
 
 SAMPLES_PER_PERIOD = 8.0
 """A low-pass keeps what the slowest of velocity, attitude and commands samples so often."""

@@ -12,9 +12,9 @@ from auvid.hydro.identification.selection.leg_proposal import (
     LegProposal,
     ProposedLeg,
 )
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import modes_between
-from auvid.stages.ingest.health.vehicle import MOTION_WORDS
 
 WIDTH = 88
 

@@ -24,10 +24,11 @@ from auvid.pipeline.commands.check.axes_route import axes_fed, likely_vehicle
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.commands.new.refusal import NO_ACTUATORS, NOT_UNDER_WATER
 from auvid.stages import passive as passive_stage
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
 from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s, glider_lacks
-from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity
 from auvid.stages.passive.motions import MotionRules, motions_of, read_leg
 
 CHANNELS = ("u", "v", "w", "r")

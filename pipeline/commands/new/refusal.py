@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.usability import SHORTEST_DRIVEN_S, driven_s
-from auvid.stages.ingest.health.vehicle import activity
 
 FRAMES = {
     1: "fixed-wing aircraft",

@@ -17,7 +17,7 @@ from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
-from auvid.stages.columns import ACCELEROMETER
+from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]
@@ -68,6 +68,14 @@ class CheckedLog:
     def column(self, stream: str, name: str) -> Array:
         """Return one column of a stream (n,)."""
         return column(self.tables[stream], name)
+
+    def body_velocity(self) -> Array:
+        """Return the velocity (n, 3) with the mounting of the vehicle file taken off."""
+        measured = self.values("velocity", LINEAR_VELOCITY)
+        rotation = np.eye(3) if self.vehicle is None else self.vehicle.dvl.rotation
+        if np.array_equal(rotation, np.eye(3)):
+            return measured  # an axis that is not measured spoils no other
+        return np.asarray(measured @ rotation.T)
 
     def source(self, stream: str) -> str:
         """Return the source of a stream."""

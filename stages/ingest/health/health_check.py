@@ -15,6 +15,8 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
+from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
+from auvid.stages.ingest.health.actuation.responses import response_findings
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.motion_agreement import motion_findings
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
@@ -41,14 +43,7 @@ from auvid.stages.ingest.health.usability import (
     excitation_findings,
     verdict,
 )
-from auvid.stages.ingest.health.vehicle import (
-    actuation_findings,
-    battery_findings,
-    body_findings,
-    identity_findings,
-    missing_findings,
-    response_findings,
-)
+from auvid.stages.ingest.health.vehicle import body_findings, identity_findings, missing_findings
 from auvid.stages.ingest.multi_file import DecodedFile
 from auvid.stages.ingest.registry import RULES, reader_of
 from auvid.stages.ingest.rejection import reject_samples

@@ -10,10 +10,11 @@ from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.selection.leg_proposal import DivePieces, dive_pieces
 from auvid.hydro.identification.signals.signal_checks import attitude_jumps
 from auvid.stages.columns import ATTITUDE, GYRO
+from auvid.stages.ingest.health.actuation.motions import motions
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.unusable_spans import unusable_spans
 from auvid.stages.ingest.health.usability import COVERING
-from auvid.stages.ingest.health.vehicle import activity, motions
 from auvid.stages.leg_streams import disarmed_between
 
 SUBMERGED_M, DIVED_M = 0.2, 1.0

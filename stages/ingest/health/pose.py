@@ -14,8 +14,8 @@ from auvid.hydro.identification.signals.pose.pose_checks import (
 )
 from auvid.hydro.identification.signals.pose.track import PoseFault
 from auvid.stages.columns import ATTITUDE, POSITION
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
-from auvid.stages.ingest.health.vehicle import MOTION_WORDS
 
 NAMED = 4
 LEAST_ADVANTAGE = 0.2

@@ -8,8 +8,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.stages.columns import GYRO
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
-from auvid.stages.ingest.health.vehicle import activity
 
 Span = tuple[float, float]
 OF_VEHICLE = ("attitude", "imu", "depth", "velocity", "actuators")

@@ -12,9 +12,10 @@ from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_ex
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
 from auvid.stages.columns import FINS
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.unusable_spans import unusable_spans
-from auvid.stages.ingest.health.vehicle import MOTION_WORDS, activity, motions
 from auvid.stages.number_format import significant
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}

@@ -20,8 +20,8 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.finding import CheckedLog
-from auvid.stages.ingest.health.motion_agreement import pushes_apart
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document

@@ -1,0 +1,1 @@
+"""What drives the vehicle: its outputs, and how its motion answers them."""

@@ -1,0 +1,213 @@
+"""Checks of arming, outputs and battery."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.data_schemas.units import NEUTRAL_US
+from auvid.hydro.arrays import Mask
+from auvid.hydro.identification.signals.signal_checks import without_drift
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.number_format import percent, significant
+
+PULSES_US = (800.0, 2200.0)
+PWM_LIMITS_US = (1100.0, 1900.0)
+AT_LIMIT_US = 5.0
+FULL_COMMAND = 0.99
+ACTIVE_COMMAND = 0.02
+LIVELY_MOTION = 0.05
+"""Standard deviation [m/s, rad/s] about its mean over 10 s of a motion that constant
+forces do not make; a moored vehicle at full thrust stays below.
+"""
+
+
+def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield findings on arming, activity and saturation of the outputs."""
+    armed = _armed(log)
+    if armed is False:
+        yield finding(
+            "never_armed",
+            "The vehicle is disarmed from the first to the last record.",
+            stream="mode",
+        )
+    if not log.has("actuators") or log.under_water is False:
+        return
+    moving = activity(log)
+    if moving is None:
+        return
+    yield from _no_pulses(log)
+    share = float(np.mean(moving))
+    if not moving.any() and armed is not False:
+        yield finding(
+            "no_actuation",
+            f"{_idle(log)}: the vehicle was not armed, or not driven.",
+            stream="actuators",
+            value=_largest(log),
+        )
+    elif moving.any() and (still := _resting_outputs(log)):
+        yield _never_changing(log, still)
+    elif moving.any() and share < limit("little_actuation"):
+        text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
+        yield finding("little_actuation", text, stream="actuators", value=share)
+    yield from _saturation(log)
+
+
+def _never_changing(log: CheckedLog, still: str) -> Finding:
+    """Return what outputs that never change mean, by the motion."""
+    text = f"No output changes from the first to the last sample{still}"
+    changes = {
+        axis: float(np.std(without_drift(motion, at)))
+        for axis, (at, motion, _) in motions(log).items()
+        if at.size > 1
+    }
+    axis = max(changes, key=lambda name: changes[name], default="")
+    if not axis or changes[axis] > LIVELY_MOTION:
+        return finding(
+            "outputs_held",
+            f"{text}: they are set points, or their record froze.",
+            stream="actuators",
+            value=0.0,
+        )
+    return finding(
+        "outputs_constant",
+        f"{text}, and the vehicle moves as steadily: {MOTION_WORDS[axis]}, which changes most, by"
+        f" {significant(changes[axis])} {'m/s' if axis in 'uvw' else 'rad/s'} (standard"
+        " deviation).",
+        stream="actuators",
+        value=changes[axis],
+    )
+
+
+def _resting_outputs(log: CheckedLog) -> str:
+    """Return at what the outputs stand all log long, or nothing where one moves."""
+    names = [*log.thrusters(), *log.commands()]
+    values = log.values("actuators", names) if names else np.zeros((0, 0))
+    moves = not values.size or np.ptp(values, axis=0).any()
+    others = set(log.tables["actuators"].column_names) - {"time_us", "row", *names}
+    return "" if moves or others else f" (output {names[0].split('_')[1]} at {values[0, 0]:g})"
+
+
+def _no_pulses(log: CheckedLog) -> Iterator[Finding]:
+    for name in log.thrusters():
+        output = log.column("actuators", name)
+        outside = (output != 0.0) & ((output < PULSES_US[0]) | (output > PULSES_US[1]))
+        share = float(np.mean(outside))
+        if share > limit("output_range"):
+            low, high = (significant(float(value)) for value in np.percentile(output, (1, 99)))
+            yield finding(
+                "output_range",
+                f"Output {name.split('_')[1]} lies from {low} to {high} us.",
+                stream="actuators",
+                value=share,
+                fields=tuple(log.thrusters()),
+            )
+            return
+
+
+def _armed(log: CheckedLog) -> bool | None:
+    """Return whether the vehicle was ever armed; None if the log does not say."""
+    if not log.has("mode") or "armed" not in log.tables["mode"].column_names:
+        return None
+    states = [state for state in log.tables["mode"]["armed"].to_pylist() if state is not None]
+    return any(states) if states else None
+
+
+def activity(log: CheckedLog) -> Mask | None:
+    """Return the samples (n,) of the actuators in which any of them acts.
+
+    A thruster acts where its output left the dead band. None without any column.
+    """
+    parts = []
+    if log.thrusters():
+        outputs = log.values("actuators", log.thrusters())
+        parts.append(
+            ((np.abs(outputs - NEUTRAL_US) > limit("no_actuation")) & (outputs > 0.0)).any(axis=1)
+        )
+    if log.commands():
+        parts.append((np.abs(log.values("actuators", log.commands())) > ACTIVE_COMMAND).any(axis=1))
+    if "propeller_rev_s" in log.tables["actuators"].column_names:
+        parts.append(np.abs(log.column("actuators", "propeller_rev_s")) > 0.0)
+    return np.any(parts, axis=0) if parts else None
+
+
+def _largest(log: CheckedLog) -> float:
+    outputs = log.values("actuators", log.thrusters()) if log.thrusters() else np.zeros((1, 1))
+    return float(np.nanmax(np.abs(np.where(outputs > 0.0, outputs - NEUTRAL_US, 0.0))))
+
+
+def _idle(log: CheckedLog) -> str:
+    if not log.thrusters():
+        return "Every command is zero"
+    return (
+        f"Outputs {_numbers(log.thrusters())} stay within {_largest(log):.0f} us of"
+        f" {NEUTRAL_US:.0f} us"
+    )
+
+
+def _numbers(names: list[str]) -> str:
+    numbers = [int(name.split("_")[1]) for name in names]
+    return (
+        f"{numbers[0]} to {numbers[-1]}"
+        if numbers == list(range(numbers[0], numbers[-1] + 1)) and len(numbers) > 1
+        else ", ".join(map(str, numbers))
+    )
+
+
+def _active_span(log: CheckedLog, moving: Mask) -> str:
+    at = log.t_s("actuators")[moving]
+    return f"between {at[0]:.1f} and {at[-1]:.1f} s"
+
+
+def _saturation(log: CheckedLog) -> Iterator[Finding]:
+    parameters = log.info.parameters
+    low, high = (
+        parameters.get(key) or usual
+        for key, usual in zip(("MOT_PWM_MIN", "MOT_PWM_MAX"), PWM_LIMITS_US, strict=True)
+    )
+    shares = []
+    for name in log.thrusters():
+        output = log.column("actuators", name)
+        at_limit = (output > 0.0) & ((output <= low + AT_LIMIT_US) | (output >= high - AT_LIMIT_US))
+        shares.append((float(np.mean(at_limit)), f"output {name.split('_')[1]}"))
+    for name in log.commands():
+        at_limit = np.abs(log.column("actuators", name)) >= FULL_COMMAND
+        shares.append((float(np.mean(at_limit)), name.replace("_", " ")))
+    beyond = [
+        (share, name)
+        for share, name in sorted(shares, reverse=True)
+        if share > limit("outputs_saturated")
+    ]
+    if beyond:
+        text = (
+            "At the limit:"
+            f" {listed([f'{name} in {percent(share)} of the samples' for share, name in beyond])}."
+        )
+        yield finding("outputs_saturated", text, stream="actuators", value=beyond[0][0])
+
+
+def battery_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield voltage sag and an impossible current."""
+    if not log.has("battery"):
+        return
+    volts = log.column("battery", "voltage_v")
+    low, high = np.percentile(volts, (1.0, 95.0))
+    if high > 0.0 and 1.0 - low / high > limit("battery_sag"):
+        text = (
+            f"The battery sags from {high:.2f} V (95th percentile) to {low:.2f} V (1st percentile)."
+        )
+        yield finding("battery_sag", text, stream="battery", value=float(1.0 - low / high))
+    if "current_a" in log.tables["battery"].column_names:
+        amperes = log.column("battery", "current_a")
+        current = (
+            float(np.median(amperes[np.isfinite(amperes)])) if np.isfinite(amperes).any() else 0.0
+        )
+        if current < limit("battery_current"):
+            yield finding(
+                "battery_current",
+                f"The median current is {current:.1f} A.",
+                stream="battery",
+                value=current,
+            )

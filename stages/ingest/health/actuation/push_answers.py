@@ -1,0 +1,217 @@
+"""Checks of the motion against the thrusters' force: axes, signs, order of outputs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from auvid.data_schemas.tables import matrix
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
+from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.identification.signals.motion_checks import AxisGains, angles_at, response_gains
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.number_format import significant
+
+SPEEDS = ("surge", "sway", "heave")
+RATES = ("roll", "pitch", "yaw")
+LEAST_RESPONSE_HZ = 4.0
+SMALLEST_MOTION = 0.01
+ANSWER_GAP = 0.3
+"""By how much more of the motion other axes must explain than the velocity's own."""
+DRIVEN, JOINED, UNJOINED = 0.4, 0.5, 0.15
+"""Share of a motion that all outputs must explain together, and parts of it that they
+explain as the vehicle file joins them where it is right, and where it is not.
+"""
+TURNED_SHARE = 0.5
+"""Least sum of the shares of surge and sway that a turned velocity must explain."""
+LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
+"""Pushes in surge and sway tell a turned velocity if the smaller is so large a part of the
+other, and they are no multiples of each other.
+"""
+
+
+def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
+    """Return times (n,) and the thrusters' force over mass (n, 6), where known."""
+    vehicle = log.vehicle
+    if vehicle is None or vehicle.thrusters is None or not log.has("actuators"):
+        return None
+    names = [f"pwm_{number}_us" for number in vehicle.thrusters.outputs]
+    if not set(names) <= set(log.tables["actuators"].column_names):
+        return None
+    vehicle, _ = with_logged_directions(vehicle, log.info.parameters)
+    assert vehicle.thrusters is not None
+    t_s = log.t_s("actuators")
+    if t_s.size < 100 or (t_s.size - 1) / (t_s[-1] - t_s[0]) < LEAST_RESPONSE_HZ:
+        return None
+    pulses = np.nan_to_num(matrix(log.tables["actuators"], names))
+    forces = thruster_force(vehicle.thrusters, thruster_forces(vehicle.thrusters, pulses))
+    return t_s, forces / np.diag(vehicle.mass_matrix)
+
+
+def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
+    """Yield the gain of the thrusters' force in each motion that it can show."""
+    pushes = _pushes(log)
+    if pushes is None:
+        return
+    t_s, pushed = pushes
+    streams = [("velocity", name) for name in LINEAR_VELOCITY]
+    streams += [("imu", name) for name in GYRO]
+    for axis, (stream, name) in enumerate(streams):
+        if not log.has(stream) or not np.ptp(pushed[:, axis]):
+            continue
+        motion = _motion(log, stream, name)
+        if float(motion.std()) < SMALLEST_MOTION:
+            continue
+        gains = response_gains(t_s, pushed[:, [axis]], log.t_s(stream), motion)
+        if gains is not None:
+            yield "uvwpqr"[axis], gains
+
+
+def _motion(log: CheckedLog, stream: str, name: str) -> Array:
+    """Return one motion (n,) in body axes."""
+    if stream == "velocity":
+        return log.body_velocity()[:, LINEAR_VELOCITY.index(name)]
+    return log.column(stream, name)
+
+
+def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield surge and sway that answer each other's thrusters."""
+    pushes = _pushes(log)
+    if pushes is None or not {"u", "v"} <= set(response):
+        return
+    t_s, pushed = pushes
+    crossed = [
+        response_gains(
+            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), _motion(log, "velocity", name)
+        )
+        for axis, name in enumerate(LINEAR_VELOCITY[:2])
+    ]
+    own = sum(response[axis].explained for axis in "uv")
+    other = sum(gains.explained for gains in crossed if gains is not None)
+    if other - own > ANSWER_GAP:
+        yield finding(
+            "velocity_axes",
+            "Surge of the velocity answers the thrusters of sway, and sway those of surge"
+            f" (explained {other / 2.0:.2f}; their own {max(own, 0.0) / 2.0:.2f}, means).",
+            stream="velocity",
+            value=other / 2.0,
+            fields=LINEAR_VELOCITY[:2],
+        )
+
+
+def turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield a velocity that answers the thrusters once it is turned about the vertical.
+
+    By one angle all log long, or by the heading, as a velocity over ground is.
+    """
+    pushes = _pushes(log)
+    if pushes is None or not log.has("velocity", "attitude"):
+        return
+    t_s, pushed = pushes
+    if not pushes_apart(pushed[:, 0], pushed[:, 1]):
+        return
+    at, speed = log.t_s("velocity"), log.body_velocity()[:, :2]
+    heading = angles_at(at, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
+    turns = {f"turned by {angle} degrees": np.radians(-angle) for angle in range(-150, 180, 30)}
+    turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
+    shares: dict[str, float] = {}
+    for words, angle in {**turns, "over ground": -heading}.items():
+        cosine, sine = np.cos(angle), np.sin(angle)
+        turned = (
+            cosine * speed[:, 0] - sine * speed[:, 1],
+            sine * speed[:, 0] + cosine * speed[:, 1],
+        )
+        gains = [
+            response_gains(t_s, pushed[:, [axis]], at, motion) for axis, motion in enumerate(turned)
+        ]
+        shares[words] = sum(
+            item.explained for item in gains if item is not None and item.gain[0] > 0.0
+        )
+    own = sum(max(response[axis].explained, 0.0) for axis in "uv" if axis in response)
+    best = max(shares, key=lambda words: shares[words])
+    if best == "turned by 0 degrees" or shares[best] - own < ANSWER_GAP:
+        return
+    if shares[best] < TURNED_SHARE:
+        return
+    yield finding(
+        "velocity_axes",
+        f"The velocity ({log.source('velocity')}) answers the thrusters of surge and sway if it is"
+        f" {best if 'turned' in best else 'one over ground, north and east'} (sum of the shares"
+        f" explained {shares[best]:.2f}; as it is declared {own:.2f}).",
+        stream="velocity",
+        value=shares[best],
+        fields=LINEAR_VELOCITY[:2],
+        remedy=(
+            "Turn it into body axes with the attitude before the export, or map the log's body"
+            " velocity."
+            if best == "over ground"
+            else "Give the mounting of the velocity sensor in the vehicle file (sensors.dvl), or"
+            " correct the columns."
+        ),
+    )
+
+
+def pushes_apart(first: Array, second: Array) -> bool:
+    """Return whether two pushes (n,) are of comparable size and no multiples."""
+    sizes = sorted((float(first.std()), float(second.std())))
+    if sizes[0] <= LEAST_PUSH_RATIO * sizes[1]:
+        return False
+    return abs(float(np.corrcoef(first, second)[0, 1])) < LARGEST_CORRELATION
+
+
+def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield outputs that drive the vehicle, but not as the vehicle file joins them."""
+    if log.vehicle is None or log.vehicle.thrusters is None:
+        return
+    thrusters, t_s = log.vehicle.thrusters, log.t_s("actuators") if log.has("actuators") else None
+    streams = dict.fromkeys("uvw", "velocity") | {"r": "imu"}
+    names = dict(zip("uvwr", (*LINEAR_VELOCITY, GYRO[2]), strict=True))
+    right: list[str] = []
+    wrong: list[str] = []
+    for axis, stream in streams.items():
+        if axis not in response or t_s is None:
+            continue
+        columns = [f"pwm_{number}_us" for number in thrusters.outputs]
+        pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
+        forces = thruster_forces(thrusters, pulses)
+        moving = forces[:, np.ptp(forces, axis=0) > 0.0]
+        gains = response_gains(t_s, moving, log.t_s(stream), _motion(log, stream, names[axis]))
+        if gains is None or gains.explained < DRIVEN:
+            continue
+        share = response[axis].explained / gains.explained
+        if share > JOINED:
+            right.append(axis)
+        elif share < UNJOINED:
+            wrong.append(axis)
+    if len(wrong) < 2 or right:
+        return
+    words = dict(zip("uvwr", (*SPEEDS, RATES[2]), strict=True))
+    yield finding(
+        "response_order",
+        f"The outputs drive {listed([words[axis] for axis in wrong])}, but not as the vehicle file"
+        " joins them.",
+        stream="actuators",
+        value=float(len(wrong)),
+    )
+
+
+def response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
+    fields = dict(zip("uvwpqr", (*LINEAR_VELOCITY, *GYRO), strict=True))
+    for axis, gains in response.items():
+        clear = float(gains.gain[0] / gains.sd[0])
+        if clear < limit("response_sign") and gains.explained > 0.1:
+            text = (
+                f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
+                f" forward accelerates it backward ({significant(clear)} standard deviations)."
+            )
+            yield finding(
+                "response_sign",
+                text,
+                stream="velocity" if axis in "uvw" else "imu",
+                value=clear,
+                fields=(fields[axis],),
+            )
