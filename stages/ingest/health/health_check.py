@@ -16,7 +16,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
-from auvid.stages.ingest.health.actuation.responses import response_findings
+from auvid.stages.ingest.health.actuation.responses import response_findings, responses
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.motion_agreement import motion_findings
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
@@ -96,7 +96,9 @@ def check_health(
     log = CheckedLog(tables, info, dropped, vehicle, others, track)
     excited = excitation(log)
     uses = capabilities(log, excited)
-    measured = (item for check in CHECKS for item in check(log))
+    measured = [item for check in CHECKS for item in check(log)]
+    answers = responses(log)
+    measured += [item for check in OF_ANSWERS for item in check(log, answers)]
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -128,17 +130,17 @@ CHECKS = (
     attitude_findings,
     depth_findings,
     velocity_findings,
-    motion_findings,
     pose_findings,
     wrap_findings,
     actuation_findings,
     unusable_findings,
     battery_findings,
-    response_findings,
     body_findings,
     identity_findings,
 )
 """All checks of one log; each yields its findings."""
+OF_ANSWERS = (motion_findings, response_findings)
+"""Checks that also read how the motion follows the outputs, which is computed once."""
 
 
 def ranked(findings: Iterable[Finding]) -> list[Finding]:

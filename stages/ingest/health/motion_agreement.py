@@ -20,6 +20,7 @@ from auvid.hydro.identification.signals.motion_checks import (
     position_gains,
     velocity_lag,
 )
+from auvid.hydro.identification.signals.signal_checks import Response
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.actuation.push_answers import (
     answers_out_of_order,
@@ -28,7 +29,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     response_signs,
     turned_answers,
 )
-from auvid.stages.ingest.health.actuation.responses import command_lead, responses
+from auvid.stages.ingest.health.actuation.responses import command_lead
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.sensor_agreement import ESTIMATED, OF_FIXES, OF_POSES
 from auvid.stages.number_format import percent, significant
@@ -89,9 +90,8 @@ class Evidence:
                 self.against.setdefault(axis, []).append(words)
 
 
-def motion_findings(log: CheckedLog) -> Iterator[Finding]:
+def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
-    answers = responses(log)
     response = {} if command_lead(answers) else dict(push_responses(log))
     exchanged = list(exchanged_answers(log, response)) or list(turned_answers(log, response))
     yield from exchanged or list(answers_out_of_order(log, response)) or response_signs(response)

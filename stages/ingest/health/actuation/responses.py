@@ -82,9 +82,8 @@ def _slow(log: CheckedLog, axis: str) -> bool:
     )
 
 
-def response_findings(log: CheckedLog) -> Iterator[Finding]:
+def response_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield how much later motion follows the outputs, per axis."""
-    answers = responses(log)
     lead = command_lead(answers)
     if lead is not None:
         axis, best = lead
