@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations_with_replacement, product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -125,7 +126,7 @@ def basis_rows(
     """
     nu = np.asarray(nu_rows, dtype=np.float64)
     names, places = product_plan(basis_term_names() if terms is None else tuple(terms))
-    factor = _factors(nu, eta_ratio)
+    factor = _factors(np.ascontiguousarray(nu), eta_ratio)
     values = np.ones((len(names) + 1, nu.shape[1]))
     for row, name in zip(values, names, strict=False):
         row[:] = factor(name)
@@ -174,6 +175,17 @@ def basis(
     return rows.T.reshape(*batch, rows.shape[0])
 
 
+def basis_numbers(nu: Sequence[float], terms: Sequence[str]) -> Array:
+    """Return the values (n_terms,) of `terms` at one velocity, faster than `basis`.
+
+    Errors as `basis_rows`; terms with eta - 1 are an error.
+    """
+    names, places = product_plan(tuple(terms))
+    factor = _factors(nu, None)
+    values = np.array([*map(factor, names), 1.0])
+    return np.asarray(np.multiply.reduce(values[places]))
+
+
 def cross_flow_speed(v: Array, w: Array) -> Array:
     """Return V = sqrt(v^2 + w^2) (C.9); arrays, or numbers in the compiled loop."""
     return np.hypot(v, w)
@@ -216,15 +228,13 @@ def _lookup(name: str) -> BasisTerm:
         ) from None
 
 
-def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
-    """A function that gives each factor's row, computed when first asked for."""
-    rows: dict[str, Array] = {
-        name: np.ascontiguousarray(nu[index]) for index, name in enumerate(VELOCITIES)
-    }
+def _factors(nu: Any, ratio: ArrayLike | None) -> Callable[[str], Any]:
+    """A function that gives each factor's row, or number, computed when first asked for."""
+    rows: dict[str, Any] = dict(zip(VELOCITIES, nu, strict=True))
 
-    def compute(name: str) -> Array:
+    def compute(name: str) -> Any:
         if name in MODULI:
-            return np.abs(rows[name.strip("|")])
+            return abs(rows[name.strip("|")])
         if name in ("V", "Vv", "Vw"):
             # Not through `factor`: two functions that hold each other keep their arrays
             # until the garbage collector runs.
@@ -238,7 +248,7 @@ def _factors(nu: Array, ratio: ArrayLike | None) -> Callable[[str], Array]:
             )
         return np.asarray(ratio, dtype=np.float64) - 1.0
 
-    def factor(name: str) -> Array:
+    def factor(name: str) -> Any:
         if name not in rows:
             rows[name] = compute(name)
         return rows[name]
