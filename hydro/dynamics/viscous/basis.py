@@ -229,7 +229,7 @@ def _lookup(name: str) -> BasisTerm:
 
 
 def _factors(nu: Any, ratio: ArrayLike | None) -> Callable[[str], Any]:
-    """A function that gives each factor's row, or number, computed when first asked for."""
+    """Return a function that gives each factor's row or number, when needed."""
     rows: dict[str, Any] = dict(zip(VELOCITIES, nu, strict=True))
 
     def compute(name: str) -> Any:

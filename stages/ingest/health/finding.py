@@ -70,7 +70,7 @@ class CheckedLog:
         return column(self.tables[stream], name)
 
     def body_velocity(self) -> Array:
-        """Return the velocity (n, 3) with the mounting of the vehicle file taken off."""
+        """Return the velocity (n, 3) without the mounting of the vehicle file."""
         measured = self.values("velocity", LINEAR_VELOCITY)
         rotation = np.eye(3) if self.vehicle is None else self.vehicle.dvl.rotation
         if np.array_equal(rotation, np.eye(3)):
