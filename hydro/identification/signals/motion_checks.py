@@ -245,6 +245,24 @@ def accelerometer_changes(
     return change[1] - change[0], force, transport
 
 
+def tilt_gains(
+    t_imu: Array, specific_force: Array, t_attitude: Array, euler: Array, *, gravity: float
+) -> list[list[AxisGains | None]] | None:
+    """Return the gain of gravity in x and y (columns) in the reading's (rows).
+
+    f = v_dot + omega x v - g R^T [0 0 1], over windows of 1 s with a constant: 1 on the
+    diagonal where tilt moves more than acceleration. None for too few windows.
+    """
+    start, end = max(t_imu[0], t_attitude[0]), min(t_imu[-1], t_attitude[-1])
+    at = windows(start, end, t_imu, t_attitude)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    down = rotation_body_to_ned(angles_at(t_imu, t_attitude, euler))[:, 2, :2]
+    expected = integrals(t_imu, -gravity * down, at)
+    reading = integrals(t_imu, specific_force[:, :2], at)
+    return [[fitted_gains(row, expected[:, [column]]) for column in (0, 1)] for row in reading.T]
+
+
 def velocity_lag(
     t_depth: Array,
     depth: Array,

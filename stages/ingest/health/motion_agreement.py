@@ -22,12 +22,15 @@ from auvid.hydro.identification.signals.motion_checks import (
 )
 from auvid.hydro.identification.signals.signal_checks import Response
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.health.actuation.output_order import joined_otherwise
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import (
     answers_out_of_order,
     exchanged_answers,
     push_responses,
     response_signs,
     turned_answers,
+    weak_forces,
 )
 from auvid.stages.ingest.health.actuation.responses import command_lead
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
@@ -47,6 +50,7 @@ SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
 """Largest standard error of a turn of the track, and the angle [deg] beyond which one
 axis or both have the wrong sign.
 """
+ROUNDING = 1e-6
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -93,8 +97,22 @@ class Evidence:
 def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
     response = {} if command_lead(answers) else dict(push_responses(log))
-    exchanged = list(exchanged_answers(log, response)) or list(turned_answers(log, response))
-    yield from exchanged or list(answers_out_of_order(log, response)) or response_signs(response)
+    coarse = list(_coarse(log))
+    if coarse:
+        yield from coarse
+        return
+    yield from weak_forces(response)
+    joined = list(joined_otherwise(log))
+    exchanged = [] if joined else list(exchanged_answers(log, response))
+    if not joined and not exchanged:
+        exchanged = list(turned_answers(log, response))
+    yield from joined
+    if exchanged:
+        yield from exchanged
+    elif joined:
+        yield from response_signs(response)
+    else:
+        yield from list(answers_out_of_order(log, response)) or response_signs(response)
     if not log.has("velocity", "attitude"):
         return
     depth = _depth_gains(log)
@@ -130,6 +148,38 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
         )
     if not turned.against:
         yield from _late(log)
+
+
+def _coarse(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a velocity in steps as large as the motion, or rounded to nothing."""
+    if not log.has("velocity"):
+        return
+    values = np.abs(log.values("velocity", LINEAR_VELOCITY))
+    sizes = np.unique(values[np.isfinite(values)])
+    sizes = sizes[sizes > 0.0]
+    if sizes.size:
+        step = float(sizes[0])
+        multiples = np.abs(sizes / step - np.round(sizes / step)).max() < ROUNDING
+        if step < limit("velocity_coarse") or not multiples or not np.ptp(values):
+            return
+        text = f"comes in steps of {significant(step)} m/s"
+    elif log.has("actuators") and _driven(log):
+        step, text = 0.0, "is 0 in all axes from the first to the last sample, under way"
+    else:
+        return
+    yield finding(
+        "velocity_coarse",
+        f"The velocity ({log.source('velocity')}) {text}: it is rounded, or not measured.",
+        stream="velocity",
+        value=step,
+        fields=LINEAR_VELOCITY,
+    )
+
+
+def _driven(log: CheckedLog) -> bool:
+    """Return whether outputs act in a tenth of the samples or more."""
+    moving = activity(log)
+    return moving is not None and float(np.mean(moving)) > limit("little_actuation")
 
 
 def _poses(log: CheckedLog) -> tuple[Array, Array, Array, Array]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.identification.signals.motion_checks import AxisGains, tilt_gains
 from auvid.hydro.identification.signals.signal_checks import (
     Following,
     RateAgreement,
@@ -19,7 +20,7 @@ from auvid.hydro.identification.signals.signal_checks import (
     gravity,
     rate_agreement,
 )
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
@@ -57,6 +58,8 @@ WRAP_PART, SCALE_PART, SURE_TURN = 0.04, 0.05, 0.97
 """How near a wrap and a scale must be to that of gradians, and the least correlation;
 healthy logs that correlate so well have scales from 0.96 to 1.03.
 """
+SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
+"""Largest standard deviation of a gain of gravity, and the least share that it explains."""
 SMALLEST_MOVE_M_S = 0.03
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 OF_FIXES, OF_POSES = "fixes of ", "pose of "
@@ -346,7 +349,49 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
         )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
-        yield from _direction(log, accelerometer, estimate.angle)
+        wrong = list(_direction(log, accelerometer, estimate.angle))
+        yield from wrong or _tilt_axes(log, accelerometer)
+
+
+def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
+    """Yield an accelerometer whose x follows the roll, and its y the pitch."""
+    good = np.isfinite(accelerometer).all(axis=1)
+    if not log.has("attitude") or not good.any():
+        return
+    gains = tilt_gains(
+        log.t_s("imu")[good],
+        accelerometer[good],
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        gravity=STANDARD_GRAVITY,
+    )
+    if gains is None:
+        return
+    (x_own, x_other), (y_other, y_own) = gains
+    crossed = all(_is_gravity(item) for item in (x_other, y_other))
+    if not crossed or _is_gravity(x_own) or _is_gravity(y_own):
+        return
+    assert x_other is not None
+    assert y_other is not None
+    signs = "" if x_other.gain[0] > 0.0 < y_other.gain[0] else ", with another sign"
+    yield finding(
+        "accelerometer_axes",
+        f"The accelerometer's x reads gravity as the roll turns it, and its y as the pitch does"
+        f"{signs} (gains {x_other.gain[0]:.2f} and {y_other.gain[0]:.2f}).",
+        stream="imu",
+        value=float(min(abs(x_other.gain[0]), abs(y_other.gain[0]))),
+        fields=ACCELEROMETER[:2],
+    )
+
+
+def _is_gravity(item: AxisGains | None) -> bool:
+    """Return whether a reading holds gravity, of either sign."""
+    return (
+        item is not None
+        and item.sd[0] < SURE_TILT_SD
+        and item.explained > LEAST_TILT_SHARE
+        and abs(abs(item.gain[0]) - 1.0) < limit("accelerometer_axes")
+    )
 
 
 def _direction(log: CheckedLog, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
@@ -422,10 +467,24 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
         yield finding(
             "depth_above_water", f"The median depth is {level:.2f} m.", stream="depth", value=level
         )
+    least = float(depth.min())
+    if least > limit("depth_zero_unseen") and _of_csv(log):
+        yield finding(
+            "depth_zero_unseen",
+            f"Whether the depth ({log.source('depth')}) has the pressure of the air in it, 10 m of"
+            f" water, is not observable: it is never less than {least:.1f} m.",
+            stream="depth",
+            value=least,
+            fields=("depth_m",),
+        )
     if any(note.startswith("depth") and ESTIMATED.search(note) for note in log.info.notes):
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
     yield from _other_depths(log, t_s, depth)
+
+
+def _of_csv(log: CheckedLog) -> bool:
+    return all(str(item.format).startswith("CSV") for item in log.info.files)
 
 
 def _of_a_pose(log: CheckedLog) -> bool:

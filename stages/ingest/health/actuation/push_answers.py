@@ -32,6 +32,11 @@ LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
 other, and they are no multiples of each other.
 """
 
+CLEAR = 4.0
+"""A gain is clear of a number if it is so many standard deviations away."""
+LEAST_FAST = 0.3
+"""Share of its changes that the thrusters must explain of a motion that is too fast."""
+
 
 def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     """Return times (n,) and the thrusters' force over mass (n, 6), where known."""
@@ -75,6 +80,26 @@ def _motion(log: CheckedLog, stream: str, name: str) -> Array:
     if stream == "velocity":
         return log.body_velocity()[:, LINEAR_VELOCITY.index(name)]
     return log.column(stream, name)
+
+
+def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield motions that change faster than the thrusters could make them."""
+    most = limit("response_scale")
+    fast = {
+        axis: float(gains.gain[0])
+        for axis, gains in response.items()
+        if gains.gain[0] - CLEAR * gains.sd[0] > most and gains.explained > LEAST_FAST
+    }
+    if len(fast) < 2:
+        return
+    names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
+    parts = [f"{names[axis]} changes {gain:.1f} times as fast" for axis, gain in fast.items()]
+    yield finding(
+        "response_scale",
+        f"Force over mass of the thrusters makes too little of the motion: {listed(parts)}.",
+        stream="actuators",
+        value=min(fast.values()),
+    )
 
 
 def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:

@@ -353,7 +353,10 @@ def _sizes_only(log: Log) -> None:
         log.streams["velocity"][name] = np.abs(log.streams["velocity"][name])
 
 
-def drive(log: Log, order: tuple[int, ...]) -> None:
+RIGHT_ORDER = (1, 2, 3, 4, 5, 6, 7, 8)
+
+
+def drive(log: Log, order: tuple[int, ...], dead: tuple[int, ...] = ()) -> None:
     """Surge, sway, heave and yaw as the thrusters make them; outputs in an order."""
     log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
     log.info["parameters"] = {"FRAME_CONFIG": 2.0}
@@ -363,7 +366,8 @@ def drive(log: Log, order: tuple[int, ...]) -> None:
     pulses = np.repeat(random.uniform(-150.0, 150.0, (30, 8)), 20, axis=0)[: t_s.size]
     for place, number in enumerate(order):
         log.streams["actuators"][f"pwm_{number}_us"] = 1500.0 + pulses[:, place]
-    force = thruster_forces(thrusters, 1500.0 + pulses) @ thrusters.allocation.T
+    alive = [number not in dead for number in range(1, 9)]
+    force = (thruster_forces(thrusters, 1500.0 + pulses) * alive) @ thrusters.allocation.T
     rate = force / np.diag(log.vehicle.mass_matrix)
     motion = np.zeros_like(rate)
     for n in range(1, t_s.size):
@@ -376,6 +380,34 @@ def drive(log: Log, order: tuple[int, ...]) -> None:
 @spoils("response_order")
 def _other_order(log: Log) -> None:
     drive(log, (5, 6, 7, 8, 1, 2, 3, 4))
+
+
+@spoils("response_scale")
+def _small_pulses(log: Log) -> None:
+    """Pulses with half their deflection."""
+    drive(log, RIGHT_ORDER)
+    for number in range(1, 9):
+        name = f"pwm_{number}_us"
+        log.streams["actuators"][name] = 750.0 + 0.5 * log.streams["actuators"][name]
+
+
+@spoils("velocity_coarse")
+def _whole_numbers(log: Log) -> None:
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = np.round(4.0 * log.streams["velocity"][name])
+
+
+@spoils("accelerometer_axes")
+def _turned_accelerometer(log: Log) -> None:
+    imu = log.streams["imu"]
+    imu[ACCEL[0]], imu[ACCEL[1]] = imu[ACCEL[1]], imu[ACCEL[0]]
+
+
+@spoils("depth_zero_unseen")
+def _absolute_pressure(log: Log) -> None:
+    log.info["files"][0]["format"] = "CSV"
+    depth_m = log.streams["depth"]["depth_m"]
+    log.streams["depth"]["depth_m"] = depth_m - depth_m.min() + 10.1
 
 
 @spoils("hull_volume")
@@ -556,6 +588,42 @@ def test_every_jump_of_the_attitude_has_its_time() -> None:
     text = log.finding("attitude_jumps")["text"]
     assert "jumps 2 times" in text
     assert re.search(r"Jumps at (32\.9|33\.0), (39\.9|40\.0) s\.$", text), text
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ((5, 6, 7, 8, 1, 2, 3, 4), "with 5, 6, 7, 8, 1, 2, 3, 4 for 1 to 8"),
+        ((8, 7, 6, 5, 4, 3, 2, 1), "with 8, 7, 6, 5, 4, 3, 2, 1 for 1 to 8"),
+        ((2, 3, 4, 5, 6, 7, 8, 1), "with 2, 3, 4, 5, 6, 7, 8, 1 for 1 to 8"),
+    ],
+)
+def test_outputs_in_another_order_are_named_with_the_right_one(
+    order: tuple[int, ...], words: str
+) -> None:
+    log = sound()
+    drive(log, order)
+    assert words in log.finding("response_order")["text"]
+
+
+@pytest.mark.parametrize("number", [4, 5, 6])
+def test_a_thruster_that_acts_backward_is_named(number: int) -> None:
+    """Those without which an axis hardly answers: others leave it half its answer."""
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    name = f"pwm_{number}_us"
+    log.streams["actuators"][name] = 3000.0 - log.streams["actuators"][name]
+    assert f"Output {number} acts backward" in log.finding("response_order")["text"]
+
+
+@pytest.mark.parametrize("dead", [(), (2,), (2, 7), (1, 2), (5, 8)])
+def test_thrusters_that_act_as_the_vehicle_file_says_have_no_finding(
+    dead: tuple[int, ...],
+) -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER, dead)
+    answers = {"response_order", "response_sign", "response_scale", "velocity_axes"}
+    assert not answers & set(log.ids())
 
 
 def test_span_of_each_stream_and_of_all_together() -> None:

@@ -87,12 +87,12 @@ def _example() -> Case:
 
 
 @cache
-def _dive() -> Case:
+def _dive(until_s: float = DIVE_S) -> Case:
     files, maps = {}, {}
     for path in sorted((DIVE / "logs").glob("*.csv")):
         names, *rows = path.read_text(encoding="utf-8").splitlines()
         table = np.array([[float(cell or "nan") for cell in row.split(",")] for row in rows])
-        table = table[table[:, 0] < DIVE_S]
+        table = table[table[:, 0] < until_s]
         files[path.name] = dict(zip(names.split(","), table.T, strict=True))
         text = (DIVE / "columns" / f"{path.stem}.yaml").read_text(encoding="utf-8")
         maps[path.name] = yaml.safe_load(text)
@@ -234,6 +234,18 @@ def shifted(case: Case) -> None:
     columns = [entry["column"] for entry in entries]
     for entry, column in zip(entries, columns[1:] + columns[:1], strict=True):
         entry["column"] = column
+
+
+def in_order(*numbers: int) -> Change:
+    """Each output is taken from the column of another."""
+
+    def change(case: Case) -> None:
+        entries = [case.entry(f"pwm_{number}_us") for number in range(1, 9)]
+        columns = [entry["column"] for entry in entries]
+        for entry, number in zip(entries, numbers, strict=True):
+            entry["column"] = columns[number - 1]
+
+    return change
 
 
 def turned_velocity(degrees: float | None) -> Change:
@@ -441,6 +453,27 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "gyro_scale",
         "deg/s",
     ),
+    "one thruster output reversed": (
+        data(lambda pulse: 3000.0 - pulse, PULSES[0]),
+        "response_order",
+        "Output 1 acts backward",
+    ),
+    "pulses with half their deflection": (
+        data(lambda pulse: 750.0 + 0.5 * pulse, *PULSES),
+        "response_scale",
+        "half their deflection",
+    ),
+    "pounds applied twice to mass and displaced mass": (
+        vehicle("mass", "displaced_mass", factor=0.4536),
+        "body_size",
+        "in pounds twice",
+    ),
+    "velocity in whole m/s": (data(np.round, *SPEED), "velocity_coarse", "steps of 1 m/s"),
+    "pressure in mbar read as cm": (
+        data(lambda z: (1013.25 + 100.5 * z) / 100.0, "depth_m"),
+        "depth_zero_unseen",
+        "not observable",
+    ),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -467,8 +500,37 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "velocity_sign",
         "Heave",
     ),
+    "x and y of the accelerometer exchanged": (
+        exchanged(*ACCEL[:2]),
+        "accelerometer_axes",
+        "as the roll turns it",
+    ),
+    "outputs in reverse order": (
+        in_order(8, 7, 6, 5, 4, 3, 2, 1),
+        "response_order",
+        "with 8, 7, 6, 5, 4, 3, 2, 1 for 1 to 8",
+    ),
+    "outputs shifted by one on the dive": (
+        in_order(2, 3, 4, 5, 6, 7, 8, 1),
+        "response_order",
+        "with 8, 1, 2, 3, 4, 5, 6, 7 for 1 to 8",
+    ),
+    "velocity log of the dive turned by 45 degrees": (
+        turned_velocity(45.0),
+        "velocity_axes",
+        "turned by",
+    ),
+    "yaw and its rate both turned": (sign("psi_rad", GYRO[2]), "response_sign", "Yaw"),
 }
-NOT_STOPPING = ("stuck_sensor", "velocity_frozen", "velocity_unsigned")
+WHOLE_DIVE = tuple(DIVE_CASES)[-4:]
+"""Those that the first minute does not show."""
+NOT_STOPPING = (
+    "stuck_sensor",
+    "velocity_frozen",
+    "velocity_unsigned",
+    "response_scale",
+    "depth_zero_unseen",
+)
 
 
 def judged(case: Case) -> list[dict[str, Any]]:
@@ -479,7 +541,11 @@ def judged(case: Case) -> list[dict[str, Any]]:
         return [{"id": "refused", "text": str(fault), "remedy": str(fault), "severity": "error"}]
 
 
-@pytest.mark.parametrize("base", [_example, _dive])
+def _whole_dive() -> Case:
+    return _dive(np.inf)
+
+
+@pytest.mark.parametrize("base", [_example, _dive, _whole_dive])
 def test_the_healthy_case_has_no_finding_that_stops(base: Callable[[], Case]) -> None:
     assert [item["id"] for item in base().findings() if checks()[item["id"]].stops] == []
 
@@ -487,7 +553,8 @@ def test_the_healthy_case_has_no_finding_that_stops(base: Callable[[], Case]) ->
 @pytest.mark.parametrize("name", [*EXAMPLE, *DIVE_CASES])
 def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
     spoil, expected, words = {**EXAMPLE, **DIVE_CASES}[name]
-    case = copy.deepcopy(_example() if name in EXAMPLE else _dive())
+    base = _example if name in EXAMPLE else _whole_dive if name in WHOLE_DIVE else _dive
+    case = copy.deepcopy(base())
     if name in ("time in ms declared s", "time in us declared s"):
         values = case.files["run.csv"]
         values["time_s"] = values["time_s"] * (1e3 if "ms" in name else 1e6)

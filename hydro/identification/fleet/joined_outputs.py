@@ -1,0 +1,171 @@
+"""Whether a motion answers the thrusters in another order, or one of them backward.
+
+By axis, the change of a body velocity over windows side by side, less what drag and a
+constant explain, is compared with the impulse of the thrusters through an allocation
+B' (k, m): d(nu) = g B' j, g >= 0. Hypotheses: the allocation as it stands; with one
+thruster of another strength; with the motion turned, exchanged or of another sign; and
+with outputs joined otherwise: one backward, two exchanged, all shifted or reversed. The
+last is taken only where it is better than all the others and an axis that hardly
+answers as it stands follows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+
+STRENGTHS = (0.0, 0.5, 1.5)
+TURNS = np.radians([-135.0, -90.0, -60.0, -45.0, -30.0, 30.0, 45.0, 60.0, 90.0, 135.0])
+"""Turns about the vertical of a velocity log, other explanations of a wrong answer."""
+BETTER = 40.0
+"""Least logarithm of the likelihood over the best other explanation, samples of half a
+second taken as independent. Right wiring has at most 1 in the logs that were tried.
+"""
+DEAD, ALIVE = 0.1, 0.4
+"""Share of an axis that the outputs explain as they stand, and joined otherwise."""
+
+
+Order = tuple[tuple[int, ...], int | None]
+"""Output of each thruster, and the thruster that acts backward; places from 0."""
+
+
+@dataclass(frozen=True)
+class WindowMotion:
+    """Changes (n, k) of body velocities over windows, and drag terms (n, p)."""
+
+    changes: Array
+    drag: Sequence[Array]
+
+
+@dataclass(frozen=True)
+class OtherOrder:
+    """Outputs joined otherwise: `source` (m,) of each thruster, `backward` thruster.
+
+    Places count from 0. `share` and `own` (k,): share of each axis that it explains, and
+    that the order as it stands does. `log_ratio` over the best other explanation.
+    """
+
+    source: tuple[int, ...]
+    backward: int | None
+    share: Array
+    own: Array
+    log_ratio: float
+
+
+def other_order(
+    motions: Sequence[WindowMotion],
+    impulse: Array,
+    allocation: Array,
+    direction: Array,
+    *,
+    horizontal: bool,
+) -> OtherOrder | None:
+    """Return how the outputs are joined, if not as the allocation (k, m) says.
+
+    motions: the same at several lags behind the outputs, the one that any explanation
+    fits best counts; impulse (n, m) of each thruster, with its direction (m,).
+    `horizontal`: whether the first two rows are surge and sway.
+    """
+    as_it_is = _same_wiring(allocation, horizontal=horizontal)
+    orders = _orders(allocation.shape[1])
+    best: tuple[float, OtherOrder] | None = None
+    for motion in motions:
+        axes = _AxisProducts.of(motion, impulse)
+        plain = max(axes.likelihood(rows) for rows in as_it_is)
+        by_order = [axes.likelihood(_joined(allocation, direction, order)) for order in orders]
+        place = int(np.argmax(by_order))
+        fit = max(plain, by_order[place])
+        if best is None or fit > best[0]:
+            rows = _joined(allocation, direction, orders[place])
+            shares = axes.shares(rows), axes.shares(allocation)
+            best = fit, OtherOrder(*orders[place], *shares, by_order[place] - plain)
+    if best is None or best[1].log_ratio < BETTER:
+        return None
+    order = best[1]
+    return order if np.any((order.own < DEAD) & (order.share > ALIVE)) else None
+
+
+@dataclass(frozen=True)
+class _AxisProducts:
+    """Products of impulse and change of each axis less its drag terms.
+
+    gram (k, m, m), along (k, m), spread (k,); n samples.
+    """
+
+    gram: Array
+    along: Array
+    spread: Array
+    count: int
+
+    @classmethod
+    def of(cls, motion: WindowMotion, impulse: Array) -> _AxisProducts:
+        gram, along, spread = [], [], []
+        for change, drag in zip(motion.changes.T, motion.drag, strict=True):
+            terms = np.column_stack([np.ones(len(change)), drag])
+            size = np.linalg.norm(terms, axis=0)
+            basis, _ = np.linalg.qr(terms / np.where(size > 0.0, size, 1.0))
+            left, own = (part - basis @ (basis.T @ part) for part in (change, impulse))
+            gram.append(own.T @ own)
+            along.append(own.T @ left)
+            spread.append(max(float(left @ left), 1e-300))
+        return cls(np.array(gram), np.array(along), np.array(spread), len(impulse))
+
+    def shares(self, rows: Array) -> Array:
+        """Return the share (k,) of each axis that an allocation (k, m) explains."""
+        size = np.einsum("km,kmn,kn->k", rows, self.gram, rows)
+        reach = np.maximum((rows * self.along).sum(axis=1), 0.0)
+        explained = reach**2 / np.maximum(size, 1e-300) / self.spread
+        return np.asarray(np.minimum(explained, 1.0 - 1e-12))
+
+    def likelihood(self, rows: Array) -> float:
+        """Return the logarithm of the likelihood over that of no thruster."""
+        return -0.5 * self.count * float(np.log1p(-self.shares(rows)).sum())
+
+
+def _joined(allocation: Array, direction: Array, order: Order) -> Array:
+    """Return the allocation (k, m) of outputs in an order.
+
+    Thruster i has the pulses of output source[i], whose force was made with the
+    direction of another one.
+    """
+    source, backward = order
+    place = np.array(source)
+    rows = np.zeros_like(allocation)
+    rows[:, place] = allocation * (direction * direction[place])
+    if backward is not None:
+        rows[:, backward] *= -1.0
+    return rows
+
+
+def _same_wiring(allocation: Array, *, horizontal: bool) -> list[Array]:
+    """Return allocations that a weak thruster or a wrong motion stand for, as it is."""
+    count = allocation.shape[1]
+    signs = [np.array(each) for each in product((1.0, -1.0), repeat=len(allocation))]
+    wrong = [allocation * each[:, None] for each in signs]
+    for i in range(count):
+        for strength in STRENGTHS:
+            wrong.append(allocation * np.where(np.arange(count) == i, strength, 1.0))
+    for first, second in combinations(range(len(allocation)), 2):
+        order = np.arange(len(allocation))
+        order[[first, second]] = second, first
+        wrong.append(allocation[order])
+    for angle in TURNS if horizontal else ():
+        turned = allocation.copy()
+        turned[:2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]] @ turned[:2]
+        wrong.append(turned)
+    return wrong
+
+
+def _orders(count: int) -> list[Order]:
+    """Return the orders of outputs that are tried, each with its backward thruster."""
+    plain = tuple(range(count))
+    orders: list[Order] = [(plain, i) for i in range(count)]
+    for i, j in combinations(range(count), 2):
+        orders.append((tuple({i: j, j: i}.get(k, k) for k in plain), None))
+    orders += [((*plain[shift:], *plain[:shift]), None) for shift in range(1, count)]
+    return [*orders, (plain[::-1], None)]
