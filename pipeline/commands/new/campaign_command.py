@@ -16,6 +16,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
+from auvid.pipeline.commands.check.axes_route import MOTORS_OF_VEHICLE
 from auvid.pipeline.commands.check.log_page import LogPage, campaign_refusal, log_pages
 from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
@@ -380,7 +381,15 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
         if page.refused is not None:
             return page.refused
     refusal = campaign_refusal(str(folder), pages)
-    return "" if refusal is None else str(refusal)
+    if refusal is None:
+        return ""
+    doubt = (
+        f"\nThe vehicle {choice.name} is a guess by the number of outputs: if the frame is another,"
+        f" remove {folder} and name a vehicle file of it with --vehicle."
+    )
+    return (
+        f"{refusal}{doubt if choice.guessed and choice.name in MOTORS_OF_VEHICLE.values() else ''}"
+    )
 
 
 def _ask(choice: VehicleChoice) -> str:

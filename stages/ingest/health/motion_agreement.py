@@ -22,6 +22,7 @@ from auvid.hydro.identification.signals.motion_checks import (
 )
 from auvid.hydro.identification.signals.signal_checks import Response
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import (
@@ -113,6 +114,7 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
         yield from response_signs(response)
     else:
         yield from list(answers_out_of_order(log, response)) or response_signs(response)
+    yield from mixed_commands(log)
     if not log.has("velocity", "attitude"):
         return
     depth = _depth_gains(log)

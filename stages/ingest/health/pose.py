@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.pose.pose_checks import (
     averaged_across_wrap,
     command_clock,
@@ -21,6 +22,9 @@ NAMED = 4
 LEAST_ADVANTAGE = 0.2
 LEAST_EXPLAINED = 0.3
 LEAST_CORRELATION = 0.5
+SHORTEST_HALF_S, CLEAR_CORRELATION = 30.0, 0.7
+LEAST_DRIFT_S, CLEAR_SD = 0.3, 4.0
+"""Change of an offset from half to half of a log that is a drift, in standard deviations too."""
 AXES = {"surge": "u", "sway": "v", "heave": "w", "roll": "p", "pitch": "q", "yaw": "r"}
 
 
@@ -158,9 +162,10 @@ def _clock(log: CheckedLog, begin: float) -> Iterator[Finding]:
     motion = np.hstack([log.track.velocity, log.track.rate])
     columns = ["uvwpqr".index(AXES[axis]) for axis in driven]
     commands = log.values("actuators", [f"command_{axis}" for axis in driven])
-    offset = command_clock(
-        log.track.t_s, motion[:, columns], log.t_s("actuators") - begin, commands
-    )
+    t_s, motion, at = log.track.t_s, motion[:, columns], log.t_s("actuators") - begin
+    drift = list(_drift(t_s, motion, at, commands))
+    yield from drift
+    offset = None if drift else command_clock(t_s, motion, at, commands)
     if offset is None or offset.correlation < LEAST_CORRELATION:
         return
     if abs(offset.offset_s) > limit("pose_clock"):
@@ -172,10 +177,43 @@ def _clock(log: CheckedLog, begin: float) -> Iterator[Finding]:
             stream="actuators",
             value=offset.offset_s,
             remedy=(
-                "Give the commands their own file and column map with time: {..., shift_s:"
-                f" {offset.offset_s:.2f}}}, or shift them before the export."
+                "Give the commands a column map of their own with time: {..., shift_s:"
+                f" {offset.offset_s:.2f}}} (the same file twice under files: of the log, once for"
+                " the poses), or shift them before the export."
             ),
         )
+
+
+def _drift(t_s: Array, motion: Array, at: Array, commands: Array) -> Iterator[Finding]:
+    """Yield an offset of commands and poses that changes in a log."""
+    start, end = max(t_s[0], at[0]), min(t_s[-1], at[-1])
+    if end - start < 2.0 * SHORTEST_HALF_S:
+        return
+    middle = 0.5 * (start + end)
+    first, last = (
+        command_clock(t_s[own], motion[own], at[others], commands[others])
+        for own, others in ((t_s < middle, at < middle), (t_s >= middle, at >= middle))
+    )
+    if first is None or last is None:
+        return
+    if min(first.correlation, last.correlation) < CLEAR_CORRELATION:
+        return
+    change, sd = last.offset_s - first.offset_s, math.hypot(first.std_s, last.std_s)
+    if abs(change) < max(LEAST_DRIFT_S, CLEAR_SD * sd):
+        return
+    rate = change / (middle - start)
+    yield finding(
+        "pose_clock",
+        f"The motion answers the commands {first.offset_s:+.2f} s off in the first half and"
+        f" {last.offset_s:+.2f} s in the second (+- {sd:.2f} s): two clocks, one of which drifts by"
+        f" {100.0 * abs(rate):.2g} %.",
+        stream="actuators",
+        value=change,
+        remedy=(
+            f"Multiply the times of the commands by {1.0 + rate:.4f} before the export, or log"
+            " both with one clock."
+        ),
+    )
 
 
 def wrap_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -196,7 +196,8 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     """Return what every name of a header means."""
     parts = [split_unit(name) for name in names]
     stems = [words for words, _ in parts]
-    steered = {"surge", "sway"} <= set(stems)  # then a bare `yaw` is a command as well
+    # Beside commands of surge and sway a bare `yaw` is one as well, but not that of a pose.
+    steered = {"surge", "sway"} <= set(stems) and not _is_pose(stems)
     pointed = {"forward"} <= set(stems) and bool({"left", "right", "starboard"} & set(stems))
     glides = any(BUOYANCY.search(words) for words in stems)
     result = []
@@ -211,6 +212,16 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
             frame = "flu" if words in FLIPPED else ""
         result.append(NamedColumn(name, words, unit, place, frame))
     return result
+
+
+def _is_pose(stems: Sequence[str]) -> bool:
+    """Return whether bare roll, pitch and yaw are the attitude of a position."""
+    places = {(words, place_of(words, words)) for words in stems}
+    position = {place[1] for _, place in places if place and place[0] == "position"}
+    attitudes = {words for words, place in places if place and place[0] == "attitude"}
+    quaternion = any(QUATERNION.search(words) for words in stems)
+    angles = {"roll", "pitch", "yaw"}
+    return position == {"x_m", "y_m", "z_m"} and attitudes == angles and not quaternion
 
 
 def _place_on_glider(words: str) -> tuple[str, str] | None:

@@ -13,6 +13,7 @@ from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_direction
 from auvid.hydro.identification.signals.motion_checks import AxisGains, angles_at, response_gains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.sensor_agreement import OF_POSES
 from auvid.stages.number_format import significant
 
 SPEEDS = ("surge", "sway", "heave")
@@ -67,7 +68,7 @@ def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
     for axis, (stream, name) in enumerate(streams):
         if not log.has(stream) or not np.ptp(pushed[:, axis]):
             continue
-        motion = _motion(log, stream, name)
+        motion = body_motion(log, stream, name)
         if float(motion.std()) < SMALLEST_MOTION:
             continue
         gains = response_gains(t_s, pushed[:, [axis]], log.t_s(stream), motion)
@@ -75,7 +76,7 @@ def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
             yield "uvwpqr"[axis], gains
 
 
-def _motion(log: CheckedLog, stream: str, name: str) -> Array:
+def body_motion(log: CheckedLog, stream: str, name: str) -> Array:
     """Return one motion (n,) in body axes."""
     if stream == "velocity":
         return log.body_velocity()[:, LINEAR_VELOCITY.index(name)]
@@ -110,7 +111,7 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
     t_s, pushed = pushes
     crossed = [
         response_gains(
-            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), _motion(log, "velocity", name)
+            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), body_motion(log, "velocity", name)
         )
         for axis, name in enumerate(LINEAR_VELOCITY[:2])
     ]
@@ -124,6 +125,12 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
             stream="velocity",
             value=other / 2.0,
             fields=LINEAR_VELOCITY[:2],
+            remedy=(
+                "The velocity is that of the poses: check outputs, position and axis of the"
+                " thrusters in the vehicle file, or the frame of the pose in the column map."
+                if log.source("velocity").startswith(OF_POSES)
+                else ""
+            ),
         )
 
 
@@ -203,7 +210,7 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
         pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
         forces = thruster_forces(thrusters, pulses)
         moving = forces[:, np.ptp(forces, axis=0) > 0.0]
-        gains = response_gains(t_s, moving, log.t_s(stream), _motion(log, stream, names[axis]))
+        gains = response_gains(t_s, moving, log.t_s(stream), body_motion(log, stream, names[axis]))
         if gains is None or gains.explained < DRIVEN:
             continue
         share = response[axis].explained / gains.explained

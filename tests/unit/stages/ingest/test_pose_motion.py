@@ -187,6 +187,32 @@ def test_two_clocks_are_named_with_their_offset(late_s: float) -> None:
     assert not of(ingested(*tank_poses(noisy(tank_run(3), 3))), "pose_clock")
 
 
+@pytest.mark.parametrize("rate", [1.01, 0.985])
+def test_a_clock_that_drifts_is_named_with_its_rate(rate: float) -> None:
+    run = noisy(tank_run(3, duration_s=240.0), 3)
+    for name in COMMANDS:
+        run[name] = run[name][
+            np.minimum((run["t_s"] * rate / 0.1).astype(int), run["t_s"].size - 1)
+        ]
+    (item,) = of(ingested(*tank_poses(run)), "pose_clock")
+    factor = float(item["remedy"].split(" by ")[1].split()[0])
+    assert factor == pytest.approx(rate, abs=3e-3)
+    assert not of(ingested(*tank_poses(noisy(tank_run(3, duration_s=240.0), 3))), "pose_clock")
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_commands_that_a_frame_mixed_are_named(seed: int) -> None:
+    run = noisy(tank_run(seed), seed)
+    assert not of(ingested(*tank_poses(run)), "commands_mixed")
+    forward, aside, turn = (run[name].copy() for name in ("cmd2", "cmd3", "cmd0"))
+    run["cmd2"] = forward + aside + turn
+    run["cmd3"] = forward - aside - turn
+    run["cmd0"] = aside - forward - turn
+    (item,) = of(ingested(*tank_poses(run)), "commands_mixed")
+    assert item["value"] >= 2.0
+    assert "--commands" in item["remedy"]
+
+
 def test_yaw_that_was_averaged_across_its_wrap_is_named() -> None:
     run = noisy(tank_run(1, duration_s=120.0), 1)
     yaw = run["yaw_rad"]

@@ -269,3 +269,19 @@ def test_poses_and_commands_alone_give_a_campaign(tmp_path: Path, upward: bool) 
         "cmd3": ("command_sway", 1),
     }
     assert not written.stop
+
+
+def test_outputs_of_another_frame_than_the_guessed_one_are_named(tmp_path: Path) -> None:
+    runs = []
+    for seed in (1, 2, 3):
+        run = noisy(tank_run(seed, duration_s=90.0), seed)
+        yaw, heave, surge, sway = (run.pop(f"cmd{number}") for number in range(4))
+        mixed = (surge - yaw, heave, sway + yaw, surge + yaw, sway - yaw, heave)
+        run = {name: run[name] for name in list(run)[:7]}
+        run |= {f"motor_{n}": (0.5 * item).clip(-1.0, 1.0) for n, item in enumerate(mixed, 1)}
+        runs.append(write_csv(tmp_path / f"run_{seed}.csv", run))
+    result = new_campaign("tank", runs)
+    assert result.vehicle.guessed
+    assert "_m_s in the column map" not in result.stop
+    assert "vehicle file" in result.stop
+    assert "a guess by the number of outputs" in result.stop

@@ -8,6 +8,7 @@ import pytest
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
+from auvid.stages.columns import ATTITUDE, POSITION
 from auvid.stages.ingest.formats.csv.column_draft import ColumnDraft, draft_columns
 from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_names import named_columns, split_unit
@@ -62,6 +63,15 @@ def test_units_in_names(name: str, words: str, unit: str) -> None:
         (("cmd_surge", "tau_z"), ("command_surge", "command_heave")),
         (("forward", "left", "up"), ("u_m_s", "v_m_s", "w_m_s")),
         (("vel_north", "target_depth", "depth_std"), (None, None, None)),
+        (("surge", "sway", "yaw"), ("command_surge", "command_sway", "command_yaw")),
+        (
+            ("x", "y", "z", "roll", "pitch", "yaw", "surge", "sway", "yaw_cmd"),
+            (*POSITION, *ATTITUDE, "command_surge", "command_sway", "command_yaw"),
+        ),
+        (
+            ("x", "y", "z", "qw", "surge", "sway", "roll", "yaw"),
+            (*POSITION, None, "command_surge", "command_sway", "command_roll", "command_yaw"),
+        ),
     ],
 )
 def test_names_of_columns(names: tuple[str, ...], fields: tuple[str | None, ...]) -> None:
