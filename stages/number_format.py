@@ -13,6 +13,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 POWER = re.compile(r"\^(-?\d+)")
 SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyz]|dot|\||0)+)(?![A-Za-z0-9_])")
+WING = re.compile(r"(?<![A-Za-z0-9_])(?:C_([DL])(\d?)(_alpha)?|alpha(?:_(0))?)(?![A-Za-z0-9_])")
 NUMERIC = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 DOT = "\u0307"
 
@@ -111,12 +112,19 @@ def _escaped_character(character: str) -> str:
 def symbols(words: str) -> Markup:
     """Return text escaped, with coefficients as printed.
 
-    `X_udot`, `Y_v|v|`, `I_z` get their indices as such.
+    `X_udot`, `Y_v|v|`, `I_z` and a glider's `C_D0`, `C_L_alpha`, `alpha_0` get their
+    indices as such.
     """
-    escaped = str(escape(visible(words)))
+    escaped = WING.sub(_wing, str(escape(visible(words))).replace(")^2", ")²"))
     return Markup(
         SYMBOL.sub(lambda match: f"{match[1]}<sub>{match[2].replace('dot', DOT)}</sub>", escaped)
     )
+
+
+def _wing(match: re.Match[str]) -> str:
+    if match[1]:
+        return f"C<sub>{match[1]}{match[2]}{'α' if match[3] else ''}</sub>"
+    return f"α<sub>{match[4]}</sub>" if match[4] else "α"
 
 
 def printed_unit(unit: str) -> str:

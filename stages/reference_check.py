@@ -17,15 +17,15 @@ JUDGED = ("quantity", "measured", "unit", "required", "verdict", "no test", "rea
 SHOWS: dict[Evidence, str] = {
     "method": "test the method",
     "construction": "hold by construction",
-    "tuned": "follow from a value set for them",
-    "unprinted": "have nothing printed",
+    "tuned": "follow from an input chosen to match them",
+    "unprinted": "have no printed value",
 }
 """What bounds show where they are met, as a clause about several."""
 EACH: dict[Evidence, str] = {
     "method": "tests the method",
     "construction": "holds by construction",
-    "tuned": "follows from a value set for it",
-    "unprinted": "has nothing printed",
+    "tuned": "follows from an input chosen to match it",
+    "unprinted": "has no printed value",
 }
 """The same of one bound."""
 MOVED = (

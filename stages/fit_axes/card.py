@@ -58,7 +58,9 @@ REMEDIES = {
     **dict.fromkeys("KM", "Tilt the vehicle, release it, and log the decay."),
     "N": "Log the gyro while the vehicle turns both ways.",
 }
-"""Axis -> what would give it."""
+"""Axis -> what would give it, where nothing measures it, and of tilts at all."""
+MOVE = "Drive the axis by itself, both ways, for some minutes."
+"""What would give surge, sway, heave or yaw that is measured."""
 REMEDY_OF = {
     "not commanded": "Command the axis both ways in a dive.",
     "left out": "Name it in stages.fit_axes.axes, or name none there.",
@@ -153,7 +155,9 @@ def _together(item: Together) -> dict[str, object]:
 
 def lacking_axis(item: Lacking) -> LackingAxis:
     """Return why an axis is lacking, and what would give it."""
-    remedy = REMEDY_OF.get(item.verdict, REMEDIES[item.axis])
+    measured = item.verdict in ("not excited", "not predicted")
+    by_axis = MOVE if measured and item.axis in "XYZN" else REMEDIES[item.axis]
+    remedy = REMEDY_OF.get(item.verdict, by_axis)
     return LackingAxis(verdict=item.verdict, words=item.words, remedy=remedy)
 
 

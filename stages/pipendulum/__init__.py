@@ -112,6 +112,7 @@ def _decay_table(decays: list[DecayResult]) -> pa.Table | None:
                 f"theta_{name.replace(' ', '_')}_rad": item.estimate.simulated[name]
                 for name in DAMPING
             },
+            "chosen": [decay.chosen] * item.decay.run.grid_s.size,
         }
         for decay in decays
         for item in decay.recordings

@@ -40,9 +40,11 @@ RUN_ROWS = {
     "r_rad_s": ("yaw rate r", "°/s", DEGREES),
 }
 """Quantities of the free run on the first screen: name, unit, factor."""
-DAMPING = ("linear", "quadratic", "linear_and_quadratic")
 MOST_ROWS = 4
-FLIGHTS = 3
+FLIGHT_ROLES = ("training", "validation", "y")
+"""Colours of the flights of a controller: three that differ among themselves and from
+that of what is desired.
+"""
 
 
 def first_pictures(
@@ -246,19 +248,19 @@ def _run_rows(
 
 
 def _channels(runs: Tables) -> tuple[Markup, ...]:
-    """Return signals of single-channel runs with the damping model that fits best."""
+    """Return signals of single-channel runs with the damping that the results are of."""
     rows: list[tuple[CurveRow, Span]] = []
     clouds = []
     for leg, table in list(runs.items())[:MOST_ROWS]:
         times, measured = column(table, "t_s"), column(table, "measured")
-        best = _closest(table, measured, {name: name for name in DAMPING})
-        simulated = column(table, best)
+        damping = _chosen(table)
+        simulated = column(table, damping.replace(" ", "_"))
         curves = (
             SignalCurve("measured", times, measured),
             SignalCurve("predicted", times, simulated),
         )
         span = (float(times[0]), float(times[-1]))
-        label = f"{leg}: {best.replace('_', ' ')} damping"
+        label = f"{leg}: {damping} damping"
         rows.append((CurveRow(label, "", curves), span))
         clouds.append(ForceCloud(leg, "", measured, simulated))
     return _bench_pictures("Measured and simulated", "runs", len(runs), rows, clouds)
@@ -309,14 +311,9 @@ def _bench_pictures(
     )
 
 
-def _closest(table: pa.Table, measured: Array, columns: Mapping[str, str]) -> str:
-    """Return which of the simulated columns is nearest the measured one by RMS."""
-    errors = {
-        name: float(np.nanmean(np.square(column(table, source) - measured)))
-        for name, source in columns.items()
-        if has_columns(table, (source,)) and np.isfinite(column(table, source)).any()
-    }
-    return min(errors, key=errors.__getitem__)
+def _chosen(table: pa.Table) -> str:
+    """Return the damping that the results of a recording are of."""
+    return str(table["chosen"][0].as_py())
 
 
 def _swings(recorded: Tables) -> tuple[Markup, ...]:
@@ -334,10 +331,9 @@ def _swings(recorded: Tables) -> tuple[Markup, ...]:
                 part, "theta_measured_rad" if is_decay else "rate_measured_rad_s"
             )
             if is_decay:
-                columns = {n: f"theta_{n}_rad" for n in DAMPING}
-                best = _closest(part, measured / DEGREES, columns)
-                fitted = DEGREES * column(part, columns[best])
-                label, unit = f"{recording}: angle, {best.replace('_', ' ')} damping", "°"
+                damping = _chosen(part)
+                fitted = DEGREES * column(part, f"theta_{damping.replace(' ', '_')}_rad")
+                label, unit = f"{recording}: angle, {damping} damping", "°"
             else:
                 fitted = DEGREES * column(part, "rate_fitted_rad_s")
                 label, unit = f"{recording}: rate of the swing", "°/s"
@@ -359,19 +355,19 @@ def _flights(tables: Tables, names: list[str]) -> tuple[Markup, ...]:
     desired = tuple(f"desired_{name}" for name in POSITION)
     chosen = [name for name in names if name.split("/")[-1].partition("-")[0] == first]
     errors, depths, entries, tracks = [], [], [("desired", "desired")], []
-    for place, name in enumerate(chosen[:FLIGHTS]):
+    for role, name in zip(FLIGHT_ROLES, chosen, strict=False):
         table = tables[name]
         if not has_columns(table, (*POSITION, *desired)):
             return ()
         flight = name.split("/")[-1].partition("-")[2]
         times, flown, target = column(table, "t_s"), matrix(table, POSITION), matrix(table, desired)
-        errors.append(SignalCurve(flight, times, np.linalg.norm(flown - target, axis=1)))
-        if place == 0:
+        errors.append(SignalCurve(role, times, np.linalg.norm(flown - target, axis=1)))
+        if not tracks:
             depths.append(SignalCurve("desired", times, target[:, 2]))
             tracks.append(DrawnLeg("desired", "desired", times, target))
-        depths.append(SignalCurve(flight, times, flown[:, 2]))
-        tracks.append(DrawnLeg(flight.replace("_", " "), flight, times, flown))
-        entries.append((flight.replace("_", " "), flight))
+        depths.append(SignalCurve(role, times, flown[:, 2]))
+        tracks.append(DrawnLeg(flight.replace("_", " "), role, times, flown))
+        entries.append((flight.replace("_", " "), role))
     span = (0.0, float(max(curve.x[-1] for curve in errors)))
     rows = [
         (CurveRow("depth", "m", tuple(depths), downwards=True, height="tall"), span),

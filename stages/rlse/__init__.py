@@ -166,13 +166,14 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 def _run_table(leg_run: LegRun, estimate: ChannelEstimate) -> pa.Table:
     """Return measured and simulated signal at the samples of the run."""
     run, at = estimate.data.run, estimate.data.samples
-    columns = {
+    columns: dict[str, Any] = {
         "t_s": run.grid_s[at],
         "measured": leg_run.signal,
         "force": np.append(run.force_left, run.force_right[-1])[at],
     }
     for name in DAMPING:
         columns[name.replace(" ", "_")] = estimate.fits[name].simulated[at]
+    columns["chosen"] = [estimate.chosen] * leg_run.signal.size
     return make_table("channel_run", columns)
 
 

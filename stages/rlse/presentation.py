@@ -327,7 +327,7 @@ def _damping_table(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
 def _run_plot(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
     run, at = estimate.data.run, estimate.data.samples
     t = run.grid_s[at]
-    lines = [series("measured", t, leg_run.signal, "raw")]
+    lines = [series("measured", t, leg_run.signal, "measured")]
     lines += [
         series(f"{name} damping", t, fit.simulated[at], name) for name, fit in estimate.fits.items()
     ]

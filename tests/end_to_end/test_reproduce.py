@@ -83,7 +83,9 @@ def test_page_tables_bounds_and_freshness(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     first = CliRunner().invoke(cli.app, ["reproduce", "small"], catch_exceptions=False)
     assert first.exit_code == 0, first.output
-    assert "bounds: 1 of 4 tests the method (1 met), 3 have nothing printed (2 met)" in first.output
+    assert (
+        "bounds: 1 of 4 tests the method (1 met), 3 have no printed value (2 met)" in first.output
+    )
     assert "sensors have noise" in first.output
     folder = tmp_path / "runs/small/reproduce"
     page = (folder / "page/page.html").read_text(encoding="utf-8")

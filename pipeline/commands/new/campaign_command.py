@@ -165,7 +165,8 @@ def write_campaign(
     _write(folder, texts, sources, link=link)
     marks = {file: text.count("# check:") for file, text in texts.items() if "# check:" in text}
     lines = [
-        f"{feed.kind}: {len(legs.legs)} legs from {len(kept)} log{'s' * (len(kept) > 1)}",
+        f"{feed.kind}: {len(legs.legs)} leg{'s' * (len(legs.legs) != 1)} from"
+        f" {len(kept)} log{'s' * (len(kept) > 1)}",
         f"vehicle: {choice.name}, {choice.why}",
         *command_lines(list(by_id.values())),
         f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",

@@ -227,8 +227,8 @@ def command_lines(logs: Sequence[SurveyedLog]) -> list[str]:
         return []
     pairs = ",".join(f"{axis}={column}" for axis, column in matched.items())
     return [
-        f"commands: {pairs}, each matched to the axis that answers it; if others, the same call"
-        f" with --commands {pairs}"
+        "commands, each matched to the axis that answers it (if others, the same call with yours):"
+        f" --commands {pairs}"
     ]
 
 

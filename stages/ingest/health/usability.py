@@ -17,6 +17,7 @@ from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.unusable_spans import unusable_spans
 from auvid.stages.number_format import significant
+from auvid.stages.presentation import degrees
 
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "p": "rad/s", "q": "rad/s", "r": "rad/s"}
 SHORTEST_DRIVEN_S = 20.0
@@ -95,10 +96,16 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
     ]
     if still:
         parts = [
-            f"{MOTION_WORDS[axis]} {significant(item['rms'])} {item['unit']}"
+            f"{MOTION_WORDS[axis]} {significant(factor * item['rms'], 2)} {unit}"
             for axis, item in still
+            for factor, unit in [degrees(item["unit"])]
         ]
-        text = f"Hardly any motion in {listed(parts)} (RMS; threshold {limit('not_excited'):g})."
+        least = limit("not_excited")
+        factor, unit = degrees("rad/s")
+        text = (
+            f"Hardly any motion in {listed(parts)} (RMS; threshold {least:g} m/s,"
+            f" {factor * least:.1f} {unit})."
+        )
         yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
 
 

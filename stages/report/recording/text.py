@@ -45,7 +45,11 @@ def markdown(
             )
             lines += [*([f"### {part}", ""] if len(parts) > 1 else []), *table, ""]
     if summary.bounds:
-        lines += ["## Beside the print", *(f"- {words}" for words in summary.bounds), ""]
+        lines += [
+            "## Compared with the printed values",
+            *(f"- {words}" for words in summary.bounds),
+            "",
+        ]
     if summary.models:
         heads = [f"J/J0, {summary.judged_on}", "all", *AXIS_WORDS]
         rows = []

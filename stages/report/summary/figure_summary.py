@@ -75,9 +75,12 @@ def summarise_results(
     )
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
     findings = tuple(dict.fromkeys(remarks(in_order, "finding")))
+    first = f"{plural(len(rows), 'value')} found"
+    if not has_verdicts and findings:
+        first, findings = findings[0].rstrip("."), findings[1:]
     return Summary(
         level=level,
-        headline=_headline(len(judged), len(good), len(rows), bounds),
+        headline=_headline(len(judged), len(good), bounds) or first,
         explanation=_explanation(figures, findings),
         recommended=None,
         judged_on="validation",
@@ -86,7 +89,11 @@ def summarise_results(
         identified=(),
         missing=(
             *(
-                Alert(f"Missed beside the print: {_bound(row)}.", anchor("check_published"), "poor")
+                Alert(
+                    f"Bound on printed values missed: {_bound(row)}.",
+                    anchor("check_published"),
+                    "poor",
+                )
                 for row in missed
             ),
             *_disagreements(good_of, log_of),
@@ -100,7 +107,8 @@ def summarise_results(
     )
 
 
-def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
+def _headline(judged: int, good: int, bounds: list[Document]) -> str:
+    """Return how many values and bounds are good; empty where none is judged."""
     tests, others = _tests(bounds), len(_tests(bounds)) < len(bounds)
     met, of = _counted(tests)
     if not bounds:
@@ -114,11 +122,7 @@ def _headline(judged: int, good: int, rows: int, bounds: list[Document]) -> str:
     else:
         bounds_met = f"{met} of {of} bounds on printed values met"
     if not judged:
-        return (
-            bounds_met[:1].upper() + bounds_met[1:]
-            if bounds_met
-            else f"{plural(rows, 'value')} found"
-        )
+        return bounds_met[:1].upper() + bounds_met[1:]
     if good == judged:
         words = (
             "Every value that was asked for is determined"

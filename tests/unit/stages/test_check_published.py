@@ -212,13 +212,14 @@ def test_what_cannot_fail_is_counted_apart() -> None:
     assert counted == {
         "Table 4: bounds met of 2": 1.0,
         "Table 4, holds by construction: bounds met of 1": 1.0,
-        "Table 4, follows from a value set for it: bounds met of 1": 1.0,
-        "Table 4, has nothing printed: bounds met of 1": 1.0,
+        "Table 4, follows from an input chosen to match it: bounds met of 1": 1.0,
+        "Table 4, has no printed value: bounds met of 1": 1.0,
     }
     words = next(block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark")
     assert words == (
         "Bounds on the printed tables: 2 of 5 test the method (1 met), 1 holds by construction"
-        " (1 met), 1 follows from a value set for it (1 met), 1 has nothing printed (1 met)."
+        " (1 met), 1 follows from an input chosen to match it (1 met), 1 has no printed value"
+        " (1 met)."
     )
     counts, _, why = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:3]
     assert counts["rows"][-1] == ["all tables", "2", "1", "1", "1", "5", "4"]
@@ -274,6 +275,7 @@ DECAYS = make_table(
         "t_s": [0.0, 1.0, 0.5],
         "theta_measured_rad": [0.0, 0.1, 0.2],
         "speed_m_s": [0.3, -0.2, 9.0],
+        "chosen": ["linear"] * 3,
         **{
             f"theta_{name}_rad": [0.0] * 3
             for name in ("linear", "quadratic", "linear_and_quadratic")

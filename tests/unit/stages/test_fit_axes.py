@@ -17,9 +17,9 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
-from auvid.stages.fit_axes.card import model_card, ranking
+from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
-from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit
+from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit, Lacking, LackingVerdict
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
@@ -98,6 +98,22 @@ def test_what_is_lacking_has_its_reason() -> None:
         "K": "not commanded",
         "M": "not commanded",
     }
+
+
+@pytest.mark.parametrize(
+    ("axis", "verdict", "word"),
+    [
+        ("Y", "not observable", "DVL"),
+        ("Y", "not predicted", "Drive"),
+        ("N", "not excited", "Drive"),
+        ("M", "not predicted", "Tilt"),
+        ("X", "wrong sign", "directions"),
+    ],
+)
+def test_a_sensor_is_asked_for_only_where_it_is_missing(
+    axis: str, verdict: LackingVerdict, word: str
+) -> None:
+    assert word in lacking_axis(Lacking(axis, verdict, "")).remedy
 
 
 def test_the_file_simulates_what_was_fitted() -> None:

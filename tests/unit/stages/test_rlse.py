@@ -189,6 +189,7 @@ def test_noisy_run_chooses_the_damping_and_says_what_it_is_sure_of() -> None:
         outputs.channel_run, "linear_and_quadratic"
     )
     assert np.std(error) == pytest.approx(0.01, rel=0.1)
+    assert set(outputs.channel_run["chosen"].to_pylist()) == {"linear and quadratic"}
     assert outputs.views is not None
     for group in outputs.views["groups"]:
         assert set(group["columns"]) <= set(schema(group["table"]).columns)

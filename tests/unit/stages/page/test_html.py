@@ -284,6 +284,10 @@ def test_symbols_are_typeset_and_nothing_else_is_let_through() -> None:
         == "m - Y<sub>v\u0307</sub>, Y<sub>v|v|</sub>, I<sub>z</sub>"
     )
     assert (
+        symbols("C_D1 (alpha - alpha_0)^2, C_L_alpha, C_n")
+        == "C<sub>D1</sub> (α - α<sub>0</sub>)², C<sub>Lα</sub>, C_n"
+    )
+    assert (
         symbols("X_prop and MAX_uv stay, <b>X_u</b>")
         == "X_prop and MAX_uv stay, &lt;b&gt;X<sub>u</sub>&lt;/b&gt;"
     )

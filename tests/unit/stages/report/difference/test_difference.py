@@ -272,6 +272,7 @@ def bench_folder(folder: Path, *, shift: float = 0.0, value: float = -13.5) -> P
     columns = {
         "t_s": t,
         "force": np.zeros(t.size),
+        "chosen": ["linear"] * t.size,
         **{name: np.sin(t) + (shift if name == "linear" else 0.0) for name in names},
     }
     (leg / "channel_run.parquet").write_bytes(

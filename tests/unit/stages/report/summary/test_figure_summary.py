@@ -54,6 +54,15 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
     assert summary.figures[1].value == "not determined"
 
 
+def test_without_verdicts_what_a_stage_finds_is_the_headline() -> None:
+    results = {"control": {"title": "Control", "rows": [row("rms", 0.2, headline=True)]}}
+    sections = {"control": section("Control", [remark("It stays.", "finding")], order=1)}
+    summary = summarise_results(results, {}, sections, VEHICLE)
+    assert summary.headline == "It stays"
+    assert "It stays" not in summary.explanation
+    assert summarise_results(results, {}, {}, VEHICLE).headline == "1 value found"
+
+
 def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     """A second damping model that is weak, or a value of C_n, does not make the answer
     doubtful.
@@ -88,7 +97,7 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
         }
     }
     failed = summarise_results(missed, {}, {}, VEHICLE)
-    assert "Missed beside the print: Table 4: missed." in failed.missing
+    assert "Bound on printed values missed: Table 4: missed." in failed.missing
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 
