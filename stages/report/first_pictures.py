@@ -248,7 +248,7 @@ def _run_rows(
 
 
 def _channels(runs: Tables) -> tuple[Markup, ...]:
-    """Return signals of single-channel runs with the damping that the results are of."""
+    """Return signals of single-channel runs with the damping of their results."""
     rows: list[tuple[CurveRow, Span]] = []
     clouds = []
     for leg, table in list(runs.items())[:MOST_ROWS]:
