@@ -354,7 +354,10 @@ def _flights(tables: Tables, names: list[str]) -> tuple[Markup, ...]:
     first = names[0].split("/")[-1].partition("-")[0]
     desired = tuple(f"desired_{name}" for name in POSITION)
     chosen = [name for name in names if name.split("/")[-1].partition("-")[0] == first]
-    errors, depths, entries, tracks = [], [], [("desired", "desired")], []
+    errors: list[SignalCurve] = []
+    depths: list[SignalCurve] = []
+    tracks: list[DrawnLeg] = []
+    entries = [("desired", "desired")]
     for role, name in zip(FLIGHT_ROLES, chosen, strict=False):
         table = tables[name]
         if not has_columns(table, (*POSITION, *desired)):

@@ -75,12 +75,12 @@ def summarise_results(
     )
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
     findings = tuple(dict.fromkeys(remarks(in_order, "finding")))
-    first = f"{plural(len(rows), 'value')} found"
+    unjudged = f"{plural(len(rows), 'value')} found"
     if not has_verdicts and findings:
-        first, findings = findings[0].rstrip("."), findings[1:]
+        unjudged, findings = findings[0].rstrip("."), findings[1:]
     return Summary(
         level=level,
-        headline=_headline(len(judged), len(good), bounds) or first,
+        headline=_headline(len(judged), len(good), bounds) or unjudged,
         explanation=_explanation(figures, findings),
         recommended=None,
         judged_on="validation",
