@@ -77,7 +77,7 @@ class PipelineError(Exception):
         if self.allowed is not None:
             allowed = self.allowed
             if not isinstance(allowed, str) and isinstance(allowed, Iterable):
-                allowed = ", ".join(str(item) for item in allowed)
+                allowed = ", ".join(str(item) for item in allowed) or "none"
             text += f"; allowed: {allowed}"
         if self.remedy is not None:
             text += f". {self.remedy}"

@@ -45,6 +45,7 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.presentation import remark
 from auvid.stages.steps import counted
 from auvid.stages.synthesise.error_choice import (
     EQUAL,
@@ -71,7 +72,10 @@ from auvid.stages.synthesise.within_limits import (
     DAMPING,
     PhysicalLimits,
     normal_priors,
+    prior_conflicts,
+    refuse_contradicting_priors,
     refuse_pushing_priors,
+    refuse_unknown_inertia,
     within_limits,
 )
 
@@ -204,6 +208,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         {m.name: viscous_equations(m) for m in declared if m.name not in published},
     )
     refuse_pushing_priors(params.damping, prior, sources)
+    refuse_contradicting_priors(prior, sources)
+    refuse_unknown_inertia(params.inertia)
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(
@@ -262,6 +268,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for declared_model, model in zip(declared, models, strict=True)
     }
+    conflicts: list[str] = []
     if not choice.is_plain:
         samples = FitSamples.of(legs(), terms, data.factor.n_samples)
         cards = {
@@ -282,20 +289,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
             moving = reduce(TriangularFactor.merge, factors.values())
         for model in structures:
+            squares = cards[model.name]
             per_one = {
                 axis: coloured_over_white(fits[model.name, axis], covariances[model.name, axis])
                 for axis in AXES
             }
             cards[model.name] = within_limits(
-                cards[model.name], model, moving, limits, inputs.vehicle, per_one, factors
+                squares, model, moving, limits, inputs.vehicle, per_one, factors
             )
+            conflicts += prior_conflicts(squares, cards[model.name], limits)
     factor = FactorRecord(
         terms=list(data.factor.columns),
         samples=data.factor.n_samples,
         factor=data.factor.R.tolist(),
     )
     wiring = wiring_blocks((_tables(inputs, key) for key in training), inputs.vehicle)
-    return Outputs(cards, factor, synthesise_section(cards, data.motion, wiring))
+    warnings = [*wiring, *(remark(words, "warning") for words in conflicts)]
+    return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
 
 
 def _tables(inputs: Inputs, key: str) -> LegTables:

@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import combinations
 
 import numpy as np
 
-from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.errors import CampaignError, PipelineError, nearest
 from auvid.data_schemas.records.models import (
     AxisCard,
     CovarianceCard,
@@ -221,18 +222,78 @@ def normal_priors(
     return tuple(priors)
 
 
+def refuse_unknown_inertia(names: Sequence[str]) -> None:
+    """Raise `CampaignError` for a name of `inertia` that is no added mass."""
+    for index, name in enumerate(names):
+        try:
+            added_mass_unknown(name)
+        except PipelineError as fault:
+            raise CampaignError(
+                fault.message,
+                field=f"stages.synthesise.inertia[{index}]",
+                value=name,
+                allowed="an axis X Y Z K M N and the acceleration of a velocity, as N_rdot",
+                remedy=fault.remedy,
+            ) from None
+
+
+def refuse_contradicting_priors(prior: Prior, sources: Sequence[NormalPrior]) -> None:
+    """Raise `CampaignError` for two priors of a coefficient that cannot both be true.
+
+    They are apart by more than `T_LIMIT` standard deviations of their difference.
+    """
+    for (field, one), (other_field, other) in combinations(_all_priors(prior, sources), 2):
+        for unknown in one.unknowns:
+            if unknown not in other.unknowns:
+                continue
+            (mean, sd), (other_mean, other_sd) = one.known(unknown), other.known(unknown)
+            if abs(mean - other_mean) > T_LIMIT * np.hypot(sd, other_sd):
+                raise CampaignError(
+                    "two priors contradict each other",
+                    field=other_field,
+                    value=f"{unknown} = {other_mean:.3g} +- {NORMAL_95 * other_sd:.2g} (95 %),"
+                    f" {mean:.3g} +- {NORMAL_95 * sd:.2g} by {field}",
+                    allowed=f"at most {T_LIMIT:g} standard deviations apart",
+                    remedy="Check units and signs of both sources; then leave one out, or widen"
+                    " them.",
+                )
+
+
+def prior_conflicts(squares: ModelCard, limited: ModelCard, limits: PhysicalLimits) -> list[str]:
+    """Return what priors say otherwise than the training legs, a sentence each.
+
+    squares: the card of least squares, which no prior touches; limited: that of the
+    fit with its priors. Only coefficients that the data alone identify count.
+    """
+    sentences = []
+    for _, prior in _all_priors(limits.prior, limits.sources):
+        for unknown in prior.unknowns:
+            own, weighed = _term_of(squares, unknown), _term_of(limited, unknown)
+            if own is None or weighed is None or own.verdict != IDENTIFIED or own.value is None:
+                continue
+            (mean, sd), error = prior.known(unknown), own.standard_error or 0.0
+            apart = abs(own.value - mean) / np.hypot(sd, error)
+            if apart > T_LIMIT:
+                sentences.append(
+                    f"{limited.title}: the prior ({prior.source}) of {unknown} is {mean:.3g} +-"
+                    f" {NORMAL_95 * sd:.2g} (95 %), the training legs alone say {own.value:.3g} +-"
+                    f" {NORMAL_95 * error:.2g}, {apart:.0f} standard deviations away. The model"
+                    f" weighs both and has {weighed.value:.3g}. Check unit, sign and vehicle of the"
+                    " prior, widen it, or leave it out."
+                )
+    return sentences
+
+
+def _term_of(card: ModelCard, unknown: Unknown) -> TermCard | None:
+    rows = card.axes[unknown.axis].terms
+    return next((item for item in rows if item.term == unknown.term), None)
+
+
 def refuse_pushing_priors(damping: str, prior: Prior, sources: Sequence[NormalPrior]) -> None:
     """Raise `CampaignError` for a prior of damping that feeds energy in."""
     if damping == "free":
         return
-    all_sources = [
-        (
-            "stages.synthesise.prior",
-            NormalPrior.relative(prior.source, prior.means, relative_sd=prior.relative_sd),
-        ),
-        *((f"priors[{index}]", item) for index, item in enumerate(sources)),
-    ]
-    for field, item in all_sources:
+    for field, item in _all_priors(prior, sources):
         for unknown, mean, variance in zip(
             item.unknowns, item.mean.tolist(), np.diag(item.covariance).tolist(), strict=True
         ):
@@ -246,6 +307,15 @@ def refuse_pushing_priors(damping: str, prior: Prior, sources: Sequence[NormalPr
                     remedy="Damping has a negative sign here: check that of the source, leave the"
                     " prior out, or set stages.synthesise.damping: free.",
                 )
+
+
+def _all_priors(prior: Prior, sources: Sequence[NormalPrior]) -> list[tuple[str, NormalPrior]]:
+    """Return field of the campaign and prior, of all that were declared."""
+    own = NormalPrior.relative(prior.source, prior.means, relative_sd=prior.relative_sd)
+    return [
+        ("stages.synthesise.prior", own),
+        *((f"priors[{index}]", item) for index, item in enumerate(sources)),
+    ]
 
 
 def _measured_card(used: NormalPrior) -> MeasuredPriorCard:

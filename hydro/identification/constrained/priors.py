@@ -52,6 +52,11 @@ class NormalPrior:
         }
         return cls.independent(source, values)
 
+    def known(self, unknown: Unknown) -> tuple[float, float]:
+        """Return mean and standard deviation of one of its unknowns."""
+        i = self.unknowns.index(unknown)
+        return float(self.mean[i]), float(np.sqrt(self.covariance[i, i]))
+
     def of(self, unknowns: Sequence[Unknown]) -> NormalPrior:
         """Return the prior of those of its unknowns that a model has.
 

@@ -876,7 +876,14 @@ def test_structures_without_limits_take_any_error_function() -> None:
 
 
 def with_priors(*sources: dict[str, Any], models: tuple[str, ...] = ("symmetric",)) -> ModelCard:
-    """Fit the motion of u and w alone, with priors from elsewhere."""
+    """Return the card of the motion of u and w alone, with priors from elsewhere."""
+    card: ModelCard = fitted_with_priors(*sources, models=models).model_card[models[0]]
+    return card
+
+
+def fitted_with_priors(
+    *sources: dict[str, Any], models: tuple[str, ...] = ("symmetric",)
+) -> synthesise.Outputs:
     nu, _, _ = noisy_legs(with_ratio=False)["one"]
     nu = nu * [1.0, 0.0, 1.0, 0.0, 0.0, 0.0]
     force = -20.0 * nu + np.random.default_rng(4).normal(size=nu.shape)
@@ -888,7 +895,7 @@ def with_priors(*sources: dict[str, Any], models: tuple[str, ...] = ("symmetric"
     )
     outputs = synthesise.run(inputs, synthesise.Params(models=models))
     check_document(outputs.model_card[models[0]], "model_card")
-    return outputs.model_card[models[0]]
+    return outputs
 
 
 def a_prior(kind: str, axis: str, term: str, value: float, sd: float) -> dict[str, Any]:
@@ -923,6 +930,46 @@ def test_a_prior_of_damping_that_pushes_contradicts_the_limits(
     with pytest.raises(CampaignError, match="contradict each other") as error:
         with_priors(source)
     assert (error.value.field, error.value.value) == ("priors[0]", "K_p = 0.5 +- 0.2 (95 %)")
+
+
+@pytest.mark.parametrize(("second", "refused"), [(-5.0, True), (-3.9, False)])
+def test_two_priors_that_cannot_both_be_true_are_refused(second: float, refused: bool) -> None:
+    # Deviations .3 and .4: 4 of their difference are 2.
+    sources = (a_prior("bench", "K", "p", -2.0, 0.3), a_prior("campaign", "K", "p", second, 0.4))
+    if not refused:
+        assert len(with_priors(*sources).measured_priors) == 2
+        return
+    with pytest.raises(CampaignError, match="two priors contradict each other") as error:
+        with_priors(*sources)
+    assert error.value.field == "priors[1]"
+    assert error.value.value == "K_p = -5 +- 0.78 (95 %), -2 +- 0.59 by priors[0]"
+
+
+def test_a_prior_against_clear_data_is_named_with_what_was_kept() -> None:
+    def warnings(mean: float) -> list[str]:
+        outputs = fitted_with_priors(a_prior("bench", "X", "u", mean, 0.5))
+        return [
+            block["text"]
+            for block in outputs.section["blocks"]
+            if block.get("level") == "warning" and "the training legs alone say" in block["text"]
+        ]
+
+    assert warnings(-20.5) == []
+    (words,) = warnings(-60.0)
+    assert words.startswith("Symmetric: the prior (bench: bench.json) of X_u is -60 +- 0.98")
+    kept = with_priors(a_prior("bench", "X", "u", -60.0, 0.5)).predictor["X"]["u"]
+    assert f"has {kept:.3g}." in words
+
+
+def test_an_inertia_that_is_no_added_mass_is_named() -> None:
+    legs = noisy_legs(with_ratio=False)
+    with pytest.raises(CampaignError, match="not an added mass") as refused:
+        run({"one": legs["one"]}, models=("symmetric",), inertia=("N_rdot", "N_rdott"))
+    assert (refused.value.field, refused.value.value) == (
+        "stages.synthesise.inertia[1]",
+        "N_rdott",
+    )
+    assert "Did you mean 'N_rdot'?" in str(refused.value)
 
 
 def test_a_prior_on_no_fitted_coefficient_is_refused() -> None:
