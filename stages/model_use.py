@@ -18,7 +18,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, MAY_IDENTIFY
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, MAY_IDENTIFY, SHORT_OF
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
@@ -201,7 +201,10 @@ def coverage_words(shares: Mapping[str, float], method: str) -> str:
     ]
     may = method in MAY_IDENTIFY
     which = "identified coefficients" if may else "coefficients of four standard errors and more"
-    end = "." if may else f": too few, so that {method} calls none identified."
+    end = "."
+    if not may:
+        why = f"{SHORT_OF[method]}, so that " if method in SHORT_OF else ""
+        end = f"; {why}{method} calls none identified."
     return f"On twins, 95 % intervals of {which} held the truth in {listed(parts)}{end}"
 
 

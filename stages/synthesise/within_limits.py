@@ -246,7 +246,10 @@ def refuse_contradicting_priors(prior: Prior, sources: Sequence[NormalPrior]) ->
         for unknown in one.unknowns:
             if unknown not in other.unknowns:
                 continue
-            (mean, sd), (other_mean, other_sd) = one.known(unknown), other.known(unknown)
+            (mean, sd), (other_mean, other_sd) = (
+                one.mean_and_sd(unknown),
+                other.mean_and_sd(unknown),
+            )
             if abs(mean - other_mean) > T_LIMIT * np.hypot(sd, other_sd):
                 raise CampaignError(
                     "two priors contradict each other",
@@ -271,15 +274,15 @@ def prior_conflicts(squares: ModelCard, limited: ModelCard, limits: PhysicalLimi
             own, weighed = _term_of(squares, unknown), _term_of(limited, unknown)
             if own is None or weighed is None or own.verdict != IDENTIFIED or own.value is None:
                 continue
-            (mean, sd), error = prior.known(unknown), own.standard_error or 0.0
-            apart = abs(own.value - mean) / np.hypot(sd, error)
-            if apart > T_LIMIT:
+            (mean, sd), error = prior.mean_and_sd(unknown), own.standard_error or 0.0
+            deviations = abs(own.value - mean) / np.hypot(sd, error)
+            if deviations > T_LIMIT:
                 sentences.append(
                     f"{limited.title}: the prior ({prior.source}) of {unknown} is {mean:.3g} +-"
                     f" {NORMAL_95 * sd:.2g} (95 %), the training legs alone say {own.value:.3g} +-"
-                    f" {NORMAL_95 * error:.2g}, {apart:.0f} standard deviations away. The model"
-                    f" weighs both and has {weighed.value:.3g}. Check unit, sign and vehicle of the"
-                    " prior, widen it, or leave it out."
+                    f" {NORMAL_95 * error:.2g}, {deviations:.0f} standard deviations away."
+                    f" The model weighs both and has {weighed.value:.3g}. Check unit, sign and"
+                    " vehicle of the prior, widen it, or leave it out."
                 )
     return sentences
 

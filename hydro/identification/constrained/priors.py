@@ -52,7 +52,7 @@ class NormalPrior:
         }
         return cls.independent(source, values)
 
-    def known(self, unknown: Unknown) -> tuple[float, float]:
+    def mean_and_sd(self, unknown: Unknown) -> tuple[float, float]:
         """Return mean and standard deviation of one of its unknowns."""
         i = self.unknowns.index(unknown)
         return float(self.mean[i]), float(np.sqrt(self.covariance[i, i]))

@@ -63,7 +63,8 @@ def fit_output_error(
 
     `sensor_sd` (13,): known standard deviations of the samples, else estimated.
     `biases` (legs, 6): where the biases start from. `tolerance`: the last step in parts
-    of a standard error. Raises `DataError` where legs are
+    of a standard error. The first round that does not converge in `STEPS` steps is the
+    last. Raises `DataError` where legs are
     shorter than a window, samples fewer than unknowns, or the start diverges.
     """
     windows, dropped = cut_windows(legs, length_s=window_s)
@@ -91,7 +92,8 @@ def fit_output_error(
         common, starts = optimum.common, optimum.local
         history += [-value for value in optimum.objectives]
         final, runs = likelihood.evaluate(common, starts, noise, sensitive=True)
-        if sensor_sd is not None:
+        if sensor_sd is not None or optimum.word != "converged":
+            # What free runs explain converges in some ten steps; no noise mends the rest.
             break
         noise = NoiseModel(residual_sd(runs, likelihood.unknowns + starts.size))
         change = np.abs(noise.sensor_sd / used.sensor_sd - 1.0)

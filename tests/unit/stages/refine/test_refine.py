@@ -307,16 +307,22 @@ def test_a_start_that_diverges_is_named(twin: refine.Inputs) -> None:
     assert "The motion diverges at the starting values" in warned(refined)
 
 
+@pytest.mark.parametrize(("share", "missed"), [(0.5, False), (8.0, True)])
 def test_a_fit_that_does_not_converge_leaves_the_card_of_synthesise(
-    twin: refine.Inputs, monkeypatch: pytest.MonkeyPatch
+    twin: refine.Inputs, monkeypatch: pytest.MonkeyPatch, share: float, missed: bool
 ) -> None:
     def unsettled(*arguments: Any, **options: Any) -> LikelihoodEstimate:
-        return replace(fit_output_error(*arguments, **options), word="no convergence")
+        fit = fit_output_error(*arguments, **options)
+        errors = share * fit.channel_residuals
+        return replace(fit, word="no convergence", channel_residuals=errors)
 
     monkeypatch.setattr(fitting, "fit_output_error", unsettled)
-    refined = outputs(twin, estimator="output_error")
+    refined = outputs(twin, estimator="output_error", window_s=4.0)
     assert refined.model_card == {}
-    assert "did not converge in" in warned(refined)
+    words = warned(refined)
+    assert "did not converge in" in words
+    assert ("Free runs of 4 s miss the samples by" in words) == missed
+    assert ("Use stages.refine.estimator: filter_error" in words) == missed
 
 
 def test_without_an_accelerometer_the_rest_is_used(twin: refine.Inputs) -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.identification.maximum_likelihood import output_error
 from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
 from auvid.hydro.identification.maximum_likelihood.parameters import (
     ParameterPrior,
@@ -108,6 +109,14 @@ def test_a_strong_prior_wins_and_a_weak_one_leaves_the_data_alone() -> None:
         fit = fit_output_error([leg], SWAY, start, prior=prior, sensor_sd=KNOWN_SD)
         expected = -25.0 + share * (free.theta[0] + 25.0)
         assert fit.theta[0] == pytest.approx(expected, abs=0.02 * sd)
+
+
+def test_the_first_round_without_convergence_is_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    leg = sway_leg(*noisy_run(6))
+    monkeypatch.setattr(output_error, "STEPS", 1)
+    fit = fit_output_error([leg], SWAY, {"Y v": -15.0})
+    assert fit.word == "no convergence"
+    assert len(fit.log_likelihood) == 2  # the start and one step
 
 
 def test_what_it_refuses() -> None:
