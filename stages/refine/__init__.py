@@ -41,7 +41,6 @@ from auvid.stages.refine.refined_card import refined_card
 from auvid.stages.sensor_motion import VelocityLogPlacement
 from auvid.stages.steps import counted
 
-
 MISSED = 3.0
 """Errors of free runs in parts of the samples' scatter, the median of the channels, from
 which on they are said to be missed: 1 to 2.8 where a fit converges, 8 under the unsteady
