@@ -23,7 +23,7 @@ from auvid.hydro.identification.maximum_likelihood.estimate import (
     projected_scores,
     score_moment,
 )
-from auvid.hydro.identification.maximum_likelihood.gauss_newton import maximise
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import Optimum, maximise
 from auvid.hydro.identification.maximum_likelihood.likelihood import (
     BIASES,
     Likelihood,
@@ -44,6 +44,11 @@ from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
 WINDOW_S = 10.0
 ROUNDS, STEPS, TOLERANCE = 6, 30, 1e-3
+IDLE_STEPS, IDLE_GAIN = 10, 1.0
+"""A round that gained less in its last steps is at its end though unknowns that the data
+hardly tell still move: .01 in fits that then converge, 100 and more under an unsteady
+force.
+"""
 SETTLED = 0.02
 """Relative change of a standard deviation of samples that ends the rounds."""
 
@@ -63,8 +68,8 @@ def fit_output_error(
 
     `sensor_sd` (13,): known standard deviations of the samples, else estimated.
     `biases` (legs, 6): where the biases start from. `tolerance`: the last step in parts
-    of a standard error. The first round that does not converge in `STEPS` steps is the
-    last. Raises `DataError` where legs are
+    of a standard error. A round that still gains at the end of its steps is the last.
+    Raises `DataError` where legs are
     shorter than a window, samples fewer than unknowns, or the start diverges.
     """
     windows, dropped = cut_windows(legs, length_s=window_s)
@@ -92,8 +97,8 @@ def fit_output_error(
         common, starts = optimum.common, optimum.local
         history += [-value for value in optimum.objectives]
         final, runs = likelihood.evaluate(common, starts, noise, sensitive=True)
-        if sensor_sd is not None or optimum.word != "converged":
-            # What free runs explain converges in some ten steps; no noise mends the rest.
+        # What free runs explain is found in some ten steps; no noise mends the rest.
+        if sensor_sd is not None or not (optimum.word == "converged" or _idle(optimum)):
             break
         noise = NoiseModel(residual_sd(runs, likelihood.unknowns + starts.size))
         change = np.abs(noise.sensor_sd / used.sensor_sd - 1.0)
@@ -117,6 +122,12 @@ def fit_output_error(
             for part, own in likelihood.by_leg(runs)
         ],
     )
+
+
+def _idle(optimum: Optimum) -> bool:
+    """Return whether the last steps gained next to nothing."""
+    late = optimum.objectives[-IDLE_STEPS - 1 :]
+    return len(late) > IDLE_STEPS and late[0] - late[-1] < IDLE_GAIN
 
 
 def likelihood_bounds(likelihood: Likelihood) -> tuple[Array, Array]:

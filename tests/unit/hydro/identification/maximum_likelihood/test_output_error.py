@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import cycle
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.maximum_likelihood import output_error
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import Optimum, maximise
 from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
 from auvid.hydro.identification.maximum_likelihood.parameters import (
     ParameterPrior,
@@ -111,12 +116,23 @@ def test_a_strong_prior_wins_and_a_weak_one_leaves_the_data_alone() -> None:
         assert fit.theta[0] == pytest.approx(expected, abs=0.02 * sd)
 
 
-def test_the_first_round_without_convergence_is_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    leg = sway_leg(*noisy_run(6))
-    monkeypatch.setattr(output_error, "STEPS", 1)
-    fit = fit_output_error([leg], SWAY, {"Y v": -15.0})
+@pytest.mark.parametrize(("gain", "rounds"), [(0.05, 6), (5.0, 1)])
+def test_a_round_that_still_gains_at_its_end_is_the_last(
+    monkeypatch: pytest.MonkeyPatch, gain: float, rounds: int
+) -> None:
+    # The leg is never converged on; noise of .2, .1, .2 ... keeps the rounds going.
+    def unsettled(*arguments: Any, **options: Any) -> Optimum:
+        optimum = maximise(*arguments, **options)
+        end = optimum.objectives[-1]
+        values = tuple(end + gain * left for left in range(11, -1, -1))
+        return replace(optimum, word="no convergence", objectives=values)
+
+    deviations = cycle([0.2, 0.1])
+    monkeypatch.setattr(output_error, "maximise", unsettled)
+    monkeypatch.setattr(output_error, "residual_sd", lambda *_: np.full(13, next(deviations)))
+    fit = fit_output_error([sway_leg(*noisy_run(6))], SWAY, {"Y v": -15.0})
     assert fit.word == "no convergence"
-    assert len(fit.log_likelihood) == 2  # the start and one step
+    assert len(fit.log_likelihood) == 12 * rounds
 
 
 def test_what_it_refuses() -> None:
