@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import rerun as rr
+import rerun_bindings as bindings
 
 from auvid.hydro.arrays import Array
 from auvid.stages.number_format import visible
@@ -88,7 +89,7 @@ class Recording:
         content = b"" if self._sink is None else self._sink.read(flush=True) or b""
         self.stream.disconnect()
         del self.stream, self._sink
-        rr.bindings.flush_and_cleanup_orphaned_recordings()
+        bindings.flush_and_cleanup_orphaned_recordings()
         return content
 
     def static(self, entity: str, value: Any) -> None:
@@ -264,12 +265,13 @@ def _send_blueprint(blueprint: Any, stream: rr.RecordingStream) -> None:
 
     `stream.send_blueprint` leaves that in a circle with its memory, which nothing drops.
     """
-    native = rr.bindings.new_blueprint(
+    native = bindings.new_blueprint(
         application_id=APPLICATION, make_default=False, make_thread_default=False
     )
     made_on = rr.RecordingStream._from_native(native)
     made_on.set_time("blueprint", sequence=0)
     blueprint.to_blueprint()._log_to_stream(made_on)
-    storage = rr.bindings.memory_recording(native)
-    rr.bindings.send_blueprint(storage, True, True, recording=stream.to_native())
+    storage = bindings.memory_recording(native)
+    if storage is not None:
+        bindings.send_blueprint(storage, True, True, recording=stream.to_native())
     made_on.disconnect()
