@@ -182,8 +182,8 @@ def test_modules_are_loaded_under_one_name() -> None:
 
 NAMES = {"pyyaml": "yaml", "rerun-sdk": "rerun", "pillow": "PIL"}
 """Distribution -> the package that is imported, where the two differ."""
-BROUGHT = {"pydantic_core", "markupsafe", "fsspec"}
-"""Packages that pydantic, jinja2 and s3fs cannot be without."""
+BROUGHT = {"pydantic_core", "markupsafe", "fsspec", "rerun_bindings"}
+"""Packages that pydantic, jinja2, s3fs and rerun cannot be without."""
 
 
 def test_what_is_imported_is_declared() -> None:

@@ -93,7 +93,7 @@ LOGS = (
             "housing_barometer": (
                 "BARO[0] reads 76.64 to 83.22 m while BARO[1] reads 13.29 to 13.78 m"
             ),
-            "not_excited": "heave 0.0176 m/s, roll 0.0132 rad/s and pitch 0.0127 rad/s",
+            "not_excited": "heave 0.018 m/s, roll 0.75 deg/s and pitch 0.72 deg/s",
             "irregular_rate": "velocity (VISO)",
             "parameters_missing": "FRAME_CONFIG and 8 directions (2 parameters are)",
             "firmware_unknown": None,

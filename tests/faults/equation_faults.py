@@ -238,7 +238,8 @@ def strike(fault: EquationFault, workspace: Path) -> str:
     function.__code__ = wrong_code(function, fault.old, fault.new)
     os.chdir(workspace)
     run = open_run(fault.campaign)
-    golden = figures.read_figures(ROOT / "tests" / "golden" / fault.campaign)
+    folder = ROOT / "tests" / "golden" / fault.campaign
+    golden = figures.read_figures(folder)
     names = [stage.name for stage in figures.stages_of(run)]
     for stage in figures.stages_of(run)[names.index(fault.first) :]:
         if not run.manifests[stage.name].records:
@@ -247,7 +248,7 @@ def strike(fault: EquationFault, workspace: Path) -> str:
             run.execute([stage], Serial(), force=True)
         except Exception as refusal:
             return f"stage {stage.name} refuses: {str(refusal).splitlines()[0][:60]}"
-        new = figures.figures_of(run, [stage])
+        new = figures.figures_of(run, [stage], without=figures.left_out(folder))
         old = {
             file: {key: figure for key, figure in rows.items() if key[0] == stage.name}
             for file, rows in golden.items()

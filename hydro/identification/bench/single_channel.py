@@ -19,7 +19,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import cumulative_trapezoid
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
@@ -376,6 +375,8 @@ def _columns(name: str, data: ChannelRun) -> list[int]:
 
 
 def _static(data: ChannelRun, rate: float) -> StaticRegression:
+    from scipy.integrate import cumulative_trapezoid
+
     run, x = data.run, data.velocity
     angle = (
         np.interp(run.grid_s, run.grid_s[run.position_at], run.position)

@@ -141,7 +141,8 @@ def _fit(
     # Sandwich of blocks; white residuals where that is more, as for an unused thruster.
     scores = np.zeros((start, len(gain)))
     np.add.at(scores, block, np.einsum("a,ani,an->ni", weight, columns, residual, optimize=True))
-    covariance = inverse @ (scores.T @ scores) @ inverse
+    moved = scores @ inverse  # squared once more, else rounding makes variances negative
+    covariance = moved.T @ moved
     least = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return float(np.log(deviation).sum()), gain, covariance * np.outer(least, least)
 

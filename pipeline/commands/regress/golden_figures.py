@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.schemas import schema
+from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.commands.regress.golden_tables import Departure, read_tolerances
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import AnyStage, Port
@@ -35,6 +37,10 @@ RMS errors of free runs; named figures.
 """
 HEADER = ("stage", "of", "quantity", "verdict", "value", "scale", "unit")
 TOLERANCES = "figure_tolerances.yaml"
+LEFT_OUT = "left_out.yaml"
+"""Beside golden figures: items that amplify rounding until another processor gives other
+numbers, and why: name -> reason.
+"""
 OWN_FILE = ("error_table", "free_run")
 """Tables with golden content of their own."""
 UNDETERMINED = ("simulated_motion", "channel_run", "channel_history", "decay_history")
@@ -138,24 +144,48 @@ def _counts(schema_name: str) -> bool:
     return schema(schema_name).kind == "table" or schema_name in READERS
 
 
+def left_out(folder: Path) -> tuple[str, ...]:
+    """Return the names that golden figures of a folder leave out; mostly none.
+
+    Raises `CampaignError` for a file that is no list of names with their reasons.
+    """
+    path = folder / LEFT_OUT
+    if not path.is_file():
+        return ()
+    names = load_yaml(path, what="what golden figures leave out").value
+    if not isinstance(names, dict) or not all(isinstance(why, str) for why in names.values()):
+        raise CampaignError("not names with reasons", file=path, allowed="NAME: reason")
+    return tuple(str(name) for name in names)
+
+
 def figures_of(
-    run: Run, stages: Sequence[AnyStage] | None = None
+    run: Run, stages: Sequence[AnyStage] | None = None, *, without: Sequence[str] = ()
 ) -> dict[str, dict[Key, GoldenFigure]]:
-    """Return the golden figures of what stages of a run left behind, or all of them."""
+    """Return the golden figures of what stages of a run left behind, or all of them.
+
+    `without` names items, rows and results that stay out: an item `saw_tooth-undisturbed`,
+    rows with the cell `saw_tooth`, results that name it.
+    """
     figures: dict[str, dict[Key, GoldenFigure]] = {name: {} for name in FILES}
     for stage in stages_of(run) if stages is None else stages:
         by_port: dict[str, tuple[Port, list[tuple[str, Any]]]] = {}
         for port, item, key, artefact in run.artefacts(stage):
             if _counts(port.schema):
+                of = item if key is None else str(key)
                 _, loads = by_port.setdefault(port.name, (port, []))
-                loads.append((item if key is None else str(key), artefact))
+                if of.partition("-")[0] not in without:
+                    loads.append((of, artefact))
         for name, (port, artefacts) in by_port.items():
             loaded = ((item, artefact.load()) for item, artefact in artefacts)
             if port.schema in READERS:
                 file, read = READERS[port.schema]
-                figures[file] |= {(stage.name, *rest): figure for rest, figure in read(loaded)}
+                figures[file] |= {
+                    (stage.name, *rest): figure
+                    for rest, figure in read(loaded)
+                    if not any(name in rest[1] for name in without)
+                }
             elif port.schema not in (*OWN_FILE, *UNDETERMINED):
-                columns = _columns(port.schema, loaded)
+                columns = _columns(port.schema, loaded, without)
                 figures["stages"] |= {
                     (stage.name, name, column): figure for column, figure in columns
                 }
@@ -166,14 +196,17 @@ Loaded = Iterator[tuple[str, Any]]
 Figured = Iterator[tuple[tuple[str, str], GoldenFigure]]
 
 
-def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, GoldenFigure]]:
+def _columns(
+    schema_name: str, loaded: Loaded, without: Sequence[str] = ()
+) -> Iterator[tuple[str, GoldenFigure]]:
     """Yield rows and columns; a table with verdicts has its figures in the results."""
     columns = schema(schema_name).columns
     if "verdict" in columns:
         return
     sums: dict[str, ColumnSums] = {}
     rows = 0
-    for _, table in loaded:
+    for _, read in loaded:
+        table = _rows_without(read, without)
         rows += table.num_rows
         for name in table.column_names:
             kind = table.schema.field(name).type
@@ -186,6 +219,15 @@ def _columns(schema_name: str, loaded: Loaded) -> Iterator[tuple[str, GoldenFigu
         yield name, column.figure
         if column.gaps and column.count:
             yield name + NOT_FINITE, GoldenFigure(float(column.gaps), None, "1")
+
+
+def _rows_without(table: pa.Table, names: Sequence[str]) -> pa.Table:
+    """Return a table without the rows of which a text cell is one of these names."""
+    texts = [field.name for field in table.schema if pa.types.is_string(field.type)]
+    for name in texts if names else ():
+        named = pc.is_in(table.column(name), value_set=pa.array(names, pa.string()))
+        table = table.filter(pc.invert(named))
+    return table
 
 
 def _coefficients(loaded: Loaded) -> Figured:

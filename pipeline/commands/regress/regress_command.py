@@ -67,7 +67,7 @@ def open_setting(campaign: str, baseline: Path | None) -> Setting:
         folder,
         root / changelog.FILE,
         tables,
-        figures.figures_of(run),
+        figures.figures_of(run, without=figures.left_out(folder)),
         not_run,
     )
 

@@ -54,6 +54,22 @@ def test_columns_are_kept_as_mean_and_rms_over_all_items() -> None:
     assert gaps == {"u_m_s not finite": 1.0}
 
 
+def test_rows_that_are_left_out_do_not_count() -> None:
+    table = pa.table({"trajectory": ["helix", "saw_tooth"], "x_m": [1.0, 9.0]})
+    columns = dict(figures._columns("tracking_errors", iter([("control", table)]), ["saw_tooth"]))
+    assert columns["rows"].value == 1.0
+    assert columns["x_m"].value == 1.0
+
+
+def test_what_is_left_out_has_a_reason(tmp_path: Path) -> None:
+    assert figures.left_out(tmp_path) == ()
+    (tmp_path / figures.LEFT_OUT).write_text("saw_tooth: it amplifies rounding\n")
+    assert figures.left_out(tmp_path) == ("saw_tooth",)
+    (tmp_path / figures.LEFT_OUT).write_text("- saw_tooth\n")
+    with pytest.raises(CampaignError, match="names with reasons"):
+        figures.left_out(tmp_path)
+
+
 def test_a_table_with_verdicts_gives_no_columns() -> None:
     table = pa.table({"ours": [1.0e9], "verdict": ["weak"]})
     assert list(figures._columns("comparison", iter([("campaign", table)]))) == []

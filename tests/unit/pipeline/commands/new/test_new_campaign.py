@@ -194,7 +194,7 @@ def test_runs_with_the_same_columns_are_logs_with_one_map(tmp_path: Path) -> Non
     (columns,) = {entry["columns"] for entry in document["logs"]}
     text = (written.folder / columns).read_text()
     assert "column: cmd2, stream: actuators, field: command_surge" in text
-    (line,) = [line for line in written.lines if line.startswith("commands: ")]
+    (line,) = [line for line in written.lines if line.startswith("commands")]
     assert "surge=cmd2" in line
     assert "yaw=cmd0" in line
     assert "--commands" in line
@@ -215,7 +215,7 @@ def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None
         "command_sway": ("cmd3", 1),
         "command_heave": ("cmd1", -1),
     }
-    assert not any(line.startswith("commands: ") for line in written.lines)
+    assert not any(line.startswith("commands") for line in written.lines)
 
 
 @pytest.mark.parametrize(
