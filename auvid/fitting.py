@@ -159,11 +159,11 @@ def fit(
 def _check_model(model: str | Mapping[str, list[str]]) -> None:
     """Raise `UsageError` for a form that is not known, before anything is worked out."""
     if isinstance(model, str):
-        known = [item.name for item in (*synthesise.STRUCTURES, *MODELS)]
-        if model not in known:
-            remedy = nearest(model, known)
+        names = [item.name for item in (*synthesise.STRUCTURES, *MODELS)]
+        if model not in names:
+            remedy = nearest(model, names)
             raise UsageError(
-                "unknown model", field="model", value=model, allowed=known, remedy=remedy
+                "unknown model", field="model", value=model, allowed=names, remedy=remedy
             )
     elif not isinstance(model, Mapping) or not model:
         raise UsageError(

@@ -321,10 +321,13 @@ class VehicleModel:
         state = np.zeros((count, 12))
         state[:, :6], state[:, 6:] = _start(nu, "nu"), _start(eta, "eta")
         viscous, constant = model_file.viscous_model(self.file)
-        motion, held = MeasuredMotion(t_s, state, control, level), None
+        motion, imposed_states = MeasuredMotion(t_s, state, control, level), None
         if self.file.partial is not None:
             axes = model_file.axes_of(self.file)
-            held, late = imposed(axes), _late(self.file, motion.inputs(vehicle)[:, 6:], motion)
+            imposed_states, late = (
+                imposed(axes),
+                _late(self.file, motion.inputs(vehicle)[:, 6:], motion),
+            )
             vehicle = uncoupled(driven_by_force(vehicle), axes)
             motion = MeasuredMotion(t_s, state, Control(thruster_force_N=late), level)
         states, _ = fly_freely(
@@ -336,14 +339,16 @@ class VehicleModel:
             steps=np.arange(count, dtype=np.intp),
             lags_s=np.array([self.file.dynamics.actuator_lag_s]),
             minimum_speed=_minimum_speed(self.file),
-            imposed=held,
+            imposed=imposed_states,
             coriolis=model_file.coriolis_acts(self.file),
         )
         frame = pd.DataFrame(states[0, 0], columns=list(STATE_COLUMNS))
         frame.insert(0, "t_s", t_s)
         frame.attrs["units"] = {"t_s": "s", **dict(zip(STATE_COLUMNS, UNITS, strict=True))}
         frame.attrs["warnings"] = _beyond(self.file, states[0, 0])
-        frame.attrs["held"] = [] if held is None else list(np.array(STATE_COLUMNS)[held])
+        frame.attrs["held"] = (
+            [] if imposed_states is None else list(np.array(STATE_COLUMNS)[imposed_states])
+        )
         return frame
 
     def export(

@@ -71,14 +71,14 @@ def draws(seeds: int) -> Iterator[tuple[str, str, dict[str, Any]]]:
                 ingest.Inputs(RawLog(experiment.id, (file,)), None, vehicle), ingest.Params()
             )
             streams = (log.velocity, log.imu, log.attitude, log.depth, log.actuators, log.battery)
-            found = rlse.run(
+            outputs = rlse.run(
                 rlse.Inputs(legs[experiment.id], log.log_info, vehicle, *streams), rlse.Params()
             )
-            assert found.results is not None
+            assert outputs.results is not None
             yield (
                 experiment.id,
                 experiment.entry.channel,
-                {row["quantity"]: row for row in found.results["rows"]},
+                {row["quantity"]: row for row in outputs.results["rows"]},
             )
 
 
@@ -94,7 +94,7 @@ def main() -> None:
         names = symbols(channel)
         dry = truth["mass"] if names.mass == "m" else truth[names.mass]
         total = rows[f"{names.mass} - {names.added} (quadratic)"]
-        for name, row, found, true in (
+        for name, row, estimate, true in (
             (names.added, total, dry - total["value"], dry - truth[names.added]),
             (
                 names.quadratic,
@@ -103,9 +103,9 @@ def main() -> None:
                 truth[names.quadratic],
             ),
         ):
-            held = row["low"] <= true <= row["high"]
+            covered = row["low"] <= true <= row["high"]
             errors.setdefault(leg, {}).setdefault(name, []).append(
-                (abs(found - truth[name]) / abs(truth[name]), held)
+                (abs(estimate - truth[name]) / abs(truth[name]), covered)
             )
         verdicts.setdefault(leg, []).append(total["verdict"])
     report: dict[str, Any] = {"seeds": seeds, "runs": {}}
@@ -114,7 +114,7 @@ def main() -> None:
             name: {
                 "median_percent": round(100.0 * float(np.median([error for error, _ in pairs])), 3),
                 "largest_percent": round(100.0 * max(error for error, _ in pairs), 3),
-                "coverage": round(float(np.mean([held for _, held in pairs])), 3),
+                "coverage": round(float(np.mean([covered for _, covered in pairs])), 3),
                 "printed_percent": PRINTED_PERCENT[name] if leg.startswith("steps_") else None,
             }
             for name, pairs in found_of.items()

@@ -76,12 +76,12 @@ def row(ours: Answer, theirs: Answer, scale: Array) -> Row:
             answers[place] = run()
             times[place] = min(times[place], time.perf_counter() - begin)
     own, other = answers
-    apart = np.max(np.abs(own - other) * scale) / np.max(np.abs(other) * scale)
+    difference = np.max(np.abs(own - other) * scale) / np.max(np.abs(other) * scale)
     return {
         "auvid_s": times[0],
         "other_s": times[1],
         "ratio": times[1] / times[0],
-        "difference": float(apart),
+        "difference": float(difference),
     }
 
 
@@ -219,7 +219,7 @@ def output_error() -> dict[str, Row]:
     }
     parameters = UnknownParameters(simulated.vehicle, terms, fixed=fixed)
     start = np.array([0.95 * model.coefficients[axis][own[axis]] for axis in AXES])
-    known = NoiseModel(noise.sensor_sd)
+    sensor_noise = NoiseModel(noise.sensor_sd)
     windows, _ = cut_windows(legs, length_s=WINDOW_S)
     likelihood = Likelihood(legs, windows, parameters, False, np.ones(10))
     size = likelihood.unknowns
@@ -228,12 +228,14 @@ def output_error() -> dict[str, Row]:
 
     def errors(values: Array) -> Array:
         runs = likelihood.run(
-            values[:size], values[size:].reshape(starts.shape), known, sensitive=False
+            values[:size], values[size:].reshape(starts.shape), sensor_noise, sensitive=False
         )
         return np.concatenate([run.errors / np.sqrt(run.variances) for run in runs])
 
     def ours() -> Array:
-        fit = fit_output_error(legs, parameters, start, sensor_sd=known.sensor_sd, tolerance=1e-6)
+        fit = fit_output_error(
+            legs, parameters, start, sensor_sd=sensor_noise.sensor_sd, tolerance=1e-6
+        )
         white = np.sqrt(np.diag(fit.information_covariance))
         reached[:] = [-fit.log_likelihood[-1], white]
         return fit.theta
@@ -250,16 +252,16 @@ def output_error() -> dict[str, Row]:
     own_values = ours()  # compiles
     figures = row(ours, by_scipy, 1.0 / reached[1])
     del figures["difference"]
-    apart = np.abs(own_values - by_scipy()) / other[1]
+    differences = np.abs(own_values - by_scipy()) / other[1]
     constants = likelihood.evaluate(
-        np.concatenate([start, first.ravel()]), starts, known, sensitive=False
+        np.concatenate([start, first.ravel()]), starts, sensor_noise, sensitive=False
     )[1]
     sure = 0.5 * sum(float(np.sum(np.log(2.0 * np.pi * run.variances))) for run in constants)
     return {
         "output_error_scipy": {
             **figures,
             "unknowns": float(size + starts.size),
-            "largest_difference_in_standard_errors": float(apart.max()),
+            "largest_difference_in_standard_errors": float(differences.max()),
             "largest_ratio_of_standard_errors": float((reached[1] / other[1]).max()),
             "log_likelihood_above_scipy": other[0] + sure - reached[0],
         }

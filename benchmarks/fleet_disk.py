@@ -49,10 +49,10 @@ def add_log(folder: Path, number: int, plan: Path) -> None:
     place = disk / f"{number // 100:02d}" / f"{number:04d}"
     if place.is_dir():
         return
-    made = folder / "simulated"
-    shutil.rmtree(made, ignore_errors=True)
-    write_campaign(VEHICLE, plan, made, format=kind, seed=number)
-    logs = sorted((made / "logs").iterdir())
+    simulated = folder / "simulated"
+    shutil.rmtree(simulated, ignore_errors=True)
+    write_campaign(VEHICLE, plan, simulated, format=kind, seed=number)
+    logs = sorted((simulated / "logs").iterdir())
     if number % DAMAGED_EVERY == 0:
         damaged = disk / "damaged" / f"{number:04d}{logs[0].suffix}"
         damaged.parent.mkdir(parents=True, exist_ok=True)
@@ -63,7 +63,7 @@ def add_log(folder: Path, number: int, plan: Path) -> None:
         (disk / "copies").mkdir(parents=True, exist_ok=True)
         shutil.copy(logs[0], disk / "copies" / f"{number:04d}{logs[0].suffix}")
     place.parent.mkdir(parents=True, exist_ok=True)
-    (made / "logs").rename(place)
+    (simulated / "logs").rename(place)
 
 
 def main() -> None:

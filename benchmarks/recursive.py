@@ -73,10 +73,10 @@ def throughput(samples: int) -> dict[str, float]:
     best = float("inf")
     for _ in range(3):
         begin = time.perf_counter()
-        found = recursive_least_squares(form)
+        estimate = recursive_least_squares(form)
         best = min(best, time.perf_counter() - begin)
     theta, _ = batch_least_squares(form)
-    difference = float(np.max(np.abs(found.theta[-1] / theta - 1.0)))
+    difference = float(np.max(np.abs(estimate.theta[-1] / theta - 1.0)))
     return {
         "samples": float(samples),
         "million_samples_per_s": samples / best / 1e6,
@@ -133,8 +133,8 @@ def varying_steps(seeds: int) -> dict[str, float]:
         rng = np.random.default_rng(4)
         errors = []
         for _ in range(seeds):
-            found = estimated(run, velocity, rng)
-            each = (found.fits["quadratic"].values, found.recursive["quadratic"].values[-1])
+            estimate = estimated(run, velocity, rng)
+            each = (estimate.fits["quadratic"].values, estimate.recursive["quadratic"].values[-1])
             errors.append(
                 [[(dry - values[0]) / added - 1.0, values[2] / quadratic - 1.0] for values in each]
             )
@@ -154,19 +154,19 @@ def single_step(seeds: int) -> dict[str, float]:
     dry, added, _, _ = TABLE_4["surge"]
     run, velocity = truth_run("surge", (0.0,), (60.0,), 30.0)
     rng = np.random.default_rng(3)
-    held = fired = recursive = 0
+    covered = fired = recursive = 0
     for _ in range(seeds):
-        found = estimated(run, velocity, rng)
-        low, high = found.fits["quadratic"].mass_interval
-        held += low < dry - added < high
+        estimate = estimated(run, velocity, rng)
+        low, high = estimate.fits["quadratic"].mass_interval
+        covered += low < dry - added < high
         value, spread = (
-            found.recursive["quadratic"].values[-1, 0],
-            found.recursive["quadratic"].spread[-1, 0],
+            estimate.recursive["quadratic"].values[-1, 0],
+            estimate.recursive["quadratic"].spread[-1, 0],
         )
         recursive += abs(value - dry + added) < 1.96 * spread
-        fired += found.excitation["quadratic"].status == "not persistently exciting"
+        fired += estimate.excitation["quadratic"].status == "not persistently exciting"
     return {
-        "coverage": held / seeds,
+        "coverage": covered / seeds,
         "coverage_recursive": recursive / seeds,
         "verdict_fired": fired / seeds,
     }
@@ -185,21 +185,21 @@ def quadrifilar(seeds: int) -> dict[str, float]:
         )(t)
         swings.append((states[:, 1], slowing(tray, mass, inertia)))
     rng = np.random.default_rng(0)
-    errors, held = [], 0
+    errors, covered = [], 0
     for _ in range(seeds):
         fits = [
             fit_swing(t, rate + 0.005 * rng.standard_normal(t.size), slowing=soft)
             for rate, soft in swings
         ]
-        found = object_inertia(
+        tube = object_inertia(
             tray, 2.38, *[Estimate(fit.period_s, fit.standard_error_s) for fit in fits]
         )
-        errors.append(100.0 * abs(found.value / 0.6620 - 1.0))
-        held += found.interval[0] < 0.6620 < found.interval[1]
+        errors.append(100.0 * abs(tube.value / 0.6620 - 1.0))
+        covered += tube.interval[0] < 0.6620 < tube.interval[1]
     return {
         "largest_error_percent": max(errors),
         "median_error_percent": float(np.median(errors)),
-        "coverage": held / seeds,
+        "coverage": covered / seeds,
     }
 
 

@@ -58,12 +58,12 @@ def counted(legs: Sequence[ThrusterLeg], right: Array, limit: float) -> tuple[in
     best = named = 0
     faults = wiring._faulty(right)
     for outputs, wrong in faults.items():
-        seen = with_allocation(legs, right, wrong)
+        miswired = with_allocation(legs, right, wrong)
         with patch.multiple(wiring, CERTAIN=-np.inf, LEAST_GAIN=-np.inf):
-            fault = wiring.wiring_fault(seen, wrong)
+            fault = wiring.wiring_fault(miswired, wrong)
         best += fault is not None and fault.outputs == outputs
         with patch.multiple(wiring, CERTAIN=limit):
-            fault = wiring.wiring_fault(seen, wrong)
+            fault = wiring.wiring_fault(miswired, wrong)
         named += fault is not None and fault.outputs == outputs
     return best, named, len(faults)
 

@@ -302,12 +302,12 @@ def _command(name: str, command: Any) -> str:
         f"```text\nauvid {name} [OPTIONS] {words}".rstrip() + "\n```\n",
         help_text + "\n",
     ]
-    given = [
+    rows = [
         (f"`{item.metavar or item.name}`".replace("|", "\\|"), line(_plain(item.help or "")))
         for item in arguments
     ]
-    if given:
-        parts.append(table(("argument", "meaning"), given))
+    if rows:
+        parts.append(table(("argument", "meaning"), rows))
     if options := _options(command):
         parts.append(table(("option", "meaning"), options))
     if command.epilog:
@@ -351,7 +351,7 @@ def _stage(stage: AnyStage) -> str:
     item = "the campaign" if stage.maps_over == "campaign" else f"each {stage.maps_over}"
     gives = f", and gives {stage.yields}s" if stage.yields else ""
     reads = ", ".join(_port(spec["port"]) for spec in ports(stage.inputs).values())
-    made = ", ".join(_port(spec["port"]) for spec in ports(stage.outputs).values())
+    writes = ", ".join(_port(spec["port"]) for spec in ports(stage.outputs).values())
     rows = [
         (
             f"`{item.name}`",
@@ -364,7 +364,7 @@ def _stage(stage: AnyStage) -> str:
     ]
     return (
         f"## {stage.name}\n\n{stage.summary} Runs once for {item}{gives}.\n\n*Reads* {reads}.\n\n"
-        f"*Writes* {made or 'nothing'}.\n\n"
+        f"*Writes* {writes or 'nothing'}.\n\n"
         + (table(("parameter", "unit", "default", "allowed", "meaning"), rows) if rows else "")
     )
 

@@ -51,7 +51,7 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     """
     path = files[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    found = set()
+    modules = set()
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             targets = [alias.name for alias in node.names]
@@ -67,8 +67,8 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
             targets = [member if member in files else base for member in members]
         else:
             continue
-        found |= {target.removeprefix(f"{PACKAGE}.") for target in targets} & set(files)
-    return found - {name}
+        modules |= {target.removeprefix(f"{PACKAGE}.") for target in targets} & set(files)
+    return modules - {name}
 
 
 @cache
@@ -167,13 +167,13 @@ def main() -> None:
         "checkout", nargs="?", type=Path, default=Path(__file__).resolve().parents[1]
     )
     parser.add_argument("--arrows", action="store_true", help="list the arrows of each folder")
-    asked = parser.parse_args()
-    root = asked.checkout.resolve()
+    options = parser.parse_args()
+    root = options.checkout.resolve()
     print(f"{'folder':<44} rooms levels arrows climbs")
     for folder in folders(root):
         figures = (len(folder.rooms), folder.levels, len(folder.arrows), len(folder.climbs))
         print(f"{folder.path:<44} {figures[0]:5d} {figures[1]:6d} {figures[2]:6d} {figures[3]:6d}")
-        for start, end in folder.arrows if asked.arrows else folder.climbs:
+        for start, end in folder.arrows if options.arrows else folder.climbs:
             print(f"    {start} -> {end}{' climbs' if (start, end) in folder.climbs else ''}")
     for ring in circles(import_graph(root)):
         print("circle of files:", ", ".join(ring))

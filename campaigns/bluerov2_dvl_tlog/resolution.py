@@ -89,7 +89,7 @@ def changes() -> tuple[Errors, dict[str, Errors]]:
     )
     streams = make_tlog.streams_of(make_tlog.SOURCE)
     start_us = int(column(streams["velocity"], "time_us")[0])
-    found: dict[str, Errors] = {}
+    by_stream: dict[str, Errors] = {}
     with tempfile.TemporaryDirectory() as name:
         workspace = Path(name)
         for campaign in (CSV_NAME, TLOG_NAME):
@@ -99,7 +99,7 @@ def changes() -> tuple[Errors, dict[str, Errors]]:
         exact = errors(workspace, CSV_NAME)
         for stream, step in make_tlog.STEPS.items():
             file = logs / f"{stream}.csv"
-            whole = file.read_bytes()
+            original = file.read_bytes()
             file.write_text(
                 make_csv.csv_text(
                     rounded(streams[stream], step.fields, step.time_us),
@@ -107,10 +107,10 @@ def changes() -> tuple[Errors, dict[str, Errors]]:
                     start_us,
                 )
             )
-            found[stream] = _relative(errors(workspace, CSV_NAME), exact)
-            file.write_bytes(whole)
-        found["telemetry"] = _relative(errors(workspace, TLOG_NAME), exact)
-    return exact, found
+            by_stream[stream] = _relative(errors(workspace, CSV_NAME), exact)
+            file.write_bytes(original)
+        by_stream["telemetry"] = _relative(errors(workspace, TLOG_NAME), exact)
+    return exact, by_stream
 
 
 def _relative(errors: Errors, exact: Errors) -> Errors:
@@ -119,17 +119,17 @@ def _relative(errors: Errors, exact: Errors) -> Errors:
 
 def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    exact, found = changes()
+    exact, by_stream = changes()
     with TARGET.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["use", "model", "J", *(f"{name}_percent" for name in found)])
+        writer.writerow(["use", "model", "J", *(f"{name}_percent" for name in by_stream)])
         for (use, model), value in exact.items():
             writer.writerow(
                 [
                     use,
                     model,
                     f"{value:.6g}",
-                    *(f"{100 * change[use, model]:.4f}" for change in found.values()),
+                    *(f"{100 * change[use, model]:.4f}" for change in by_stream.values()),
                 ]
             )
     print(TARGET.read_text())

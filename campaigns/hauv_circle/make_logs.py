@@ -113,13 +113,13 @@ def flights() -> dict[str, bytes]:
     newtons = vehicle.propeller.thrust[2] * vehicle.water_density * vehicle.propeller.diameter_m**4
     logs = {}
     for name, (path, speed) in LEGS.items():
-        found = equilibrium(
+        trimmed = equilibrium(
             plant, fly_path(path, speed_m_s=speed, step_s=TICK_S, duration_s=DURATION_S)
         )
-        flown = fly(plant, design(plant, found, weights_of(cases)["thrust_mode"], stride=25))
+        flown = fly(plant, design(plant, trimmed, weights_of(cases)["thrust_mode"], stride=25))
         chi = flown.chi[0]
         rate = plant.rate(
-            chi, flown.U[0], mass_kg=found.mass_kg, force_ned_N=None, current_ned_m_s=None
+            chi, flown.U[0], mass_kg=trimmed.mass_kg, force_ned_N=None, current_ned_m_s=None
         )
         leg = Logged(
             simulated=SimpleNamespace(vehicle=vehicle),

@@ -14,6 +14,8 @@ from tests.support.source_trees import tree_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
+AROUND = ("auvid", "benchmarks", "campaigns", "tools")
+"""What users and maintainers call, beside the floors."""
 DOCUMENTS = ("data_schemas/documents/", "data_schemas/records/")
 """Fields here are keys of YAML and JSON."""
 SAYS_NOTHING = {
@@ -43,10 +45,10 @@ WIDTH = 88
 Module = tuple[str, str]
 
 
-def modules() -> Iterator[Module]:
-    """Yield path and source of every file of the product."""
-    for floor in PRODUCT:
-        for path in sorted((ROOT / floor).rglob("*.py")):
+def modules(folders: Iterable[str] = PRODUCT) -> Iterator[Module]:
+    """Yield path and source of every file of these folders."""
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("*.py")):
             yield str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
 
 
@@ -57,11 +59,13 @@ def nodes_of(source: str) -> tuple[ast.AST, ...]:
 
 
 @cache
-def names_of(source: str) -> tuple[tuple[int, str], ...]:
-    """Return line and name of the values, arguments, functions and classes of a text."""
+def names_of(source: str, values: bool) -> tuple[tuple[int, str], ...]:
+    """Return line and name of the arguments, functions and classes of a text, and of its
+    values.
+    """
     names = []
     for node in nodes_of(source):
-        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        if values and isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             names.append((node.lineno, node.id))
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.append((node.lineno, node.name))
@@ -70,14 +74,14 @@ def names_of(source: str) -> tuple[tuple[int, str], ...]:
     return tuple(names)
 
 
-def empty_names(files: Iterable[Module], words: set[str] = SAYS_NOTHING) -> list[str]:
+def empty_names(files: Iterable[Module], *, values: bool = True) -> list[str]:
     """Return names of files, values, arguments, functions and classes that say nothing."""
     offenders = []
     for path, source in files:
-        if Path(path).stem in words:
+        if Path(path).stem in SAYS_NOTHING:
             offenders.append(path)
-        for line, name in names_of(source):
-            if name.lower().strip("_") in words:
+        for line, name in names_of(source, values):
+            if name.lower().strip("_") in SAYS_NOTHING:
                 offenders.append(f"{path}:{line} {name}")
     return offenders
 
@@ -112,8 +116,13 @@ def long_summaries(files: Iterable[Module]) -> list[str]:
 
 
 def test_no_name_says_nothing() -> None:
-    files = [item for item in modules() if not item[0].startswith(DOCUMENTS)]
+    files = [item for item in modules((*PRODUCT, *AROUND)) if not item[0].startswith(DOCUMENTS)]
     assert empty_names(files) == []
+
+
+def test_no_name_that_tests_hand_on_says_nothing() -> None:
+    """Arguments, fixtures, functions and classes; a value of one test may."""
+    assert empty_names(modules(["tests"]), values=False) == []
 
 
 def test_a_class_name_has_one_meaning() -> None:

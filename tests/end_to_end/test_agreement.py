@@ -69,8 +69,8 @@ def test_a_ulog_cut_off_agrees(tmp_path: Path) -> None:
 def test_a_missing_record_and_a_wrong_value_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     read = type(DATAFLASH).read
 
-    def wrong(self: Any, file: RawFile, wanted: frozenset[str] | None = None) -> DecodedLog:
-        log = read(self, file, wanted)
+    def wrong(self: Any, file: RawFile, topics: frozenset[str] | None = None) -> DecodedLog:
+        log = read(self, file, topics)
         imu, attitude = log.messages["IMU"], log.messages["ATT"]
         cut = replace(
             imu,

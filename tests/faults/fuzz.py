@@ -155,29 +155,29 @@ def _hangs(number: int, frame: FrameType | None) -> None:
 _unraisable: list[str] = []
 
 
-def _note_unraisable(found: Any) -> None:
-    _unraisable.append(f"ignored exception: {found.exc_value!r}")
+def _note_unraisable(unraisable: Any) -> None:
+    _unraisable.append(f"ignored exception: {unraisable.exc_value!r}")
 
 
-def source_of(name: str, kind: str, whole: bool) -> SmallLog:
+def source_of(name: str, kind: str, full_length: bool) -> SmallLog:
     """The log that a kind of damage is tried on."""
-    short = kind in SINGLE and name in BINARY and not whole
+    short = kind in SINGLE and name in BINARY and not full_length
     return short_log(name) if short else small_log(name)
 
 
 def try_cases(work: tuple[str, str, bool, list[int]]) -> tuple[str, str, int, Tally]:
     """Judge the cases of one chunk; failing ones are written to files."""
-    name, kind, whole, numbers = work
-    source, tally = source_of(name, kind, whole), Tally()
+    name, kind, full_length, numbers = work
+    source, tally = source_of(name, kind, full_length), Tally()
     for number in numbers:
         data, kept = damaged(source, kind, number)
         signal.alarm(HANG_S)
         result = judge(source, data, kept)
-        found = failures(source, result)
+        faults = failures(source, result)
         if number % INGEST_EVERY == 0 and (fault := ingest_fault(source, data)):
-            found.append(fault)
+            faults.append(fault)
         signal.alarm(0)
-        found += _unraisable
+        faults += _unraisable
         _unraisable.clear()
         tally.cases += 1
         tally.invented += result.invented
@@ -190,20 +190,20 @@ def try_cases(work: tuple[str, str, bool, list[int]]) -> tuple[str, str, int, Ta
             tally.read += 1
             tally.share_sum += share
             tally.share_worst = max(tally.share_worst, share)
-        text = " ".join(found)
+        text = " ".join(faults)
         hung = "TimeoutError" in text
         tally.hung += hung
         tally.crashed += not hung and any(word in text for word in CRASHES)
         tally.wrong += "values of" in text
-        if found:
-            tally.failed.append((number, found))
+        if faults:
+            tally.failed.append((number, faults))
             if len(tally.failed) <= KEPT_FILES:
-                keep(source, kind, number, data, kept, found)
+                keep(source, kind, number, data, kept, faults)
     return name, kind, numbers[0], tally
 
 
 def chunks(
-    names: list[str], mutated: int, every: int, whole: bool
+    names: list[str], mutated: int, every: int, full_length: bool
 ) -> Iterator[tuple[str, str, list[int]]]:
     """Yield reader, kind and numbers of chunks that spread over the whole of a kind.
 
@@ -212,7 +212,7 @@ def chunks(
     spread: list[tuple[float, str, str, list[int]]] = []
     for name in names:
         for kind in KINDS:
-            numbers = range(0, count(source_of(name, kind, whole), kind, mutated), every)
+            numbers = range(0, count(source_of(name, kind, full_length), kind, mutated), every)
             parts = -(-len(numbers) // CHUNK)
             for part in range(parts):
                 spread.append((part / parts, name, kind, list(numbers[part::parts])))
@@ -220,14 +220,14 @@ def chunks(
         yield name, kind, chunk
 
 
-def record_file(whole: bool) -> Path:
+def record_file(full_length: bool) -> Path:
     """Return the file of the chunks that were tried with the code that stands here."""
     digest = hashlib.sha256()
     for folder in CODE:
         for path in sorted((ROOT / folder).rglob("*.*")):
             if path.suffix != ".pyc":
                 digest.update(path.read_bytes())
-    return ROOT / "build" / "fuzz" / f"{digest.hexdigest()[:12]}{'_whole' * whole}.jsonl"
+    return ROOT / "build" / "fuzz" / f"{digest.hexdigest()[:12]}{'_whole' * full_length}.jsonl"
 
 
 def tried(path: Path) -> Iterator[tuple[str, str, list[int], Tally]]:

@@ -223,10 +223,10 @@ def test_log_that_cannot_be_read_names_manifest_and_log(
     if fault == "LOG_WITHOUT_PERMISSION":
         true = Path.open
 
-        def refuse(path: Path, *given: object, **named: object) -> object:
+        def refuse(path: Path, *arguments: object, **named: object) -> object:
             if path == log:
                 raise PermissionError(13, "Permission denied")
-            return true(path, *given, **named)  # type: ignore[call-overload]
+            return true(path, *arguments, **named)  # type: ignore[call-overload]
 
         monkeypatch.setattr(
             Path, "open", refuse

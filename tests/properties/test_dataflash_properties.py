@@ -118,18 +118,21 @@ def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[floa
     begin, end = np.array([part.start for part in kept]), np.array([part.stop for part in kept])
     shift = np.array([part.offset for part in kept]) - begin
 
-    def whole(first: Any, last: Any) -> Any:
+    def undamaged(first: Any, last: Any) -> Any:
         part = np.maximum(np.searchsorted(begin, first, side="right") - 1, 0)
         return (begin[part] <= first) & (last <= end[part]), shift[part]
 
-    expected = found = invented = 0
+    expected = recovered = invented = 0
     for name, offset in starts(clean).items():
-        there, moved = whole(offset, offset + length[name])
-        if name != "FMT" and not whole(np.array([place[name]]), np.array([place[name] + 89]))[0][0]:
+        there, moved = undamaged(offset, offset + length[name])
+        if (
+            name != "FMT"
+            and not undamaged(np.array([place[name]]), np.array([place[name] + 89]))[0][0]
+        ):
             continue
         targets = (offset + moved)[there]
         expected += targets.size
-        found += (
+        recovered += (
             int(np.isin(targets, log.messages[name].offset).sum()) if name in log.messages else 0
         )
     sources = np.sort(np.concatenate(list(starts(clean).values())))
@@ -138,7 +141,7 @@ def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[floa
         source = offset - shift[np.maximum(part, 0)]
         inside = (part >= 0) & (source + 3 <= end[np.maximum(part, 0)])
         invented += int((inside & ~np.isin(source, sources)).sum())
-    return found / max(expected, 1), invented
+    return recovered / max(expected, 1), invented
 
 
 @pytest.mark.parametrize(

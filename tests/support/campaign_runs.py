@@ -87,7 +87,7 @@ def auvid(*words: str, folder: Path) -> str:
 
 def computed_once(folder: Path, make: Callable[[], T]) -> T:
     """Return what `make` gives in the first worker that comes, kept in `folder`."""
-    made_once(folder, lambda made: (made / VALUE).write_bytes(pickle.dumps(make())) and None)
+    made_once(folder, lambda place: (place / VALUE).write_bytes(pickle.dumps(make())) and None)
     value: T = pickle.loads((folder / VALUE).read_bytes())
     return value
 

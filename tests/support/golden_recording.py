@@ -59,11 +59,11 @@ HEALTH: dict[str, Any] = {
 LEGS = [{"id": "train 1", "use": "training", "start_s": 2.0, "end_s": 30.0}]
 
 
-def made() -> bytes:
+def recording() -> bytes:
     """The recording as it is made now."""
     return record_log("dive", tables(), INFO, HEALTH, LEGS)
 
 
 if __name__ == "__main__":
     GOLDEN.parent.mkdir(exist_ok=True)
-    GOLDEN.write_bytes(made())
+    GOLDEN.write_bytes(recording())

@@ -61,11 +61,11 @@ def depths(first: int, last: int, id: int = 0) -> bytes:
     return b"".join(depth(number, id) for number in range(first, last))
 
 
-def read(raw: bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
+def read(raw: bytes, topics: frozenset[str] | None = None) -> DecodedLog:
     """Read, and check that every byte is accounted for and that what is given is
     consistent.
     """
-    log = ULOG.read(RawFile("test.ulg", np.frombuffer(raw, np.uint8)), wanted)
+    log = ULOG.read(RawFile("test.ulg", np.frombuffer(raw, np.uint8)), topics)
     account = log.account
     assert (
         account.size

@@ -43,8 +43,8 @@ def inputs(
     )
 
 
-def run(given: check_installation.Inputs) -> InstallationRecord:
-    result = check_installation.run(given, check_installation.Params())
+def run(inputs: check_installation.Inputs) -> InstallationRecord:
+    result = check_installation.run(inputs, check_installation.Params())
     check_document(result.installation, "installation")
     return result.installation
 

@@ -122,9 +122,9 @@ def inputs(
 
 
 def errors(
-    made: check_truth.Outputs, use: str = "all", segment: str = "all"
+    outputs: check_truth.Outputs, use: str = "all", segment: str = "all"
 ) -> dict[tuple[str, str], dict[str, Any]]:
-    rows = made.truth_errors.to_pylist()
+    rows = outputs.truth_errors.to_pylist()
     return {
         (row["quantity"], row["axis"]): row
         for row in rows
@@ -137,8 +137,8 @@ def test_errors_are_those_put_in(turn: float) -> None:
     """Offsets of one velocity, the heading (whole turns aside), one force and one bias;
     all else agrees.
     """
-    made = check_truth.run(inputs(turn=turn), check_truth.Params())
-    found = errors(made)
+    outputs = check_truth.run(inputs(turn=turn), check_truth.Params())
+    found = errors(outputs)
     put_in = {
         ("velocity", "u"): 0.03,
         ("attitude", "psi"): 0.01,
@@ -153,7 +153,7 @@ def test_errors_are_those_put_in(turn: float) -> None:
     assert found[("force, all axes", "all")]["rms_error"] == pytest.approx(2.0 / np.sqrt(6.0))
     assert found[("force, all axes", "all")]["mean_error"] is None
     assert ("accelerometer bias", "x") not in found
-    assert errors(made, "validation", "leg") == {
+    assert errors(outputs, "validation", "leg") == {
         key: row | {"use": "validation", "segment": "leg"} for key, row in found.items()
     }
 
@@ -173,11 +173,11 @@ def test_models_are_judged_on_the_true_force() -> None:
 
 
 def test_true_motion_is_on_the_clock_of_the_segment() -> None:
-    made = check_truth.run(inputs(turn=2.0 * np.pi), check_truth.Params()).true_motion["leg"]
-    np.testing.assert_allclose(column(made, "t_s"), T)
-    np.testing.assert_allclose(column(made, "u_m_s"), 0.1 * (1.0 + T + START_S), atol=1e-12)
+    outputs = check_truth.run(inputs(turn=2.0 * np.pi), check_truth.Params()).true_motion["leg"]
+    np.testing.assert_allclose(column(outputs, "t_s"), T)
+    np.testing.assert_allclose(column(outputs, "u_m_s"), 0.1 * (1.0 + T + START_S), atol=1e-12)
     np.testing.assert_allclose(
-        column(made, "psi_rad"), 0.6 * (1.0 + T + START_S) + 2.0 * np.pi, atol=1e-12
+        column(outputs, "psi_rad"), 0.6 * (1.0 + T + START_S) + 2.0 * np.pi, atol=1e-12
     )
 
 
@@ -185,13 +185,13 @@ def test_bounds_met_and_missed() -> None:
     """RMS error of u, v, w is 0.03 / sqrt 3 = 0.0173 m/s, of the gyro bias 0.001 / sqrt
     3 rad/s.
     """
-    made = check_truth.run(
+    outputs = check_truth.run(
         inputs(),
         check_truth.Params(
             velocity_error_m_s=0.017, gyro_bias_rad_s=6e-4, force_error=0.9, ratio={"linear": 0.2}
         ),
     )
-    held = {row["figure"]: row["met"] for row in made.trust_checks.to_pylist()}
+    held = {row["figure"]: row["met"] for row in outputs.trust_checks.to_pylist()}
     assert held == {
         "RMS error of the residual force, six axes": True,
         "RMS error of u, v, w": False,
@@ -200,7 +200,7 @@ def test_bounds_met_and_missed() -> None:
     }
     warned = [
         block["text"]
-        for block in made.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
     assert warned == [
@@ -222,8 +222,8 @@ def test_a_model_of_the_form_that_flew_is_no_test(flown: Any, evidence: str) -> 
     """J/J0 of a model that has every term of the truth is the noise of the sensors."""
     given = inputs()
     given = replace(given, simulation={**given.simulation, "coefficients": flown})
-    made = check_truth.run(given, check_truth.Params(force_error=0.9, ratio={"linear": 0.2}))
-    kinds = {row["figure"]: row["evidence"] for row in made.trust_checks.to_pylist()}
+    outputs = check_truth.run(given, check_truth.Params(force_error=0.9, ratio={"linear": 0.2}))
+    kinds = {row["figure"]: row["evidence"] for row in outputs.trust_checks.to_pylist()}
     assert kinds == {
         "RMS error of the residual force, six axes": "method",
         "J/J0 of linear, validation": evidence,
@@ -231,9 +231,9 @@ def test_a_model_of_the_form_that_flew_is_no_test(flown: Any, evidence: str) -> 
 
 
 def test_without_bounds_nothing_is_checked() -> None:
-    made = check_truth.run(inputs(), check_truth.Params())
-    assert made.trust_checks.num_rows == 0
-    assert not [block for block in made.section["blocks"] if block["kind"] == "remark"]
+    outputs = check_truth.run(inputs(), check_truth.Params())
+    assert outputs.trust_checks.num_rows == 0
+    assert not [block for block in outputs.section["blocks"] if block["kind"] == "remark"]
 
 
 @pytest.mark.parametrize(

@@ -40,17 +40,17 @@ def motion() -> Motion:
     return rich_motion(40.0, seed=4)
 
 
-def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fuse.Inputs:
+def inputs(motion: Motion, sensors: Sensors, described: Sensors | None = None) -> fuse.Inputs:
     """What resample gives of the motion as `sensors` see it, with the vehicle file that
     `told` describes.
     """
-    vehicle = mounted_vehicle(told or sensors)
+    vehicle = mounted_vehicle(described or sensors)
     streams = sampled(resampled_table(motion, sensors, sensor_axes=True), 0.0)
     log = log_document(
         end_us=int(motion.t_s[-1] * 1e6), start_us=0, accelerometer=sensors.convention
     )
-    given = resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams)
-    cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
+    leg = resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams)
+    cut = resample.run(leg, resample.Params(smoothing="none", rate_hz=RATE_HZ))
     samples = {
         name: getattr(cut, name)["one"]
         for name in ("samples_imu", "samples_velocity", "samples_depth")
@@ -58,20 +58,20 @@ def inputs(motion: Motion, sensors: Sensors, told: Sensors | None = None) -> fus
     return fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log, **samples)
 
 
-def run(given: fuse.Inputs, **params: Any) -> fuse.Outputs:
-    found = fuse.run(
-        given, fuse.Params(**{"method": "smoother", "cutoff_hz": None, "edge_s": 2.0, **params})
+def run(inputs: fuse.Inputs, **params: Any) -> fuse.Outputs:
+    outputs = fuse.run(
+        inputs, fuse.Params(**{"method": "smoother", "cutoff_hz": None, "edge_s": 2.0, **params})
     )
-    check_document(found.fusion, "fusion")
-    return found
+    check_document(outputs.fusion, "fusion")
+    return outputs
 
 
-def errors(found: fuse.Outputs, motion: Motion) -> tuple[float, float]:
+def errors(outputs: fuse.Outputs, motion: Motion) -> tuple[float, float]:
     """RMS errors of velocity [m/s] and its rate [m/s^2] over u, v, w."""
-    t_s = column(found.fused, "t_s")
+    t_s = column(outputs.fused, "t_s")
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
-    velocity = matrix(found.fused, VELOCITY[:3]) - motion.nu[rows, :3]
-    rate = matrix(found.fused, ACCELERATION[:3]) - motion.nu_dot[rows, :3]
+    velocity = matrix(outputs.fused, VELOCITY[:3]) - motion.nu[rows, :3]
+    rate = matrix(outputs.fused, ACCELERATION[:3]) - motion.nu_dot[rows, :3]
     return float(np.sqrt(np.mean(velocity**2))), float(np.sqrt(np.mean(rate**2)))
 
 
@@ -99,7 +99,7 @@ def test_gives_standard_deviations(motion: Motion) -> None:
 
 def test_takes_the_estimated_installation(motion: Motion) -> None:
     unknown = replace(ODD, dvl_arm=np.zeros(3))
-    blind = inputs(motion, ODD, told=unknown)
+    blind = inputs(motion, ODD, described=unknown)
     estimate = InstallationEstimate(arm_m=ODD.dvl_arm.tolist(), angles_rad=[0.0] * 3, lag_s=0.0)
     known = replace(blind, installation=installation_record(estimate))
     right, wrong = run(known, installation="estimate"), run(blind)

@@ -84,10 +84,10 @@ def run(
     return residual.run(given, residual.Params(**params))
 
 
-def warnings(found: residual.Outputs) -> list[str]:
+def warnings(outputs: residual.Outputs) -> list[str]:
     return [
         block["text"]
-        for block in found.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
 

@@ -64,17 +64,17 @@ def run(
     return cards, found
 
 
-def rows(found: validate.Outputs) -> dict[tuple[str, str, str, str], dict[str, Any]]:
+def rows(outputs: validate.Outputs) -> dict[tuple[str, str, str, str], dict[str, Any]]:
     return {
         (row["use"], row["leg"], row["model"], row["axis"]): row
-        for row in found.error_table.to_pylist()
+        for row in outputs.error_table.to_pylist()
     }
 
 
-def remarks(found: validate.Outputs, level: str) -> list[str]:
+def remarks(outputs: validate.Outputs, level: str) -> list[str]:
     return [
         block["text"]
-        for block in found.section["blocks"]
+        for block in outputs.section["blocks"]
         if block["kind"] == "remark" and block["level"] == level
     ]
 

@@ -114,15 +114,15 @@ def runs(starts: int, diverged: int, error: float) -> dict[str, Any]:
 
 
 def test_free_runs_are_weighted_by_their_number_and_counted_where_they_diverge() -> None:
-    def found(*rows: dict[str, Any]) -> GoldenFigure:
+    def figure(*rows: dict[str, Any]) -> GoldenFigure:
         return read("free_run", pa.Table.from_pylist(list(rows)))["fossen", "velocity after 5 s"]
 
-    assert found(runs(1, 0, 1.0), runs(3, 0, 3.0)) == GoldenFigure(4.58258, None, "m/s", "bounded")
-    assert found(runs(1, 0, 1.0), runs(3, 2, 3.0)) == GoldenFigure(
+    assert figure(runs(1, 0, 1.0), runs(3, 0, 3.0)) == GoldenFigure(4.58258, None, "m/s", "bounded")
+    assert figure(runs(1, 0, 1.0), runs(3, 2, 3.0)) == GoldenFigure(
         None, None, "m/s", "2 of 4 diverged"
     )
     nan = float("nan")
-    most = found(runs(3, 0, 1.0), runs(4, 1, 3.0), runs(1, 1, nan))
+    most = figure(runs(3, 0, 1.0), runs(4, 1, 3.0), runs(1, 1, nan))
     assert most == GoldenFigure(3.87298, None, "m/s", "2 of 8 diverged")
 
 

@@ -25,7 +25,7 @@ GOOD = "linear,36,36,2,8,.25,1,1,1,1,1,1"
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         (
             f"{HEAD}\n{GOOD}\nfossen,12,12,two,8,.5,1,1,1,1,1,1\n",
@@ -66,13 +66,13 @@ GOOD = "linear,36,36,2,8,.25,1,1,1,1,1,1"
     ],
 )
 def test_malformed_table_is_refused_with_file_row_and_field(
-    tmp_path: Path, text: str | bytes, says: str
+    tmp_path: Path, text: str | bytes, message: str
 ) -> None:
     (tmp_path / "training.csv").write_bytes(text.encode() if isinstance(text, str) else text)
     with (
-        pytest.raises(CampaignError, match=says)
-        if "faults" not in says
-        else pytest.raises(PipelineError, match=says)
+        pytest.raises(CampaignError, match=message)
+        if "faults" not in message
+        else pytest.raises(PipelineError, match=message)
     ):
         golden.read_tables(tmp_path)
 
@@ -84,8 +84,8 @@ def test_spreadsheet_leavings_are_read(tmp_path: Path) -> None:
     (tmp_path / "training.csv").write_bytes(
         b"\xef\xbb\xbf" + f"{HEAD}\n{GOOD}\n\n".replace("\n", "\r\n").encode()
     )
-    found = golden.read_tables(tmp_path)["training"]["linear"]
-    assert list(found.items())[:6] == [
+    document = golden.read_tables(tmp_path)["training"]["linear"]
+    assert list(document.items())[:6] == [
         ("n_bar", 36.0),
         ("rank", 36.0),
         ("J", 2.0),
@@ -102,63 +102,63 @@ def test_misnamed_table_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "kind", "says"),
+    ("change", "kind", "message"),
     [
         (
-            lambda found: found["columns"].pop("K"),
+            lambda document: document["columns"].pop("K"),
             CampaignError,
             r"field 'columns\.K': no tolerance for this column",
         ),
         (
-            lambda found: found["columns"].update(ration=found["columns"].pop("ratio")),
+            lambda document: document["columns"].update(ration=document["columns"].pop("ratio")),
             PipelineError,
             "Did you mean 'ratio'",
         ),
         (
-            lambda found: found["columns"].update(Q=found["columns"]["K"]),
+            lambda document: document["columns"].update(Q=document["columns"]["K"]),
             CampaignError,
             r"columns\.Q': no such column",
         ),
         (
-            lambda found: found["columns"]["J"].pop("relative"),
+            lambda document: document["columns"]["J"].pop("relative"),
             CampaignError,
             r"columns\.J': needs relative, absolute or both",
         ),
         (
-            lambda found: found["columns"]["J"].update(relative=-0.1),
+            lambda document: document["columns"]["J"].update(relative=-0.1),
             SchemaError,
             r"columns\.J\.relative': out of range; found -0\.1",
         ),
         (
-            lambda found: found["columns"]["J"].update(relative=math.nan),
+            lambda document: document["columns"]["J"].update(relative=math.nan),
             SchemaError,
             r"columns\.J\.relative': not finite; found nan",
         ),
         (
-            lambda found: found["columns"]["J"].update(relativ=0.1),
+            lambda document: document["columns"]["J"].update(relativ=0.1),
             SchemaError,
             "Did you mean 'relative'",
         ),
         (
-            lambda found: found["columns"]["J"].pop("reason"),
+            lambda document: document["columns"]["J"].pop("reason"),
             SchemaError,
             r"columns\.J\.reason': missing key",
         ),
     ],
 )
 def test_tolerances_are_checked(
-    tmp_path: Path, change: Callable[[Any], object], kind: type[PipelineError], says: str
+    tmp_path: Path, change: Callable[[Any], object], kind: type[PipelineError], message: str
 ) -> None:
     path = tmp_path / "tolerances.yaml"
     with pytest.raises(PipelineError, match=r"tolerances\.yaml: tolerances is not there"):
         golden.read_tolerances(path, COLUMNS)
-    found = read_yaml(
+    document = read_yaml(
         (ROOT / "pipeline" / "commands" / "regress" / "default_tolerances.yaml").read_text()
     )
-    found["columns"] = {name: dict(entry) for name, entry in found["columns"].items()}
-    change(found)
-    path.write_text(yaml.safe_dump(found))
-    with pytest.raises(kind, match=says):
+    document["columns"] = {name: dict(entry) for name, entry in document["columns"].items()}
+    change(document)
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(kind, match=message):
         golden.read_tolerances(path, COLUMNS)
 
 

@@ -303,7 +303,7 @@ def test_update_replaces_a_malformed_table(setting: Setting) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "message"),
     [
         (
             CHANGES.replace("0.2.0", "0.3.0"),
@@ -317,13 +317,13 @@ def test_update_replaces_a_malformed_table(setting: Setting) -> None:
     ],
 )
 def test_update_is_refused_without_a_heading_and_nothing_changes(
-    setting: Setting, tmp_path: Path, text: str | None, says: str
+    setting: Setting, tmp_path: Path, text: str | None, message: str
 ) -> None:
     setting.changelog.unlink()
     if text is not None:
         setting.changelog.write_text(text)
     before = contents(tmp_path)
-    with pytest.raises(PipelineError, match=says):
+    with pytest.raises(PipelineError, match=message):
         regress.update(against(setting, tables(training__linear__all__rms=2.5)), "why")
     assert contents(tmp_path) == before
 

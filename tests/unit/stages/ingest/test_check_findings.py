@@ -228,7 +228,7 @@ def _irregular(log: Log) -> None:
 
 
 @spoils("held_samples")
-def _held(log: Log) -> None:
+def _repeated(log: Log) -> None:
     rows = np.arange(log.t_s("velocity").size) // 4 * 4
     for name in ("u_m_s", "v_m_s", "w_m_s"):
         log.streams["velocity"][name] = log.streams["velocity"][name][rows]

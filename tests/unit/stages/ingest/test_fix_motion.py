@@ -39,10 +39,10 @@ def fixes(
     t, place, velocity = path(seed)
     at = np.arange(0, t.size, int(every_s / STEP_S))
     rng = np.random.default_rng(seed + 100)
-    seen = place[at] + noise_m * rng.standard_normal((at.size, 2))
+    measured = place[at] + noise_m * rng.standard_normal((at.size, 2))
     off = rng.random(at.size) < outliers
-    seen[off] += rng.uniform(-20.0, 20.0, (int(off.sum()), 2))
-    return t[at], seen, velocity[at]
+    measured[off] += rng.uniform(-20.0, 20.0, (int(off.sum()), 2))
+    return t[at], measured, velocity[at]
 
 
 def error_of(track: FixTrack, t_s: Array, velocity: Array) -> Array:
@@ -60,8 +60,8 @@ def test_velocity_of_fixes_has_an_honest_deviation(
 ) -> None:
     inside, errors = [], []
     for seed in range(4):
-        t_s, seen, velocity = fixes(seed, noise_m=noise_m, every_s=every_s)
-        track = fix_track(t_s, seen)
+        t_s, measured, velocity = fixes(seed, noise_m=noise_m, every_s=every_s)
+        track = fix_track(t_s, measured)
         error = error_of(track, t_s, velocity)
         inside.append(np.mean(np.abs(error) < 1.96 * track.velocity_sd))
         errors.append(np.sqrt(np.mean(error**2)))
@@ -73,21 +73,21 @@ def test_velocity_of_fixes_has_an_honest_deviation(
 
 
 def test_outliers_are_left_out_and_a_jump_begins_a_new_track() -> None:
-    t_s, seen, velocity = fixes(7, noise_m=0.5, every_s=1.0, outliers=0.1)
-    track = fix_track(t_s, seen)
+    t_s, measured, velocity = fixes(7, noise_m=0.5, every_s=1.0, outliers=0.1)
+    track = fix_track(t_s, measured)
     assert 0.05 * t_s.size < track.outliers < 0.14 * t_s.size
-    moved = seen + np.where(t_s > 150.0, 60.0, 0.0)[:, None]
+    moved = measured + np.where(t_s > 150.0, 60.0, 0.0)[:, None]
     parted = fix_track(t_s, moved)
     error = error_of(parted, t_s, velocity)
     assert np.sqrt(np.mean(error[np.abs(parted.t_s - 150.0) > 10.0] ** 2)) < 0.12
 
 
 def test_latitude_and_longitude_become_metres() -> None:
-    _, seen, _ = fixes(3, noise_m=0.0, every_s=1.0, outliers=0.0)
-    latitude = np.radians(63.4) + seen[:, 0] / 6371008.8
-    longitude = np.radians(10.4) + seen[:, 1] / 6371008.8 / np.cos(np.radians(63.4))
+    _, measured, _ = fixes(3, noise_m=0.0, every_s=1.0, outliers=0.0)
+    latitude = np.radians(63.4) + measured[:, 0] / 6371008.8
+    longitude = np.radians(10.4) + measured[:, 1] / 6371008.8 / np.cos(np.radians(63.4))
     metres = metres_from_degrees(latitude, longitude)
-    assert metres == pytest.approx(seen - seen[0], abs=0.01)
+    assert metres == pytest.approx(measured - measured[0], abs=0.01)
 
 
 def test_too_few_and_frozen_fixes_are_refused() -> None:
@@ -98,13 +98,13 @@ def test_too_few_and_frozen_fixes_are_refused() -> None:
         fix_track(t_s, np.full((60, 2), 3.0))
 
 
-def streams_of(t_s: Array, seen: Array, heading_rad: float) -> dict[str, Stream]:
+def streams_of(t_s: Array, measured: Array, heading_rad: float) -> dict[str, Stream]:
     """Return fixes with a level attitude of one heading and a depth."""
     time_us = np.rint(t_s * 1e6).astype(np.int64)
     rows = np.arange(t_s.size)
     level = np.zeros(t_s.size)
     columns = {
-        "fixes": {"north_m": seen[:, 0], "east_m": seen[:, 1]},
+        "fixes": {"north_m": measured[:, 0], "east_m": measured[:, 1]},
         "attitude": {"phi_rad": level, "theta_rad": level, "psi_rad": level + heading_rad},
         "depth": {"depth_m": 2.0 + 0.1 * t_s},
     }
@@ -115,8 +115,8 @@ def streams_of(t_s: Array, seen: Array, heading_rad: float) -> dict[str, Stream]
 
 
 def test_body_axes_come_from_the_attitude_and_heave_from_the_depth() -> None:
-    t_s, seen, velocity = fixes(5, noise_m=0.2, every_s=0.5)
-    motion = fix_motion(streams_of(t_s, seen, np.pi / 2), None)
+    t_s, measured, velocity = fixes(5, noise_m=0.2, every_s=0.5)
+    motion = fix_motion(streams_of(t_s, measured, np.pi / 2), None)
     body = motion.streams["velocity"].columns
     at = body["time_us"] / 1e6
     east = np.interp(at, t_s, velocity[:, 1])
@@ -128,8 +128,8 @@ def test_body_axes_come_from_the_attitude_and_heave_from_the_depth() -> None:
 
 def test_arm_and_mounting_of_a_velocity_log_do_not_turn_the_velocity_of_fixes() -> None:
     """What takes them off the velocity afterwards finds that of the body."""
-    t_s, seen, _ = fixes(5, noise_m=0.2, every_s=0.5)
-    streams = streams_of(t_s, seen, 0.3)
+    t_s, measured, _ = fixes(5, noise_m=0.2, every_s=0.5)
+    streams = streams_of(t_s, measured, 0.3)
     rate = named(GYRO, np.column_stack([0.0 * t_s, 0.1 + 0.0 * t_s, 0.4 * np.sin(t_s)]))
     time_us = streams["attitude"].columns["time_us"]
     streams["imu"] = Stream("imu", {"time_us": time_us, **rate}, np.arange(t_s.size), "gyro")
@@ -146,19 +146,19 @@ def test_arm_and_mounting_of_a_velocity_log_do_not_turn_the_velocity_of_fixes() 
 
 
 def test_coarse_fixes_leave_heading_and_depth() -> None:
-    t_s, seen, _ = fixes(5, noise_m=5.0, every_s=2.0)
-    motion = fix_motion(streams_of(t_s, seen, 0.0), None)
+    t_s, measured, _ = fixes(5, noise_m=5.0, every_s=2.0)
+    motion = fix_motion(streams_of(t_s, measured, 0.0), None)
     assert "velocity" not in motion.streams
     assert "too coarse for a velocity" in motion.notes[0]
     assert "heave by depth and yaw by gyro" in motion.notes[0]
 
 
 def test_a_csv_with_latitude_and_longitude_gives_a_velocity() -> None:
-    t_s, seen, _ = fixes(9, noise_m=0.3, every_s=0.5)
+    t_s, measured, _ = fixes(9, noise_m=0.3, every_s=0.5)
     degrees = np.degrees(
         [
-            np.radians(63.4) + seen[:, 0] / 6371008.8,
-            np.radians(10.4) + seen[:, 1] / 6371008.8 / np.cos(np.radians(63.4)),
+            np.radians(63.4) + measured[:, 0] / 6371008.8,
+            np.radians(10.4) + measured[:, 1] / 6371008.8 / np.cos(np.radians(63.4)),
         ]
     )
     rows = [

@@ -317,10 +317,10 @@ def empty_pendulum() -> Derivatives:
     )
 
 
-def best(found: DecayEstimate, method: str = "output_error") -> tuple[Array, Array]:
+def best(estimate: DecayEstimate, method: str = "output_error") -> tuple[Array, Array]:
     hung = pendulum_moments([*POLE, VEHICLE], G)
     out = derivatives(
-        getattr(found, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum()
+        getattr(estimate, method)["linear and quadratic"], hung, arm=ARM, empty=empty_pendulum()
     )
     return out.values, out.standard_errors
 

@@ -41,14 +41,14 @@ def varying_steps(rate_hz: float) -> tuple[Array, Array, Array]:
 
 
 def form_of(t: Array, u: Array, force: Array, rate: float = 1.0) -> StaticRegression:
-    held = np.full((len(force), 3), np.nan)
-    held[:, 2] = force
+    regressor_after = np.full((len(force), 3), np.nan)
+    regressor_after[:, 2] = force
     return static_form(
         t,
         u,
         np.column_stack([u, u * np.abs(u), np.append(force, 0.0)]),
         rate=rate,
-        regressor_after=held,
+        regressor_after=regressor_after,
     )
 
 
@@ -61,16 +61,16 @@ def random_form(n: int) -> StaticRegression:
     )
 
 
-@pytest.mark.parametrize("held", [True, False])
-def test_filter_is_exact_for_its_hold(held: bool) -> None:
+@pytest.mark.parametrize("constant", [True, False])
+def test_filter_is_exact_for_its_hold(constant: bool) -> None:
     t = np.array([0.0, 0.1, 0.4, 0.401, 2.0])
     values = np.array([1.0, -2.0, 0.5, 3.0, 1.0])
-    after = values[:-1, None] if held else None
+    after = values[:-1, None] if constant else None
     form = static_form(t, np.ones(5), values[:, None], rate=0.7, regressor_after=after)
     fine = np.linspace(0.0, 2.0, 400_001)
     signal = (
         values[np.searchsorted(t, fine[:-1], side="right") - 1]
-        if held
+        if constant
         else np.interp(0.5 * (fine[1:] + fine[:-1]), t, values)
     )
     expected = np.sum(signal * np.exp(-0.7 * (2.0 - 0.5 * (fine[1:] + fine[:-1])))) * (

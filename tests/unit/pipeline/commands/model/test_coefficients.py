@@ -46,7 +46,7 @@ def test_a_published_model_stands_beside_the_terms_that_both_have():
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         ({"vehicle": "hauvv"}, "no such vehicle.*hauv"),
         ({"vehicle": "bluerov2_heavy"}, "bluerov2_heavy.yaml.*no geometry"),
@@ -61,9 +61,9 @@ def test_a_published_model_stands_beside_the_terms_that_both_have():
         ),
     ],
 )
-def test_what_cannot_be_is_refused_with_a_remedy(given, message):
+def test_what_cannot_be_is_refused_with_a_remedy(arguments, message):
     with pytest.raises(PipelineError, match=message):
-        coefficients_of(**given)
+        coefficients_of(**arguments)
 
 
 def test_a_fin_outside_the_hull_is_named_with_file_and_line(tmp_path):

@@ -28,8 +28,8 @@ from tests.support.dataflash_writer import (
 )
 
 
-def read(data: bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
-    log = DATAFLASH.read(RawFile("log.BIN", np.frombuffer(data, np.uint8)), wanted)
+def read(data: bytes, types: frozenset[str] | None = None) -> DecodedLog:
+    log = DATAFLASH.read(RawFile("log.BIN", np.frombuffer(data, np.uint8)), types)
     account = log.account
     assert (
         account.record_bytes + account.definition_bytes + account.skipped_bytes

@@ -28,9 +28,9 @@ HEAD = (
 )
 
 
-def read(text: str | bytes, wanted: frozenset[str] | None = None) -> DecodedLog:
+def read(text: str | bytes, types: frozenset[str] | None = None) -> DecodedLog:
     data = text.encode() if isinstance(text, str) else text
-    log = DATAFLASH_TEXT.read(RawFile("dive.log", np.frombuffer(data, np.uint8)), wanted)
+    log = DATAFLASH_TEXT.read(RawFile("dive.log", np.frombuffer(data, np.uint8)), types)
     account = log.account
     assert (
         account.record_bytes + account.definition_bytes + account.skipped_bytes

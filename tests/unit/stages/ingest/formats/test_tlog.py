@@ -27,9 +27,9 @@ SMALL = DATA / "bluerov2_ugps_small" / "small.tlog"
 RECUT = DATA / "bluerov2_bad_data" / "bad_data.tlog"
 
 
-def read(data: bytes, wanted: frozenset[str] | None = None, reader: LogReader = TLOG) -> DecodedLog:
+def read(data: bytes, types: frozenset[str] | None = None, reader: LogReader = TLOG) -> DecodedLog:
     buffer = np.frombuffer(data, dtype=np.uint8)
-    decoded = reader.read(RawFile("log.tlog", buffer), wanted)
+    decoded = reader.read(RawFile("log.tlog", buffer), types)
     account = decoded.account
     assert account.size == len(data)
     assert account.record_bytes + account.definition_bytes + account.skipped_bytes == len(data)

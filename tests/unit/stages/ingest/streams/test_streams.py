@@ -56,8 +56,8 @@ def log(
     )
 
 
-def dataflash(decoded: DecodedLog, **wanted: str) -> dict[str, Stream]:
-    return map_streams(decoded, streams_dataflash.RULES, wanted)
+def dataflash(decoded: DecodedLog, **sources: str) -> dict[str, Stream]:
+    return map_streams(decoded, streams_dataflash.RULES, sources)
 
 
 def statuses(stream: Stream) -> dict[str, str]:

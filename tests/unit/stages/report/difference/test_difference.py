@@ -248,12 +248,12 @@ def test_run_against_its_golden_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "said"), [("nowhere", "no such campaign"), ("{}", "there is nothing to compare")]
+    ("word", "message"), [("nowhere", "no such campaign"), ("{}", "there is nothing to compare")]
 )
-def test_what_cannot_be_compared_is_refused(tmp_path: Path, word: str, said: str) -> None:
+def test_what_cannot_be_compared_is_refused(tmp_path: Path, word: str, message: str) -> None:
     status, words = call("diff", word.format(tmp_path), word.format(tmp_path))
     assert status == 1
-    assert said in words
+    assert message in words
 
 
 def test_unknown_model_names_the_nearest(tmp_path: Path) -> None:

@@ -21,14 +21,14 @@ RERUN = Path(sys.executable).with_name("rerun")
 
 
 @pytest.fixture(scope="module")
-def made() -> ExampleRun:
+def example() -> ExampleRun:
     return example_run({"train": 6.0, "check": 3.0})
 
 
 @pytest.fixture(scope="module")
-def printed(made: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> str:
+def printed(example: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("recordings") / "run.rrd"
-    run(made.inputs(), Params()).recording(str(file))
+    run(example.inputs(), Params()).recording(str(file))
     command = [str(RERUN), "rrd", "print", str(file)]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
 
@@ -42,8 +42,8 @@ def test_id_is_that_of_title_and_content() -> None:
     assert recording_id("潜水", {}).startswith("campaign-")
 
 
-def test_properties_are_typed_and_of_the_recommended_model(made: ExampleRun) -> None:
-    inputs = made.inputs()
+def test_properties_are_typed_and_of_the_recommended_model(example: ExampleRun) -> None:
+    inputs = example.inputs()
     content = collect(inputs)
     cards = dict(inputs.model_card or {})
     properties = run_properties("A dive", "rov", content.summary, cards)

@@ -13,7 +13,7 @@ import pytest
 
 from auvid.stages.report.recording.log_recording import last_before, log_text, record_log
 from auvid.stages.report.recording.rerun_stream import broken, rounded, thinned
-from tests.support.golden_recording import GOLDEN, HEALTH, INFO, made, tables
+from tests.support.golden_recording import GOLDEN, HEALTH, INFO, recording, tables
 
 RERUN = Path(sys.executable).with_name("rerun")
 
@@ -21,7 +21,7 @@ RERUN = Path(sys.executable).with_name("rerun")
 @pytest.fixture(scope="module")
 def printed(tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("log") / "log.rrd"
-    file.write_bytes(made())
+    file.write_bytes(recording())
     assert (
         subprocess.run(
             [str(RERUN), "rrd", "verify", str(file)], capture_output=True, check=False
@@ -65,7 +65,7 @@ def test_text_says_what_the_log_is_for() -> None:
 
 def test_recording_is_the_golden_one(tmp_path: Path) -> None:
     file = tmp_path / "log.rrd"
-    file.write_bytes(made())
+    file.write_bytes(recording())
     done = subprocess.run(
         [str(RERUN), "rrd", "compare", str(GOLDEN), str(file)],
         capture_output=True,

@@ -31,15 +31,15 @@ RERUN = Path(sys.executable).with_name("rerun")
 
 
 @pytest.fixture(scope="module")
-def made() -> ExampleRun:
+def example() -> ExampleRun:
     return example_run({"train": 6.0, "check": 3.0})
 
 
 @pytest.fixture(scope="module")
-def recordings(made: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def recordings(example: ExampleRun, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     files = [tmp_path_factory.mktemp("recordings") / f"{name}.rrd" for name in ("one", "two")]
     for file in files:
-        run(made.inputs(), Params()).recording(str(file))
+        run(example.inputs(), Params()).recording(str(file))
     return files
 
 
@@ -81,28 +81,32 @@ def test_recording_holds_every_group_once_per_segment_and_no_wall_clock(
     assert "log_tick" not in printed
 
 
-def test_segments_stand_at_their_place_and_logs_one_after_the_other(made: ExampleRun) -> None:
+def test_segments_stand_at_their_place_and_logs_one_after_the_other(example: ExampleRun) -> None:
     logs = {
-        "dive": made.logs["dive"],
-        "next": made.logs["dive"].model_copy(update={"start_us": 5_000_000, "end_us": 8_000_000}),
+        "dive": example.logs["dive"],
+        "next": example.logs["dive"].model_copy(
+            update={"start_us": 5_000_000, "end_us": 8_000_000}
+        ),
     }
     segments = {
-        **made.segments,
-        "later": made.segments["train"].model_copy(update={"log": "next", "leg_start_s": 1.0}),
+        **example.segments,
+        "later": example.segments["train"].model_copy(update={"log": "next", "leg_start_s": 1.0}),
     }
     clock = make_clock(segments, logs)
     assert clock.segments == {"train": 0.0, "check": 6.0, "later": pytest.approx(9.0 + 10.0 + 1.0)}
-    events = made.tables["ingest/dive/events"]
+    events = example.tables["ingest/dive/events"]
     times = clock.seconds("ingest/next/events", events)
     assert times is not None
     assert times[0] == pytest.approx(61.0 - 5.0 + 19.0)
     assert clock.seconds("ingest/unknown/events", events) is None
 
 
-def test_legs_of_single_axes_stand_at_their_place_in_their_log(made: ExampleRun) -> None:
+def test_legs_of_single_axes_stand_at_their_place_in_their_log(example: ExampleRun) -> None:
     logs = {
-        "dive": made.logs["dive"],
-        "next": made.logs["dive"].model_copy(update={"start_us": 5_000_000, "end_us": 8_000_000}),
+        "dive": example.logs["dive"],
+        "next": example.logs["dive"].model_copy(
+            update={"start_us": 5_000_000, "end_us": 8_000_000}
+        ),
     }
     windows = AxisWindowsRecord.model_construct(leg="pier", log="next", start_s=0.5)
     clock = make_clock({}, logs, {"pier": windows})
@@ -113,7 +117,7 @@ def test_legs_of_single_axes_stand_at_their_place_in_their_log(made: ExampleRun)
 
 
 @pytest.mark.parametrize(
-    ("owner", "wanted", "found"),
+    ("owner", "table", "path"),
     [
         ("fuse/train", "fused", "fuse/train/fused"),
         ("fuse/check", "resampled", "resample/check/resampled"),
@@ -123,8 +127,10 @@ def test_legs_of_single_axes_stand_at_their_place_in_their_log(made: ExampleRun)
         ("fuse/train", "absent", None),
     ],
 )
-def test_view_finds_its_table(made: ExampleRun, owner: str, wanted: str, found: str | None) -> None:
-    assert find_table(made.tables, owner, wanted) == found
+def test_view_finds_its_table(
+    example: ExampleRun, owner: str, table: str, path: str | None
+) -> None:
+    assert find_table(example.tables, owner, table) == path
 
 
 def test_quaternions_turn_as_the_euler_angles_do() -> None:
@@ -141,18 +147,21 @@ def test_quaternions_turn_as_the_euler_angles_do() -> None:
         np.testing.assert_allclose(turned, expected, atol=1e-12)  # rounding of products of sines
 
 
-def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) -> None:
+def test_text_beside_the_plots_names_the_model_and_what_fails(example: ExampleRun) -> None:
     summary = summarise(
-        made.cards,
-        made.ranking(),
-        made.segments,
-        made.logs,
-        made.sections,
-        made.vehicle,
+        example.cards,
+        example.ranking(),
+        example.segments,
+        example.logs,
+        example.sections,
+        example.vehicle,
         {},
     )
     words = markdown(
-        "A dive \x1b[31m", summary, made.segments, make_clock(made.segments, made.logs).segments
+        "A dive \x1b[31m",
+        summary,
+        example.segments,
+        make_clock(example.segments, example.logs).segments,
     )
     assert summary.headline in words
     assert "| Linear | 0.62 |" in words
@@ -161,16 +170,16 @@ def test_text_beside_the_plots_names_the_model_and_what_fails(made: ExampleRun) 
     assert "- check: validation, 6.0 to 9.0 s (log dive)" in words
 
 
-def test_recording_leaves_no_global_stream_behind(made: ExampleRun) -> None:
-    run(made.inputs(), Params())
+def test_recording_leaves_no_global_stream_behind(example: ExampleRun) -> None:
+    run(example.inputs(), Params())
     assert rr.get_global_data_recording() is None
 
 
 def test_names_that_are_no_plain_words_are_recorded(tmp_path: Path) -> None:
-    made = example_run({"train.1": 4.0, "ä b\x1b[31m": 2.0})
-    made.campaign["title"] = "<b>|\n\x07"
+    example = example_run({"train.1": 4.0, "ä b\x1b[31m": 2.0})
+    example.campaign["title"] = "<b>|\n\x07"
     file = tmp_path / "odd.rrd"
-    run(made.inputs(), Params()).recording(str(file))
+    run(example.inputs(), Params()).recording(str(file))
     assert rerun_rrd("verify", file).returncode == 0
     printed = rerun_rrd("print", file).stdout
     assert "/path/train.1 - " in printed
@@ -200,17 +209,17 @@ def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
     """What Rerun prints of a recording with a band, a difference and a force, and with
     tables as text.
     """
-    made = example_run({"train": 6.0})
-    fused = made.tables["fuse/train/fused"]
+    example = example_run({"train": 6.0})
+    fused = example.tables["fuse/train/fused"]
     for name in ("u", "v", "w"):
         fused = fused.append_column(f"{name}_sd_m_s", pa.array(np.full(fused.num_rows, 0.1)))
-    made.tables["fuse/train/fused"] = made.fused["train"] = fused
+    example.tables["fuse/train/fused"] = example.fused["train"] = fused
     columns = {"t_s": column(fused, "t_s")} | dict.fromkeys(VELOCITY, np.ones(fused.num_rows))
     forces = force_columns("tau_bar")
-    made.tables["residual/train/residual"] = make_table(
+    example.tables["residual/train/residual"] = make_table(
         "residual", columns | {name: np.full(fused.num_rows, 2.0) for name in forces}
     )
-    made.views["fuse/train"]["groups"].append(
+    example.views["fuse/train"]["groups"].append(
         {
             "entity": "state/velocity/band",
             "table": "fused",
@@ -220,7 +229,7 @@ def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
         }
         | {"roles": ["band"], "tab": "State", "unit": "m/s"}
     )
-    made.views["validate"]["groups"].append(
+    example.views["validate"]["groups"].append(
         {
             "entity": "error/X/linear",
             "table": "predictions/train",
@@ -232,7 +241,7 @@ def rich(tmp_path_factory: pytest.TempPathFactory) -> str:
         | {"less": {"table": "residual/train/residual", "columns": ["tau_bar_X_N"]}}
     )
     file = tmp_path_factory.mktemp("rich") / "rich.rrd"
-    run(made.inputs(), Params()).recording(str(file))
+    run(example.inputs(), Params()).recording(str(file))
     return rerun_rrd("print", "-vvv", file).stdout
 
 
@@ -251,13 +260,13 @@ def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> No
 
 
 def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(
-    made: ExampleRun,
+    example: ExampleRun,
 ) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
     band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
-    found = _values(table, band, (), made.tables.__getitem__, "x")
+    found = _values(table, band, (), example.tables.__getitem__, "x")
     np.testing.assert_allclose(found, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
-    whole = _values(table, {**band, "roles": ["fitted"]}, (), made.tables.__getitem__, "x")
+    whole = _values(table, {**band, "roles": ["fitted"]}, (), example.tables.__getitem__, "x")
     np.testing.assert_allclose(whole, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12)  # rounding
     settled = _settled([{**band, "roles": ["fitted"]}], whole)
     np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
@@ -291,7 +300,7 @@ def test_long_series_show_their_extremes_and_the_recording_says_so(
     assert (entity, level, text[:27]) == ("log/thinned", "note", "1 group of series with more")
 
 
-def test_preview_is_smaller(made: ExampleRun, tmp_path: Path) -> None:
+def test_preview_is_smaller(example: ExampleRun, tmp_path: Path) -> None:
     long = example_run({"train": 900.0})
     content = collect(long.inputs())
     preview, whole = tmp_path / "preview.rrd", tmp_path / "whole.rrd"
