@@ -21,7 +21,6 @@ from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
 from auvid.stages.base import RawFile
 from auvid.stages.columns import POSITION
-from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
 from auvid.stages.ingest.formats.csv.clock_digits import (
     CLOCK_DIGITS,
     clock_seconds,
@@ -35,8 +34,8 @@ from auvid.stages.ingest.formats.csv.column_names import (
     named_columns,
 )
 from auvid.stages.ingest.formats.csv.column_proposal import quoted
-from auvid.stages.ingest.formats.csv.pose_columns import lacking_fields
-from auvid.stages.ingest.formats.csv.pose_draft import (
+from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.draft.pose_draft import (
     TURNED_AXES,
     in_upward_axes,
     is_turned,
@@ -44,6 +43,7 @@ from auvid.stages.ingest.formats.csv.pose_draft import (
     pose_velocities,
     with_pose,
 )
+from auvid.stages.ingest.formats.csv.pose_columns import lacking_fields
 from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, header, iso_microseconds
 
 MOST_BYTES = 1 << 24

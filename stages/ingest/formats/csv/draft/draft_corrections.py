@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from auvid.stages.ingest.formats.csv.column_draft import ColumnDraft, DraftColumn
+from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft, DraftColumn
 
 SIGNS = ("gyro_sign", "velocity_sign", "depth_sign")
 """Findings that a turned sign of their fields mends."""

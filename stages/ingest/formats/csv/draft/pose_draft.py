@@ -15,8 +15,8 @@ from auvid.hydro.identification.signals.pose.frames import (
     rotated,
 )
 from auvid.stages.columns import ATTITUDE, POSITION
-from auvid.stages.ingest.formats.csv.answered_commands import answered_commands
 from auvid.stages.ingest.formats.csv.column_names import QUATERNION, NamedColumn
+from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
 
 SMOOTHED_S = 0.3
 TURNED_AXES = ("v", "w", "q", "r")

@@ -1,0 +1,1 @@
+"""A column map drafted from names and values of a CSV file."""
