@@ -14,8 +14,9 @@ from auvid.pipeline.commands.check.log_page import LogPage, page_of_log
 from auvid.pipeline.store.atomic_files import contents
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.column_map import dialect_map
-from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft, draft_columns
+from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
+from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 from auvid.stages.ingest.formats.csv.reader import CSV, header
 from auvid.stages.ingest.registry import reader_of
 

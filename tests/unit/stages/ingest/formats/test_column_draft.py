@@ -11,8 +11,9 @@ from auvid.stages.base import RawFile
 from auvid.stages.columns import ATTITUDE, POSITION
 from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_names import named_columns, split_unit
-from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft, draft_columns
+from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
+from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 
 T_S = np.arange(0.0, 60.0, 0.1)
 

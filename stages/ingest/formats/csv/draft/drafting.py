@@ -1,0 +1,237 @@
+"""Draft a column map from the header and the values of a CSV file.
+
+What the name of a column does not say is taken from its values, or assumed, and then
+the draft says so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auvid.data_schemas.errors import LogError
+from auvid.hydro.arrays import Array
+from auvid.stages.base import RawFile
+from auvid.stages.columns import POSITION
+from auvid.stages.ingest.formats.csv.column_names import (
+    QUATERNION,
+    NamedColumn,
+    named_columns,
+)
+from auvid.stages.ingest.formats.csv.draft.cells import cells_of, is_number, numbers_of
+from auvid.stages.ingest.formats.csv.draft.column_draft import NO_NAME, ColumnDraft, DraftColumn
+from auvid.stages.ingest.formats.csv.draft.commands import (
+    AXIS_NAMES,
+    COMMANDS,
+    MATCHED,
+    MATCHED_REVERSED,
+    NAMED_REVERSED,
+    as_command,
+    possible_outputs,
+    with_commands,
+    with_pulses,
+    without_guess,
+)
+from auvid.stages.ingest.formats.csv.draft.pose_draft import (
+    TURNED_AXES,
+    in_upward_axes,
+    is_turned,
+    pose_velocities,
+    with_pose,
+)
+from auvid.stages.ingest.formats.csv.draft.time_column import seconds_of, time_column
+from auvid.stages.ingest.formats.csv.draft.units import (
+    PRESSURES,
+    accelerometer_of,
+    repeating_streams,
+    unit_of,
+)
+from auvid.stages.ingest.formats.csv.pose_columns import lacking_fields
+from auvid.stages.ingest.formats.csv.reader import header
+
+WORLD_OR_BODY = re.compile(r"[xyz]$")
+"""End of a velocity's name that may as well be of world axes."""
+FROM_ABOVE = "up"
+"""Mark of a height that is negative under water."""
+REVERSED = (FROM_ABOVE, MATCHED_REVERSED, NAMED_REVERSED)
+BETWEEN_RUNS_S = 10.0
+"""Runs with the same columns are looked at one behind the other with such a pause."""
+SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
+
+
+def draft_columns(
+    file: RawFile, *runs: RawFile, commands: Mapping[str, str] | None = None
+) -> ColumnDraft:
+    """Return a column map drafted from a file's names and values.
+
+    runs: further files with the same columns, for one map together. commands: axis
+    (surge, sway ..., with a minus where the column is reversed) of each column that is a
+    command. Raises `LogError` where the first line names no columns, or no column is the
+    time.
+    """
+    head = header(file, None)
+    texts, decimal = cells_of(file, head.names, head.delimiter, head.encoding)
+    if head.names and all(is_number(name) for name in head.names if name.strip()):
+        raise LogError(
+            "the first line holds numbers, no names of columns",
+            file=file.name,
+            row=1,
+            value=", ".join(head.names[:4]),
+            remedy="Put a line with the names of the columns above it: time_s,depth_m,...",
+        )
+    values = {name: numbers_of(cells, decimal) for name, cells in texts.items()}
+    columns = [item for item in named_columns(head.names) if item.name in texts]
+    time, time_check = time_column(columns, values, texts, file.name)
+    rest = [item for item in columns if item.name != time["column"]]
+    rest = with_pulses(with_pose(rest), values)
+    t_s = seconds_of(time, values[time["column"]], texts[time["column"]])
+    draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
+    finite = t_s[np.isfinite(t_s)]
+    draft = replace(draft, span_s=(float(finite[0]), float(finite[-1])))
+    for run in runs:
+        more, _ = cells_of(run, head.names, head.delimiter, head.encoding)
+        own = {name: numbers_of(cells, decimal) for name, cells in more.items()}
+        later = seconds_of(time, own[time["column"]], more[time["column"]])
+        t_s = np.append(t_s, later - np.nanmin(later) + np.nanmax(t_s) + BETWEEN_RUNS_S)
+        values = {name: np.append(values[name], own[name]) for name in values}
+    named = dict(commands or {})
+    rest = [as_command(item, named[item.name]) if item.name in named else item for item in rest]
+    if named:
+        rest = [item if item.name in named else without_guess(item) for item in rest]
+    velocities = pose_velocities(rest, values, t_s)
+    if not named:
+        rest = with_commands(rest, values, t_s, velocities)
+    return _with_columns(draft, _in_frame(rest, values, t_s, velocities), values)
+
+
+def _in_frame(
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    t_s: Array,
+    velocities: Mapping[str, Array],
+) -> list[NamedColumn]:
+    """Return the columns with the pose turned to z up where commands show that."""
+    axes = {f"command_{name}": axis for axis, name in AXIS_NAMES.items()}
+    by_axis = {
+        axes[item.place[1]]: values[item.name] * (-1.0 if item.frame == NAMED_REVERSED else 1.0)
+        for item in columns
+        if item.place is not None and item.place[1] in axes
+    }
+    if not velocities or not is_turned(by_axis, velocities, t_s):
+        return list(columns)
+    # Matched commands are reversed because the frame is.
+    turned = {f"command_{AXIS_NAMES[axis]}" for axis in TURNED_AXES}
+    return [
+        replace(item, frame=MATCHED)
+        if item.frame == MATCHED_REVERSED and item.place and item.place[1] in turned
+        else item
+        for item in in_upward_axes(columns)
+    ]
+
+
+def _fixes_without_depth(
+    chosen: dict[tuple[str, str], NamedColumn],
+) -> dict[tuple[str, str], NamedColumn]:
+    """Return northing and easting as fixes where there is no third coordinate."""
+    flat = {("position", "x_m"): ("fixes", "north_m"), ("position", "y_m"): ("fixes", "east_m")}
+    if not set(flat) <= set(chosen) or ("position", "z_m") in chosen:
+        return chosen
+    if not all("ing" in chosen[place].words for place in flat):
+        return chosen
+    return {flat.get(place, place): item for place, item in chosen.items()}
+
+
+def _with_columns(
+    draft: ColumnDraft, columns: Sequence[NamedColumn], values: Mapping[str, Array]
+) -> ColumnDraft:
+    """Return the draft with its columns, units and remarks."""
+    chosen: dict[tuple[str, str], NamedColumn] = {}
+    for item in columns:
+        filled = np.isfinite(values[item.name]).mean() if values[item.name].size else 0.0
+        nameless = "press" in item.words and item.unit not in PRESSURES
+        if item.place is not None and filled > 0.01 and not nameless:
+            chosen.setdefault(item.place, item)
+    remarks: list[str] = []
+    chosen = possible_outputs(chosen, values, remarks)
+    chosen = _depth_of_others(chosen, columns, values)
+    chosen = _fixes_without_depth(chosen)
+    drafted = []
+    for (stream, name), item in chosen.items():
+        kind = name.split("_")[0] if stream in ("imu", "glider") else stream
+        group = [
+            values[other.name]
+            for (own, field_name), other in chosen.items()
+            if (stream != "pose" or (field_name in POSITION) == (name in POSITION))
+            and kind in (own, field_name.split("_")[0])
+            and not field_name.startswith("quality")
+        ]
+        unit, check = unit_of(stream, name, item, group)
+        if item.frame in (MATCHED, MATCHED_REVERSED):
+            check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"
+        if stream == "velocity" and WORLD_OR_BODY.search(item.words):
+            check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
+        if stream == "pose":
+            words = (
+                "z up: commands answer so" if item.frame else "ned, z down: else frame flu or enu"
+            )
+            check = "; ".join(filter(None, (check, f"frame {words}")))
+        sign = -1 if item.frame in REVERSED else 1
+        frame = item.frame if item.frame in ("frd", "flu") else ""
+        drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
+    partial = {
+        stream: lacking_fields(stream, [name for own, name in chosen if own == stream])
+        for stream, _ in chosen
+    }
+    for stream, lack in partial.items():
+        if lack:
+            names = ", ".join(SPOKEN.get(name, name) for name in lack)
+            remarks.append(f"{stream} is left out: nothing looks like {names}.")
+    if (
+        any(QUATERNION.search(item.words) for item in columns)
+        and not {("attitude", "q_w"), ("pose", "q_w"), ("attitude", "phi_rad")} & set(chosen)
+        and ("pose", "phi_rad") not in chosen
+    ):
+        remarks.append("a quaternion is left out: it needs four columns w, x, y and z.")
+    kept = tuple(item for item in drafted if not partial[item.stream])
+    used = {item.column for item in kept}
+    unmatched = [
+        item.name for item in columns if COMMANDS.search(item.words) and item.name not in used
+    ]
+    if unmatched and not any(item.field.startswith(("pwm_", "command_")) for item in kept):
+        remarks.append(
+            f"{', '.join(unmatched)} may be commands, and neither name nor motion tells of which"
+            f" axis: name them with --commands surge={unmatched[0]},..."
+        )
+    return replace(
+        draft,
+        columns=kept,
+        accelerometer=accelerometer_of(kept, values),
+        repeating=repeating_streams(kept, values),
+        unused=tuple(item.name for item in columns if item.name not in used),
+        remarks=tuple(remarks),
+    )
+
+
+def _depth_of_others(
+    chosen: dict[tuple[str, str], NamedColumn],
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+) -> dict[tuple[str, str], NamedColumn]:
+    """Return the columns, with depth from altitude or z where none is named so."""
+    if ("depth", "depth_m") in chosen or ("pose", "z_m") in chosen:
+        return chosen
+    for item in columns:
+        if re.search(r"\b(?:altitude|alt|height)\b", item.words) and "amsl" not in item.words:
+            finite = values[item.name][np.isfinite(values[item.name])]
+            if finite.size and float(np.median(finite)) < 0.0:  # above the surface, so below it
+                return chosen | {("depth", "depth_m"): replace(item, frame=FROM_ABOVE)}
+    height = chosen.get(("position", "z_m")) or next(
+        (item for item in columns if item.place == ("position", "z_m")), None
+    )
+    if height is None:
+        return chosen
+    below = float(np.nanmedian(values[height.name])) < 0.0
+    return chosen | {("depth", "depth_m"): replace(height, frame=FROM_ABOVE if below else "")}

@@ -1,0 +1,118 @@
+"""The column of a CSV file that is its time, with its unit and epoch."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from auvid.data_schemas.errors import LogError
+from auvid.hydro.arrays import Array
+from auvid.stages.ingest.formats.csv.clock_digits import (
+    CLOCK_DIGITS,
+    clock_seconds,
+    counts_like_a_clock,
+)
+from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
+from auvid.stages.ingest.formats.csv.column_names import (
+    TIME,
+    NamedColumn,
+)
+from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, iso_microseconds
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Length of a unit of time [s]."""
+UNIX_TIMES = ((9e17, "ns"), (9e14, "us"), (9e11, "ms"), (9e8, "s"))
+"""Unix time of this century in the unit is beyond this number."""
+POSSIBLE_STEPS = (5e-4, 10.0)
+"""Steps [s] between rows of a log."""
+
+
+def time_column(
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    texts: Mapping[str, Sequence[str]],
+    file: str,
+) -> tuple[dict[str, str], str]:
+    """Return the entry `time` of the map, and what of it was assumed."""
+    named = [
+        item for item in columns if TIME.search(item.words) or item.unit in ("s", "ms", "us", "ns")
+    ]
+    unnamed = [item for item in columns if item not in named]
+    for item in named:
+        entry = _clock(item, values[item.name], texts[item.name])
+        if entry is not None:
+            return entry
+    for item in unnamed:
+        steps = np.diff(values[item.name])
+        if item.place is None and steps.size > 10 and (steps > 0.0).all():
+            entry = _clock(item, values[item.name], texts[item.name])
+            if entry is not None:
+                return entry[0], f"no name says time; this column rises in every row; {entry[1]}"
+    of_day = next(
+        (item.name for item in named if re.match(r"\d\d?:\d\d", next(iter(texts[item.name]), ""))),
+        None,
+    )
+    what = f"column {of_day} is a time of day, which has no date" if of_day else "no column rises"
+    raise LogError(
+        f"no column is the time of the rows: {what}",
+        file=file,
+        row=1,
+        value=", ".join(item.name for item in named or columns[:6]) or "no column",
+        allowed="seconds, ms, us or ns that rise, Unix time, or ISO 8601 text",
+        remedy="Export the log with such a column, named time_s.",
+    )
+
+
+def _clock(
+    item: NamedColumn, values: Array, texts: Sequence[str]
+) -> tuple[dict[str, str], str] | None:
+    """Return the entry of a time column, and what was assumed; None for no clock."""
+    finite = values[np.isfinite(values)]
+    if finite.size < 0.9 * len(texts) or finite.size < 3:
+        filled = [text for text in texts[:200] if text]
+        if len(filled) > 2 and iso_microseconds(pa.array(filled)) is not None:
+            if TIME_OF_DAY.match(filled[0]):
+                entry = {"column": item.name, "unit": "time_of_day", "epoch": "arbitrary"}
+                return entry, "a time of day, without a date"
+            return {"column": item.name, "unit": "iso8601", "epoch": "unix"}, ""
+        return None
+    steps = np.diff(finite)
+    if np.count_nonzero(steps < 0.0) > 0.02 * steps.size or finite[-1] <= finite[0]:
+        return None
+    if counts_like_a_clock(finite):
+        entry = {"column": item.name, "unit": CLOCK_DIGITS, "epoch": "arbitrary"}
+        return entry, "the digits of a clock, without a date"
+    size = float(np.median(finite))
+    # A coarse clock repeats its stamps: rows over the whole time tell the rate.
+    step = float(finite[-1] - finite[0]) / steps.size
+    possible = [
+        unit
+        for unit, factor in SECONDS.items()
+        if POSSIBLE_STEPS[0] <= step * factor <= POSSIBLE_STEPS[1]
+    ]
+    unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
+    if unix in possible and item.unit in ("", unix):
+        return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
+    if item.unit in SECONDS:
+        check = f"one row every {step * SECONDS[item.unit]:.3g} s in this unit"
+        entry = {"column": item.name, "unit": item.unit, "epoch": "boot"}
+        return entry, "" if item.unit in possible else check
+    unit = next((unit for unit in possible if step * SECONDS[unit] <= 2.0), "s")
+    return {
+        "column": item.name,
+        "unit": unit,
+        "epoch": "boot",
+    }, f"unit {unit} by the rate of the rows"
+
+
+def seconds_of(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
+    """Return the time of every row (n,) [s]."""
+    if time["unit"] == CLOCK_DIGITS:
+        return clock_seconds(values)
+    if time["unit"] not in TEXT_TIMES:
+        return values * SECONDS[time["unit"]]
+    stamps = iso_microseconds(pa.array([text for text in texts if text]))
+    return np.zeros(1) if stamps is None else np.asarray(stamps.to_numpy()) / 1e6
