@@ -15,7 +15,7 @@ from pyulog import ULog
 
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.ingest.decoded_log import DecodedLog
-from auvid.stages.ingest.formats.ulog import scan as ulog_scan
+from auvid.stages.ingest.formats.ulog import skipped_bytes
 from tests.support.mutate import Kept, mutations
 from tests.support.ulog_file import (
     DEPTH,
@@ -65,7 +65,7 @@ def test_truncated_real_log_gives_all_that_pyulog_gives() -> None:
     cut = raw[: len(raw) * 2 // 3 + 11]
     ours, theirs = read(cut), ULog(io.BytesIO(cut))
     assert ours.status == "truncated"
-    assert list(reasons(ours)) == [ulog_scan.CUT_OFF]
+    assert list(reasons(ours)) == [skipped_bytes.CUT_OFF]
     assert sum(ours.counts.values()) == sum(
         item.data["timestamp"].size for item in theirs.data_list
     )
@@ -75,21 +75,21 @@ def test_blank_end_is_a_truncated_log() -> None:
     log = read(START + depths(0, 10) + bytes(4096))
     assert log.status == "truncated"
     assert metres(log) == list(range(10))
-    assert reasons(log) == {ulog_scan.BLANK_END: 4096}
+    assert reasons(log) == {skipped_bytes.BLANK_END: 4096}
 
 
 def test_record_whose_end_is_blank_too_is_not_read() -> None:
     log = read(START + depths(0, 10)[:-2] + bytes(4096))
     assert log.status == "truncated"
     assert metres(log) == list(range(9))
-    assert reasons(log) == {ulog_scan.CUT_OFF: RECORD, ulog_scan.BLANK_END: 4094}
+    assert reasons(log) == {skipped_bytes.CUT_OFF: RECORD, skipped_bytes.BLANK_END: 4094}
 
 
 def test_garbage_between_records_costs_no_record_that_follows() -> None:
     garbage = np.random.default_rng(5).bytes(700)
     log = read(START + depths(0, 100) + sync() + garbage + depths(150, 200))
     assert metres(log) == [*range(100), *range(150, 200)]
-    assert reasons(log) == {ulog_scan.DAMAGED: 700}
+    assert reasons(log) == {skipped_bytes.DAMAGED: 700}
     assert log.status == "damaged"
     assert log.seconds_lost == pytest.approx(
         5.1, abs=0.01
@@ -129,7 +129,7 @@ def test_record_that_lost_bytes_is_not_read() -> None:
         # before it: that one goes too.
         before = 50 if left >= SIZE_BYTES else 49
         assert metres(log) == [*range(before), *range(51, 100)]
-        assert set(reasons(log)) == {ulog_scan.DAMAGED}
+        assert set(reasons(log)) == {skipped_bytes.DAMAGED}
 
 
 @pytest.mark.parametrize("place", range(5))
@@ -140,14 +140,14 @@ def test_damaged_header_costs_its_own_record_only(place: int) -> None:
         log = read(START + depths(0, 50) + bytes(broken) + depths(51, 100))
         assert metres(log) == [*range(50), *range(51, 100)]
         assert log.account.skipped_bytes == RECORD
-        assert log.status == "damaged" or list(reasons(log)) == [ulog_scan.UNKNOWN_TYPE]
+        assert log.status == "damaged" or list(reasons(log)) == [skipped_bytes.UNKNOWN_TYPE]
 
 
 def test_data_without_subscription_are_counted_and_the_chain_goes_on() -> None:
     raw = START + b"".join(depth(n) + data(7, bytes(20)) + data(8, bytes(31)) for n in range(50))
     log = read(raw)
     assert metres(log) == list(range(50))
-    assert reasons(log) == {ulog_scan.NO_SUBSCRIPTION: 50 * (25 + 36)}
+    assert reasons(log) == {skipped_bytes.NO_SUBSCRIPTION: 50 * (25 + 36)}
     assert log.status == "damaged"
     assert log.seconds_lost == 0.0
 
@@ -155,7 +155,7 @@ def test_data_without_subscription_are_counted_and_the_chain_goes_on() -> None:
 def test_data_that_do_not_fit_their_format_are_counted() -> None:
     log = read(START + b"".join(depth(n) + data(0, bytes(13)) for n in range(50)))
     assert metres(log) == list(range(50))
-    assert reasons(log) == {ulog_scan.WRONG_SIZE: 50 * 18}
+    assert reasons(log) == {skipped_bytes.WRONG_SIZE: 50 * 18}
 
 
 def test_definitions_that_look_right_but_stand_in_a_payload_do_not_count() -> None:
@@ -184,7 +184,7 @@ def test_damaged_beginning_is_passed() -> None:
     assert log.status == "damaged"
     log = read(HEADER + b"\xff" * 40 + START[layout.HEADER_BYTES :] + depths(0, 20))
     assert metres(log) == list(range(20))
-    assert reasons(log) == {ulog_scan.DAMAGED: 40}
+    assert reasons(log) == {skipped_bytes.DAMAGED: 40}
 
 
 def misleading() -> dict[str, bytes]:
@@ -358,14 +358,14 @@ def test_message_whose_size_is_damaged_swallows_nothing() -> None:
     about[1] = 2  # 512 bytes more
     log = read(HEADER + bytes(about) + DEPTH + subscribe(0, "depth") + depths(0, 100))
     assert metres(log) == list(range(100))
-    assert reasons(log) == {ulog_scan.DAMAGED: len(about)}
+    assert reasons(log) == {skipped_bytes.DAMAGED: len(about)}
 
 
 def test_beginning_of_a_long_message_in_the_data_swallows_nothing() -> None:
     piece = message("M", b"\0" + keyed("char[800] fault", bytes(800)))[:60]
     log = read(START + depths(0, 50) + piece + depths(50, 150))
     assert metres(log) == list(range(150))
-    assert reasons(log) == {ulog_scan.DAMAGED: len(piece)}
+    assert reasons(log) == {skipped_bytes.DAMAGED: len(piece)}
 
 
 def test_text_in_data_is_not_a_message() -> None:

@@ -25,17 +25,19 @@ from auvid.stages.ingest.formats.accounting import (
     split_by,
     status_of,
 )
-from auvid.stages.ingest.formats.ulog.scan import (
+from auvid.stages.ingest.formats.ulog.scan import Scan
+from auvid.stages.ingest.formats.ulog.skipped_bytes import (
     BLANK_END,
     CUT_OFF,
     HARMLESS,
     HEADER_DAMAGED,
     NO_SUBSCRIPTION,
-    UNDEFINED_STREAM,
     WRONG_SIZE,
-    WRONG_SIZE_STREAM,
-    Scan,
     SkippedBytes,
+)
+from auvid.stages.ingest.formats.ulog.subscribed_data import (
+    UNDEFINED_STREAM,
+    WRONG_SIZE_STREAM,
     StreamNumbers,
 )
 

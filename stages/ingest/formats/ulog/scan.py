@@ -14,31 +14,35 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from auvid.data_schemas.formats import ulog as layout
 from auvid.hydro.arrays import Buffer, Ints
 from auvid.stages.ingest.formats.accounting import overlapping
 from auvid.stages.ingest.formats.ulog import messages
+from auvid.stages.ingest.formats.ulog.skipped_bytes import (
+    BLANK,
+    BLANK_END,
+    CUT_BY_APPENDED,
+    CUT_OFF,
+    DAMAGED,
+    UNKNOWN_TYPE,
+    UNREADABLE,
+    SkippedBytes,
+)
+from auvid.stages.ingest.formats.ulog.subscribed_data import (
+    UNDEFINED_STREAM,
+    WRONG_SIZE_STREAM,
+    Block,
+    Numbers,
+    StreamNumbers,
+    TopicInstance,
+    put_fitting_format,
+)
 
-HEADER_DAMAGED = "damaged file header"
-DAMAGED = "damaged bytes"
-NO_SUBSCRIPTION = "data without a subscription of their number"
-WRONG_SIZE = "data whose size does not fit their format"
-CUT_OFF = "message cut off by the end of the file"
-CUT_BY_APPENDED = "message cut off where appended data begin"
-BLANK = "zero bytes"
-BLANK_END = "zero bytes at the end of the file"
-UNKNOWN_TYPE = "message of an unknown type"
-UNREADABLE = "message whose content cannot be read"
-HARMLESS = (CUT_BY_APPENDED, UNKNOWN_TYPE)
 TAIL_BYTES, PARTS_BACK = 4, 8  # compared to tell whether a message is whole
-UNDEFINED_STREAM, WRONG_SIZE_STREAM = -1, -2
 FIRST_BLOCK, LAST_BLOCK = 1 << 12, 1 << 22
 FIRST_SEARCH, LAST_SEARCH = 1 << 9, 1 << 18
 MAX_BOUNDARIES = 3
@@ -52,138 +56,9 @@ NEAR_END = 256
 """Buffer in which a message that is not data may be cut off and still confirm the one
 before.
 """
-
-Words = npt.NDArray[np.uint16]
-StreamNumbers = npt.NDArray[np.int32]
 Action = Callable[[], object]
-
 _searchable = np.zeros(256, np.bool_)
 _searchable[list(b"FIMPQASLC")] = True
-
-
-@dataclass(frozen=True)
-class TopicInstance:
-    """One instance of one topic."""
-
-    topic: str
-    instance: int
-    layout: layout.RecordSizes
-
-    @property
-    def name(self) -> str:
-        return f"{self.topic}.{self.instance}" if self.instance else self.topic
-
-
-class SkippedBytes(NamedTuple):
-    """Buffer `start:stop` that gave nothing, and why."""
-
-    start: int
-    stop: int
-    reason: str
-
-
-class Numbers:
-    """Stream of a data message by its number and size.
-
-    Table 0 holds what is subscribed, 1 the size with padding or what was subscribed
-    before, 2 what was met without explanation.
-    """
-
-    def __init__(self) -> None:
-        self.size = np.zeros((3, 1 << 16), np.int32)
-        self.stream = np.full((3, 1 << 16), UNDEFINED_STREAM, np.int32)
-        self.sizes_met: set[int] = set()
-        self.version = 0
-        self.shared: dict[int, tuple[int, int]] = {}
-        self._places: dict[int, int] = {}
-        self._free: set[int] = set()
-
-    def put(self, table: int, id: int, size: int, stream: int) -> None:
-        """Set what one table holds for a number."""
-        self.size[table, id], self.stream[table, id] = size, stream
-        self.sizes_met.add(size)
-        self.version += 1
-
-    def is_subscribed(self, id: int) -> bool:
-        """Return whether the number is subscribed."""
-        return bool(self.size[0, id])
-
-    def free(self, id: int) -> None:
-        """Let another stream have a number; data of the one before stay readable."""
-        self._free.add(id)
-
-    def subscribe(self, id: int, stream: int, sizes: layout.RecordSizes) -> None:
-        """Put a stream in force.
-
-        What it replaces, if that has another size, stays readable: one of the two may
-        be damaged. If both have one size, the number itself of one of them is: writers
-        count subscriptions, so the one stands that has the number of its place. `shared`
-        holds such numbers with the streams that have them.
-        """
-        written, padded = sizes.written + 2, sizes.padded + 2
-        before, other = int(self.size[0, id]), int(self.stream[0, id])
-        place = self._places.setdefault(stream, len(self._places))
-        free = id in self._free
-        self._free.discard(id)
-        if before == written and other != stream and not free:
-            self.shared[id] = (other, stream)
-            if self._places.get(other) == id != place:
-                return
-        if before not in (0, written):
-            self.put(1, id, before, other)
-        elif padded != written:
-            self.put(1, id, padded, stream)
-        self.put(0, id, written, stream)
-
-    def sizes(self, id: int) -> list[int]:
-        """Return the sizes that data of this number have had, the subscribed first."""
-        return [size for size in self.size[:, id].tolist() if size]
-
-    def match(self, id: int, size: int) -> int | None:
-        """Return the stream of one data message; None if no table explains it."""
-        for table in range(3):
-            if self.size[table, id] == size:
-                return int(self.stream[table, id])
-        return None
-
-    def select(self, id: Words, size: Words) -> tuple[Ints, StreamNumbers]:
-        """Return the indices of the pairs that match, ascending, and their streams."""
-        stream = self.stream[0][id]
-        hit = self.size[0][id] == size
-        rest = np.flatnonzero(~hit)
-        for table in (1, 2):
-            matching = rest[self.size[table][id[rest]] == size[rest]]
-            matching = matching[~hit[matching]]
-            hit[matching] = True
-            stream[matching] = self.stream[table][id[matching]]
-        index = np.flatnonzero(hit)
-        return index, stream[index]
-
-
-@dataclass(frozen=True)
-class Block:
-    """Headers of data messages that begin in `start:stop`.
-
-    `breaks` are the indices of those that end where no other begins.
-    """
-
-    start: int
-    stop: int
-    offset: Ints
-    end: Ints
-    stream: StreamNumbers
-    breaks: Ints
-
-    def is_filled(self, index: int) -> bool:
-        """Return whether whole messages stand inside message `index`, up to its end."""
-        inner = index + 1
-        end, size = int(self.end[index]), self.offset.size
-        while inner < size and int(self.end[inner]) < end:
-            behind = int(self.offset.searchsorted(self.end[inner]))
-            if behind == size or self.offset[behind] != self.end[inner]:
-                return False
-            inner = behind
-        return inner > index + 1 and inner < size and int(self.end[inner]) == end
 
 
 class Scan:
@@ -379,15 +254,7 @@ class Scan:
         place = np.flatnonzero(self.buffer[2 : last + 2] == layout.DATA)
         of_number = place[self.words[place + layout.MESSAGE_HEADER_BYTES] == subscription.id]
         sizes = np.bincount(self.words[of_number], minlength=1 << 16)
-        most, best = -1, self.formats.by_name[subscription.topic]
-        for declared in (best, *self.formats.rivals.pop(subscription.topic)):
-            self.formats.replace(declared)
-            topic_layout = self.formats.layout(subscription.topic)
-            tried = set() if topic_layout is None else {topic_layout.written, topic_layout.padded}
-            votes = sum(int(sizes[size + 2]) for size in tried) if tried else -1
-            if votes > most:
-                most, best = votes, declared
-        self.formats.replace(best)
+        put_fitting_format(self.formats, subscription.topic, sizes)
 
     def _take_flags(self, content: bytes) -> None:
         flags = content[8:16]

@@ -14,7 +14,7 @@ from pyulog import ULog
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import ulog as layout
 from auvid.stages.base import RawFile
-from auvid.stages.ingest.formats.ulog import scan as ulog_scan
+from auvid.stages.ingest.formats.ulog import skipped_bytes
 from auvid.stages.ingest.formats.ulog.reader import ULOG
 from tests.support.ulog_file import (
     DEPTH,
@@ -230,7 +230,7 @@ def test_appended_data_begin_at_their_offset(cut: int) -> None:
     log = read(appended(cut))
     expected = list(range(15)) if cut == 0 else [*range(9), *range(10, 15)]
     assert log.messages["depth"].columns["metres"].tolist() == expected
-    assert reasons(log) == ({ulog_scan.CUT_BY_APPENDED: 17 - cut} if cut else {})
+    assert reasons(log) == ({skipped_bytes.CUT_BY_APPENDED: 17 - cut} if cut else {})
     assert log.status == "complete"  # the format provides for it
 
 
@@ -255,7 +255,7 @@ def test_unknown_message_types_and_features_are_passed_over() -> None:
     )
     log = read(raw.replace(layout.MAGIC + b"\x01", layout.MAGIC + b"\x02"))
     assert log.counts == {"depth": 6}
-    assert reasons(log) == {ulog_scan.UNKNOWN_TYPE: 8}
+    assert reasons(log) == {skipped_bytes.UNKNOWN_TYPE: 8}
     assert log.status == "complete"
     assert "version 2" in log.notes[0]
     assert "feature that auvid does not know" in log.notes[1]
