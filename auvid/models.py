@@ -10,8 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from auvid.arguments import as_numbers, finite
-from auvid.data_schemas.errors import DataError, UsageError
+from auvid.arguments import (
+    refuse_missing,
+    row_of_six,
+    rows_or_one,
+    six_columns,
+    time_series,
+    uniform_clock,
+)
+from auvid.data_schemas.errors import UsageError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.hydro import model_file
 from auvid.hydro.arrays import AXES, STATES, Array
@@ -203,10 +210,10 @@ class VehicleModel:
         PipelineError
             Shapes that do not fit, values that are not finite.
         """
-        nu = _shaped(nu, "nu")
+        nu = six_columns(nu, "nu")
         count = len(np.atleast_2d(nu))
-        pose = np.zeros((count, 6)) if eta is None else _rows_or_one(eta, count, "eta")
-        speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
+        pose = np.zeros((count, 6)) if eta is None else rows_or_one(eta, count, "eta")
+        speed = time_series(propeller_rev_s, count, 0, "propeller_rev_s")
         parts = model_file.forces(self.file, np.atleast_2d(nu), pose, speed)
         shaped = (part.reshape(nu.shape) for part in vars(parts).values())
         return ModelForces(*shaped)
@@ -266,7 +273,7 @@ class VehicleModel:
             values are not finite, an actuator has no command, a command has no actuator,
             `tau` stands beside commands, or is a force on a model without newtons.
         """
-        t_s = _clock(time)
+        t_s = uniform_clock(time)
         count, vehicle = len(t_s), self.vehicle
         partial, in_newtons = self.file.partial, commands is None
         if commands is not None:
@@ -292,16 +299,16 @@ class VehicleModel:
         if idle:
             raise UsageError("the vehicle has no actuator for a command", value=idle)
         if tau is None:
-            _refuse_missing(
+            refuse_missing(
                 {
                     f"pulses (n, {thrusters})": (vehicle.thrusters, pulses),
                     "fins (n, 4)": (vehicle.fins, fins),
                     "propeller_rev_s (n,)": (screw, propeller_rev_s),
                 }
             )
-        speed = _series(propeller_rev_s, count, 0, "propeller_rev_s")
+        speed = time_series(propeller_rev_s, count, 0, "propeller_rev_s")
         if tau is not None:
-            force = _rows_or_one(tau, count, "tau")
+            force = rows_or_one(tau, count, "tau")
             if in_newtons and partial is not None and partial.unit_of_mass and force.any():
                 raise UsageError(
                     f"the model has no newtons: the inertia of {partial.unit_of_mass} is its unit",
@@ -312,14 +319,14 @@ class VehicleModel:
         else:
             control = Control(
                 propeller_rev_s=speed,
-                fins_rad=_series(fins, count, 4, "fins"),
-                thruster_pwm_us=_series(pulses, count, thrusters, "pulses"),
-                voltage_v=_series(voltage, count, 0, "voltage"),
+                fins_rad=time_series(fins, count, 4, "fins"),
+                thruster_pwm_us=time_series(pulses, count, thrusters, "pulses"),
+                voltage_v=time_series(voltage, count, 0, "voltage"),
             )
         if screw is not None and speed is not None:
             level = level_speed(screw, speed)
         state = np.zeros((count, 12))
-        state[:, :6], state[:, 6:] = _start(nu, "nu"), _start(eta, "eta")
+        state[:, :6], state[:, 6:] = row_of_six(nu, "nu"), row_of_six(eta, "eta")
         viscous, constant = model_file.viscous_model(self.file)
         motion, imposed_states = MeasuredMotion(t_s, state, control, level), None
         if self.file.partial is not None:
@@ -392,18 +399,6 @@ class VehicleModel:
         )
 
 
-def _refuse_missing(commands: Mapping[str, tuple[object, object]]) -> None:
-    """Raise `UsageError` for actuators without a command; name, shape -> both."""
-    missing = [name for name, (part, values) in commands.items() if part and values is None]
-    if missing or not any(part for part, _ in commands.values()):
-        raise UsageError(
-            "what moves the vehicle is missing",
-            field=missing[0].partition(" ")[0] if missing else "tau",
-            remedy=f"Give {', '.join([*missing, 'or '] if missing else [])}tau (n, 6) or (6,),"
-            " the force of all actuators; zeros let it drift.",
-        )
-
-
 def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: int) -> Array:
     """Return the force (n, 6) of shares of full commands, in the unit of force of the file."""
     gains = [] if file.partial is None else file.partial.gains
@@ -419,7 +414,7 @@ def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: i
     force = np.zeros((count, 6))
     for gain in gains:
         command = commands.get(gain.axis if gain.output is None else gain.output)
-        values = _series(command, count, 0, "commands")
+        values = time_series(command, count, 0, "commands")
         if values is not None:
             size = np.maximum(np.abs(values) - gain.dead_band, 0.0) / (1.0 - gain.dead_band)
             force[:, AXES.index(gain.axis)] += gain.value * np.sign(values) * size**gain.curve
@@ -473,58 +468,6 @@ def open_model(name: str | PathLike[str]) -> VehicleModel:
 def _minimum_speed(file: ModelFile) -> float:
     screw = file.dynamics.propeller
     return 0.05 if screw is None else screw.minimum_speed_m_s
-
-
-def _shaped(values: ArrayLike, name: str) -> Array:
-    """Return an array (6,) or (n, 6) of finite numbers."""
-    array = as_numbers(values, name)
-    if array.ndim not in (1, 2) or array.shape[-1] != 6:
-        raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,) or (n, 6)")
-    return finite(array, name)
-
-
-def _rows_or_one(values: ArrayLike, count: int, name: str) -> Array:
-    """Return an array (count, 6) of finite numbers, from as many rows or from one."""
-    array = _shaped(values, name)
-    if array.ndim == 2 and len(array) not in (1, count):
-        raise DataError(
-            "wrong shape", field=name, value=array.shape, allowed=f"(6,) or ({count}, 6)"
-        )
-    return np.broadcast_to(array, (count, 6))
-
-
-def _start(values: ArrayLike, name: str) -> Array:
-    array = _shaped(values, name)
-    if array.ndim != 1:
-        raise DataError("wrong shape", field=name, value=array.shape, allowed="(6,)")
-    return array
-
-
-def _series(values: ArrayLike | None, count: int, width: int, name: str) -> Array | None:
-    """Return finite numbers (count, width); (count,), also from a scalar, for width 0."""
-    if values is None:
-        return None
-    array, shape = as_numbers(values, name), (count, width) if width else (count,)
-    if array.ndim == 0 and not width:
-        array = np.full(count, array)
-    if array.shape != shape:
-        raise DataError(
-            "one row for each time is needed", field=name, value=array.shape, allowed=str(shape)
-        )
-    return finite(array, name)
-
-
-def _clock(time: ArrayLike) -> Array:
-    t_s = finite(as_numbers(time, "time"), "time")
-    steps = np.diff(t_s) if t_s.ndim == 1 else np.zeros(0)
-    if len(steps) < 1 or not np.allclose(steps, np.mean(steps), rtol=1e-6) or steps[0] <= 0.0:
-        raise DataError(
-            "the clock is not uniform and ascending",
-            field="time",
-            value=t_s.shape if t_s.ndim != 1 or not len(steps) else (steps.min(), steps.max()),
-            remedy="Resample the commands on equal steps.",
-        )
-    return t_s
 
 
 def _beyond(file: ModelFile, states: Array) -> list[str]:
