@@ -26,8 +26,8 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.plans.plan import TankRunEntry
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.bench.channel_records import symbols
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_PERSISTENT
-from auvid.hydro.identification.bench.single_channel import symbols
 from auvid.stages import ingest, rlse
 from auvid.stages.base import RawFile, RawLog
 from auvid.stages.simulate.bench import fly_experiment, record_experiment

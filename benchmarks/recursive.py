@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from auvid.hydro.dynamics.actuators.thrusters import polynomial_thrust
 from auvid.hydro.dynamics.simulation.bench_motion import Quadrifilar, swing
+from auvid.hydro.identification.bench.channel_records import ChannelEstimate, ChannelRun
 from auvid.hydro.identification.bench.output_error import SingleRun, simulate_run
 from auvid.hydro.identification.bench.quadrifilar import (
     Estimate,
@@ -38,11 +39,7 @@ from auvid.hydro.identification.bench.recursive_least_squares import (
     batch_least_squares,
     recursive_least_squares,
 )
-from auvid.hydro.identification.bench.single_channel import (
-    ChannelEstimate,
-    ChannelRun,
-    estimate_channel,
-)
+from auvid.hydro.identification.bench.single_channel import estimate_channel
 from auvid.hydro.identification.bench.swing import fit_swing
 
 Array = npt.NDArray[np.float64]

@@ -16,7 +16,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.bench.single_channel import DAMPING
+from auvid.hydro.identification.bench.channel_records import DAMPING
 from auvid.stages.base import Collection, Document, Stage, port
 from auvid.stages.columns import stacked
 from auvid.stages.pipendulum.decays import (

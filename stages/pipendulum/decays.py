@@ -14,6 +14,7 @@ from auvid.data_schemas.documents.apparatus import DecayEntry, FreeDecayEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.channel_records import BOTH, DAMPING, WRONG_SIGN, symbols
 from auvid.hydro.identification.bench.free_decay import (
     Decay,
     DecayEstimate,
@@ -29,13 +30,7 @@ from auvid.hydro.identification.bench.free_decay import (
 )
 from auvid.hydro.identification.bench.output_error import SingleRun
 from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED
-from auvid.hydro.identification.bench.single_channel import (
-    BOTH,
-    DAMPING,
-    WRONG_SIGN,
-    choose_damping,
-    symbols,
-)
+from auvid.hydro.identification.bench.single_channel import choose_damping
 from auvid.hydro.identification.bench.swing import (
     GONE,
     check_one_swing,

@@ -9,7 +9,7 @@ import numpy as np
 
 from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.bench.single_channel import DAMPING
+from auvid.hydro.identification.bench.channel_records import DAMPING
 from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, DecayResult, sensitivity
 from auvid.stages.pipendulum.recordings import ASKEW_DEG
 from auvid.stages.pipendulum.swings import SwingResult

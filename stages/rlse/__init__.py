@@ -16,10 +16,8 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.channel_records import CHANNELS, DAMPING, ChannelEstimate
 from auvid.hydro.identification.bench.single_channel import (
-    CHANNELS,
-    DAMPING,
-    ChannelEstimate,
     estimate_channel,
     recursive_fits,
     unexcited,

@@ -17,8 +17,7 @@ import numpy as np
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
-from auvid.hydro.identification.bench.single_channel import (
+from auvid.hydro.identification.bench.channel_records import (
     CHANNELS,
     DAMPING,
     WRONG_SIGN,
@@ -28,6 +27,7 @@ from auvid.hydro.identification.bench.single_channel import (
     Symbols,
     symbols,
 )
+from auvid.hydro.identification.bench.persistence_of_excitation import NOT_EXCITED, PERSISTENT
 from auvid.stages.presentation import Figure, figure
 from auvid.stages.rlse.run_of_leg import LegRun
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, WINDOWS
-from auvid.hydro.identification.bench.single_channel import (
+from auvid.hydro.identification.bench.channel_records import (
     CHANNELS,
     DAMPING,
     ChannelEstimate,
     symbols,
 )
+from auvid.hydro.identification.bench.persistence_of_excitation import PERSISTENT, WINDOWS
 from auvid.stages.columns import span_text
 from auvid.stages.presentation import (
     Block,

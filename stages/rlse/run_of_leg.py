@@ -13,8 +13,8 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.bench.channel_records import CHANNELS, ChannelRun
 from auvid.hydro.identification.bench.output_error import SingleRun
-from auvid.hydro.identification.bench.single_channel import CHANNELS, ChannelRun
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.hydro.identification.signals.splines import smoothing_spline

@@ -20,6 +20,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.bench.channel_records import BOTH, DAMPING
 from auvid.hydro.identification.bench.output_error import (
     Model,
     Nuisance,
@@ -36,7 +37,7 @@ from auvid.hydro.identification.bench.recursive_least_squares import (
     recursive_least_squares,
     static_form,
 )
-from auvid.hydro.identification.bench.single_channel import BOTH, DAMPING, choose_damping
+from auvid.hydro.identification.bench.single_channel import choose_damping
 from auvid.hydro.identification.bench.swing import GONE
 
 FILTER_SHARE = 0.5

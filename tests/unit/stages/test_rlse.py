@@ -20,8 +20,9 @@ from auvid.data_schemas.tables import column, make_table
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.bench.channel_records import ChannelRun
 from auvid.hydro.identification.bench.output_error import SingleRun
-from auvid.hydro.identification.bench.single_channel import ChannelRun, estimate_channel
+from auvid.hydro.identification.bench.single_channel import estimate_channel
 from auvid.stages import rlse
 from tests.support.motions import log_document
 from tests.support.single_channel import stepped_run

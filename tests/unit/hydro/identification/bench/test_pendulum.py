@@ -20,6 +20,7 @@ from auvid.hydro.dynamics.simulation.bench_motion import (
     free_decay,
     swing,
 )
+from auvid.hydro.identification.bench.channel_records import DAMPING
 from auvid.hydro.identification.bench.free_decay import (
     Decay,
     DecayEstimate,
@@ -44,7 +45,6 @@ from auvid.hydro.identification.bench.quadrifilar import (
     softening,
     tray_inertia,
 )
-from auvid.hydro.identification.bench.single_channel import DAMPING
 from auvid.hydro.identification.bench.swing import (
     angle_about,
     angle_per_rate,

@@ -11,8 +11,9 @@ import numpy.typing as npt
 import pytest
 from scipy.integrate import solve_ivp
 
+from auvid.hydro.identification.bench.channel_records import BOTH, ChannelRun
 from auvid.hydro.identification.bench.output_error import SingleRun
-from auvid.hydro.identification.bench.single_channel import BOTH, ChannelRun, estimate_channel
+from auvid.hydro.identification.bench.single_channel import estimate_channel
 from auvid.hydro.identification.bench.thrust_lag import lagged
 
 Array = npt.NDArray[np.float64]
