@@ -257,11 +257,8 @@ def rate_agreement(
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
     # The best of the three axes, so that exchanged axes do not send the search astray.
-    score = [
-        float(np.sum(np.abs(_correlation(centred, mean_rate(rows, lag))).max(axis=1) * energy**2))
-        for lag in lags
-    ]
-    lag = _peak(lags, np.asarray(score))
+    best = np.abs(_correlation(centred, mean_rate(rows, lags))).max(axis=-1)
+    lag = _peak(lags, np.sum(best * energy**2, axis=-1))
     measured = mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -289,7 +286,7 @@ def _turns(
         Array,
         npt.NDArray[np.intp],
         Array,
-        Callable[[npt.NDArray[np.intp], float], Array],
+        Callable[[npt.NDArray[np.intp], ArrayLike], Array],
         Array,
         npt.NDArray[np.bool_],
     ]
@@ -328,9 +325,11 @@ def _turns(
         [np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)]
     )
 
-    def mean_rate(of: npt.NDArray[np.intp], lag: float) -> Array:
+    def mean_rate(of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
+        """Return the gyro's mean (..., n, 3) over intervals (n,), read lags (...) later."""
+        late = np.asarray(lags, dtype=np.float64)[..., None]
         ends = [
-            np.stack([np.interp(t[side] + lag, at, angle[:, axis]) for axis in range(3)], axis=1)
+            np.stack([np.interp(t[side] + late, at, angle[:, axis]) for axis in range(3)], axis=-1)
             for side in (of, of + 1)
         ]
         return np.asarray((ends[1] - ends[0]) / width[of, None])
@@ -350,12 +349,13 @@ def _turns(
 
 
 def _correlation(first: Array, second: Array) -> Array:
-    """Return the correlation (k, l) between columns of (n, k) and (n, l).
+    """Return the correlation (..., k, l) between columns of (n, k) and (..., n, l).
 
     0 for a constant column.
     """
-    one, two = first - first.mean(axis=0), second - second.mean(axis=0)
-    size = np.outer(np.linalg.norm(one, axis=0), np.linalg.norm(two, axis=0))
+    one, two = first - first.mean(axis=0), second - second.mean(axis=-2, keepdims=True)
+    lengths = np.linalg.norm(one, axis=0)[:, None], np.linalg.norm(two, axis=-2)[..., None, :]
+    size = lengths[0] * lengths[1]
     return np.asarray(np.divide(one.T @ two, size, out=np.zeros_like(size), where=size > 0.0))
 
 

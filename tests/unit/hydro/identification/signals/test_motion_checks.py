@@ -1,0 +1,92 @@
+"""Gains between two records of one motion, and the lag between them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.signals.motion_checks import (
+    AxisGains,
+    angles_at,
+    depth_gains,
+    down_at,
+    fitted_gains,
+    velocity_lag,
+)
+
+T_ATTITUDE, T_VELOCITY = np.arange(0.0, 60.0, 0.1), np.arange(0.03, 60.0, 0.125)
+
+
+def euler(t: Array) -> Array:
+    """Attitude (n, 3) [rad] whose yaw wraps."""
+    yaw = np.angle(np.exp(1j * 0.2 * t))
+    return np.column_stack([0.3 * np.sin(0.5 * t), 0.2 * np.cos(0.7 * t), yaw])
+
+
+def speed(t: Array) -> Array:
+    """Body velocity (n, 3) [m/s]."""
+    return np.column_stack([np.sin(0.9 * t), 0.5 * np.cos(1.3 * t), 0.4 * np.sin(1.7 * t)])
+
+
+def depth(t: Array) -> Array:
+    """Depth (n,) [m] that this attitude and velocity give, by fine steps."""
+    fine = np.arange(-5.0, 65.0, 1e-3)
+    rate = np.einsum("ni,ni->n", rotation_body_to_ned(euler(fine))[:, 2], speed(fine))
+    return np.interp(t, fine, np.cumsum(rate) * 1e-3)
+
+
+def test_down_is_the_third_row_of_the_rotation_whatever_the_yaw() -> None:
+    own = down_at(T_VELOCITY, T_ATTITUDE, euler(T_ATTITUDE))
+    angles = angles_at(T_VELOCITY, T_ATTITUDE, euler(T_ATTITUDE))
+    np.testing.assert_allclose(own, rotation_body_to_ned(angles)[:, 2], atol=1e-15)
+
+
+def test_outliers_are_left_out_and_the_rest_is_the_plain_fit() -> None:
+    rng = np.random.default_rng(3)
+    design = rng.normal(size=(80, 2))
+    y = design @ [1.5, -0.5] + 0.2 + 0.01 * rng.normal(size=80)
+    y[::20] += 5.0
+    sound = np.arange(80) % 20 != 0
+    gains = fitted_gains(y, design)
+    assert gains is not None
+    assert gains.count == 76
+    full = np.column_stack([design, np.ones(80)])[sound]
+    plain, rest, _, _ = np.linalg.lstsq(full, y[sound], rcond=None)
+    np.testing.assert_allclose(gains.gain, plain[:2], rtol=1e-12)
+    covariance = np.linalg.inv(full.T @ full) * rest[0] / 73.0
+    np.testing.assert_allclose(gains.sd, np.sqrt(np.diag(covariance))[:2], rtol=1e-9)
+    assert gains.explained == pytest.approx(1.0 - rest[0] / 73.0 / np.var(y[sound]), rel=1e-9)
+
+
+def test_a_column_without_motion_has_no_deviation_and_few_windows_no_gains() -> None:
+    rng = np.random.default_rng(4)
+    design = np.column_stack([rng.normal(size=40), np.full(40, 2.0)])
+    gains = fitted_gains(design[:, 0] + 1e-3 * rng.normal(size=40), design)
+    assert gains is not None
+    assert np.isinf(gains.sd[1])
+    assert fitted_gains(np.zeros(13), design[:13]) is None
+
+
+@pytest.mark.parametrize("late_s", [-0.8, 0.0, 0.5])
+def test_lag_is_that_of_the_best_of_all_fits(late_s: float) -> None:
+    """Either record may be the late one; each lag is judged by a fit of its own."""
+    lags = np.round(np.arange(-10, 11) * 0.1, 1)
+    z, turned, seen_s = depth(T_ATTITUDE), euler(T_ATTITUDE), T_VELOCITY + late_s
+    velocity = speed(T_VELOCITY)
+
+    def gains(t_depth: Array, t_velocity: Array) -> AxisGains:
+        fit = depth_gains(t_depth, z, T_ATTITUDE, turned, t_velocity, velocity)
+        assert fit is not None
+        return fit
+
+    result = velocity_lag(T_ATTITUDE, z, T_ATTITUDE, turned, seen_s, velocity, lags_s=lags)
+    assert result is not None
+    lag, there, at_zero = result
+    assert lag == pytest.approx(late_s)
+    assert there == max(
+        gains(T_ATTITUDE, seen_s - lag).explained, gains(T_ATTITUDE + lag, seen_s).explained
+    )
+    assert at_zero == gains(T_ATTITUDE, seen_s).explained
+    np.testing.assert_allclose(gains(T_ATTITUDE, T_VELOCITY).gain, 1.0, atol=0.02)
