@@ -7,7 +7,7 @@ signals are thinned by minimum and maximum per bin, so that peaks stay visible.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import isfinite, pi
+from math import pi
 from typing import Any, Literal
 
 import numpy as np
@@ -21,6 +21,11 @@ from auvid.hydro.constants import NORMAL_95
 Block = dict[str, Any]
 Figure = dict[str, Any]
 SHOWN_POINTS = 800
+DIGITS = 6
+SMALLEST_SCALED = 1e-15
+"""Numbers of this size to its inverse take exact powers of ten to so many digits."""
+NEAR_HALF = 1e-6
+"""A product this near to a half may have been tipped over by its rounding."""
 NOISE_95 = "± 95 % by noise"
 """Head of a column with half of the 95 % interval."""
 
@@ -119,7 +124,7 @@ def series(name: str, x: npt.ArrayLike, y: npt.ArrayLike, role: str) -> dict[str
     name.
     """
     x_kept, y_kept = thin(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-    return {"name": name, "role": role, "x": _rounded(x_kept), "y": _rounded(y_kept)}
+    return {"name": name, "role": role, "x": rounded(x_kept), "y": rounded(y_kept)}
 
 
 def panel(label: str, unit: str, lines: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -272,8 +277,27 @@ def _first_equal(
     return edges + np.minimum.reduceat(hit, edges)
 
 
-def _rounded(values: Array) -> list[float | None]:
-    return [float(f"{value:.6g}") if isfinite(value) else None for value in values.tolist()]
+def rounded(values: Array) -> list[float | None]:
+    """Return values (n,) to six digits, as `float(f"{value:.6g}")`; None if not finite.
+
+    All at once: a plot has thousands. Halves, which the product with a power of ten may
+    tip over, and numbers beyond exact powers of ten are rounded by their digits.
+
+    >>> rounded(np.array([0.12345678, -1234567.8, np.nan]))
+    [0.123457, -1234570.0, None]
+    """
+    finite = np.isfinite(values)
+    size = np.abs(values)
+    plain = finite & (size > SMALLEST_SCALED) & (size < 1.0 / SMALLEST_SCALED)
+    places = DIGITS - 1 - np.floor(np.log10(np.where(plain, size, 1.0)))
+    up, down = 10.0 ** np.maximum(places, 0.0), 10.0 ** np.maximum(-places, 0.0)
+    scaled = np.where(plain, values, 0.0) * up / down
+    counts = np.rint(scaled)
+    plain &= np.abs(np.abs(scaled - counts) - 0.5) > NEAR_HALF
+    listed: list[float | None] = (counts / up * down).tolist()
+    for at in np.flatnonzero(~plain).tolist():
+        listed[at] = float(f"{values[at]:.{DIGITS}g}") if finite[at] else None
+    return listed
 
 
 def _plain(cell: Any) -> Any:

@@ -15,6 +15,7 @@ from auvid.stages.presentation import (
     panel,
     plot,
     remark,
+    rounded,
     section,
     series,
     table,
@@ -83,3 +84,22 @@ def test_input_is_not_written_to() -> None:
     x, y = np.arange(5000.0), np.sin(np.arange(5000.0))
     x.flags.writeable = y.flags.writeable = False
     assert series("raw", x, y, "raw")["role"] == "raw"
+
+
+def six_digits(value: float) -> float | None:
+    """Return a number as its six digits give it."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+@given(st.lists(st.floats() | st.floats(-1e7, 1e7) | st.integers(-(10**8), 10**8).map(float)))
+def test_numbers_of_a_plot_have_the_six_digits_that_print_gives(values: list[float]) -> None:
+    assert rounded(np.array(values, dtype=np.float64)) == list(map(six_digits, values))
+
+
+def test_halves_powers_of_ten_and_their_neighbours_have_the_six_digits_that_print_gives() -> None:
+    halves = np.concatenate([(np.arange(100000, 100500) + 0.5) / 10.0**k for k in range(-3, 9)])
+    powers = 10.0 ** np.arange(-18, 19)
+    near = [np.nextafter(powers, 0.0), powers, np.nextafter(powers, np.inf), 9.999995 * powers]
+    values = np.concatenate([halves, *near])
+    values = np.concatenate([values, -values])
+    assert rounded(values) == list(map(six_digits, values.tolist()))
