@@ -232,8 +232,7 @@ def smooth_columns(
             t,
             y,
             max_gap_s,
-            noise[:, 0],
-            noise[:, 1],
+            *noise.T.copy(),  # as rows, which numba compiles for one column and for several
             rate,
             allowed,
             gate,
@@ -247,7 +246,7 @@ def smooth_columns(
             noise = np.array(
                 [_fitted(t, y[:, c], accepted, begins, rate[c], 0.0, noise[c]) for c in range(k)]
             )
-    smooth_track(t, y, noise[:, 0], accepted, begins, x, P)
+    smooth_track(t, y, noise[:, 0].copy(), accepted, begins, x, P)
     # The difference P - P L P cancels where a track begins: no variance below rounding.
     for i in range(3):
         P[..., i, i] = np.maximum(P[..., i, i], np.finfo(np.float64).eps * rate**2)

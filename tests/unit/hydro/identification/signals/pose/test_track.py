@@ -6,6 +6,7 @@ from filterpy.kalman import KalmanFilter
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.signals.pose import compiled_track
 from auvid.hydro.identification.signals.pose.track import (
     LARGEST_RATE,
     PoseTrack,
@@ -172,3 +173,12 @@ def test_nothing_to_track_is_refused() -> None:
         pose_track(t[:9], rng.normal(size=(9, 3)), rng.normal(size=(9, 4)))
     with pytest.raises(DataError, match="increase strictly"):
         pose_track(t[::-1], rng.normal(size=(100, 3)), rng.normal(size=(100, 3)))
+
+
+@pytest.mark.parametrize("columns", [1, 3])
+def test_the_loops_are_compiled_once_whatever_the_number_of_columns(columns: int) -> None:
+    t = np.arange(0.0, 5.0, 0.05)
+    y = np.sin(np.outer(t, np.arange(1.0, 1.0 + columns))) + 1e-3 * np.cos(40.0 * t)[:, None]
+    smooth_columns(t, y, rate=np.ones(columns), allowed=np.zeros(columns), max_gap_s=1.0)
+    assert len(compiled_track.filter_track.signatures) == 1
+    assert len(compiled_track.smooth_track.signatures) == 1
