@@ -5,26 +5,13 @@ no mass, and every loss is said.
 from __future__ import annotations
 
 import json
-import shutil
+from collections.abc import Callable
 from pathlib import Path
 
-import pytest
-from typer.testing import CliRunner
 
-from auvid.pipeline import cli
-
-ROOT = Path(__file__).parents[2]
-
-
-def test_dive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(ROOT / "campaigns" / "blueye_heave", tmp_path / "campaigns" / "blueye_heave")
-    shutil.copy(ROOT / "params.yaml", tmp_path / "params.yaml")
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(cli.app, ["run", "blueye_heave", "--until", "rlse"])
-    assert done.exit_code == 0, done.output
-    results = json.loads(
-        (tmp_path / "runs/blueye_heave/rlse/descent/results.json").read_text(encoding="utf-8")
-    )
+def test_dive(committed_run: Callable[[str], Path]) -> None:
+    leg = committed_run("blueye_heave") / "runs/blueye_heave/rlse/descent"
+    results = json.loads((leg / "results.json").read_text(encoding="utf-8"))
     figures = {row["quantity"]: row for row in results["rows"]}
     headline = {name: row for name, row in figures.items() if row["headline"]}
     # A whole command holds about 0.28 m/s on this dive, with a net weight: Z_w|w| of
@@ -32,9 +19,7 @@ def test_dive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert headline["Z_w|w| in commands"]["verdict"] == "identified"
     assert -17.0 < headline["Z_w|w| in commands"]["value"] < -10.0
     assert set(headline) == {"Z_w|w| in commands", "constant force in commands"}
-    section = json.loads(
-        (tmp_path / "runs/blueye_heave/rlse/descent/section.json").read_text(encoding="utf-8")
-    )
+    section = json.loads((leg / "section.json").read_text(encoding="utf-8"))
     remarks = " ".join(block["text"] for block in section["blocks"] if block["kind"] == "remark")
     assert "faster than it was sampled" in remarks
     assert "without a unit of force" in remarks

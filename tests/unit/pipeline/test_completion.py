@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 
 from auvid.export.targets import TARGETS
 from auvid.hydro.dynamics.viscous.models import MODELS
-from auvid.pipeline import completion
+from auvid.pipeline import cli, completion
 from auvid.stages import STAGES
 
 
@@ -38,20 +40,19 @@ def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def complete(*words: str) -> list[str]:
     """What bash offers for the last of these words."""
     environment = {
-        **os.environ,
         "_AUVID_COMPLETE": "complete_bash",
         "COMP_WORDS": " ".join(("auvid", *words)),
         "COMP_CWORD": str(len(words)),
     }
-    program = "import sys; sys.argv = ['auvid']; from auvid.pipeline.cli import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout.split()
+    output = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(output):
+        patch.setattr("sys.argv", ["auvid"])
+        for name, value in environment.items():
+            patch.setenv(name, value)
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+    assert not end.value.code
+    return output.getvalue().split()
 
 
 @pytest.mark.usefixtures("workspace")
