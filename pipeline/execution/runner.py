@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ from auvid.pipeline.store.atomic_files import (
     remove_temporary_files,
     write_atomically,
 )
-from auvid.pipeline.store.file_hashes import HASHES, FileHashes, hash_value
+from auvid.pipeline.store.file_hashes import HASHES, FileHashes, hash_file, hash_value
 from auvid.pipeline.store.fingerprints import as_document, fingerprint_line, stage_code
 from auvid.pipeline.store.manifest import Manifest
 from auvid.pipeline.store.package_versions import package_versions
@@ -205,7 +205,8 @@ class Run:
 
     @cached_property
     def _codes(self) -> dict[str, str]:
-        return {stage.name: stage_code(stage) for stage in self.graph.stages}
+        hash_once = cache(hash_file)
+        return {stage.name: stage_code(stage, hash_once) for stage in self.graph.stages}
 
     @cached_property
     def _divider(self) -> AnyStage:
@@ -462,8 +463,9 @@ def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
         return
     remove_temporary_files(folder, shared=True)
     stamp = code_stamp.source_stamp()
+    hash_once = cache(hash_file)
     for stage in stages:
-        path, line = folder / f"{stage.name}.txt", fingerprint_line(stage).encode()
+        path, line = folder / f"{stage.name}.txt", fingerprint_line(stage, hash_once).encode()
         if not path.is_file() or path.read_bytes() != line:
             write_atomically(path, line)
     write_atomically(folder / code_stamp.FILE, code_stamp.stamp_file(folder, stamp, names))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.documents import MODELS, model_of
@@ -18,14 +19,16 @@ READERS = {"vehicle": "auvid.hydro.dynamics.vehicle.from_document"}
 """What makes the value that a port delivers, where that is not the document's model."""
 
 
-def stage_code(stage: Stage[Any, Any, Any]) -> str:
+def stage_code(stage: Stage[Any, Any, Any], hash_source: Callable[[Path], str] = hash_file) -> str:
     """Return the hash of what a result depends on besides inputs and parameters.
 
     That is: the stage's module, the modules of auvid that it imports directly or
     through others (found in the source, not by running it), the data files that these
     name or that lie in the stage's own folder, and the schemas of the stage's ports.
+    hash_source: one that remembers serves many stages, which share most files.
     """
-    sources = {name: hash_file(path) for name, path in import_closure(stage.run.__module__).items()}
+    closure = import_closure(stage.run.__module__)
+    sources = {name: hash_source(path) for name, path in closure.items()}
     return hash_value({"sources": sources, "schemas": stage_schemas(stage)})
 
 
@@ -46,9 +49,11 @@ def _schema_hash(name: str) -> str:
     return hash_value({part: hash_file(path) for part, path in import_closure(module).items()})
 
 
-def fingerprint_line(stage: Stage[Any, Any, Any]) -> str:
+def fingerprint_line(
+    stage: Stage[Any, Any, Any], hash_source: Callable[[Path], str] = hash_file
+) -> str:
     """Return the content of the file on which DVC depends in place of the code."""
-    return f"{stage.name} {stage_code(stage)}\n"
+    return f"{stage.name} {stage_code(stage, hash_source)}\n"
 
 
 def as_document(params: object) -> Mapping[str, Any]:

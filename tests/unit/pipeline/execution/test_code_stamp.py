@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
 
 from auvid.pipeline.execution import code_stamp, runner
+from auvid.pipeline.store.file_hashes import hash_file
+from auvid.pipeline.store.fingerprints import fingerprint_line
 from tests.support.toy_stages import STAGES
 
 NAMES = [f"{stage.name}.txt" for stage in STAGES]
@@ -47,10 +50,27 @@ def test_second_look_hashes_nothing(
     runner.write_code_files(STAGES, folder)
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     assert set(before) == {code_stamp.FILE, *NAMES}
-    monkeypatch.setattr(runner, "fingerprint_line", lambda stage: pytest.fail("hashed again"))
+    monkeypatch.setattr(runner, "fingerprint_line", lambda *_: pytest.fail("hashed again"))
     runner.write_code_files(STAGES, folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
     assert not code_stamp.unchanged(folder, ["other.txt"])
+
+
+def test_a_source_that_stages_share_is_hashed_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts: Counter[Path] = Counter()
+
+    def counted(path: Path) -> str:
+        counts[path] += 1
+        return hash_file(path)
+
+    monkeypatch.setattr(runner, "hash_file", counted)
+    runner.write_code_files(STAGES, tmp_path)
+    assert len(counts) > len(STAGES)
+    assert set(counts.values()) == {1}
+    lines = {stage.name: (tmp_path / f"{stage.name}.txt").read_text() for stage in STAGES}
+    assert lines == {stage.name: fingerprint_line(stage) for stage in STAGES}
 
 
 @pytest.mark.parametrize("change", CHANGES)

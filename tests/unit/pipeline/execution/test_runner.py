@@ -164,7 +164,7 @@ def test_changed_code_reruns_the_stage(
     run_all(open_run(campaign, runs))
     true = fingerprints.stage_code
     monkeypatch.setattr(
-        runner, "stage_code", lambda stage: "edited" if stage.name == "cut" else true(stage)
+        runner, "stage_code", lambda stage, _: "edited" if stage.name == "cut" else true(stage)
     )
     assert sorted(ran(open_run(campaign, runs))) == ["cut"]
 
