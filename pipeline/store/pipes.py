@@ -6,11 +6,12 @@ import os
 import select
 import tempfile
 from collections.abc import Callable, Generator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 PIECE_BYTES = 1 << 20
 POLL_S = 0.1
+CLOSED_S = 0.005
 
 
 def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
@@ -32,6 +33,8 @@ def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
                         yield piece
                     elif is_over:
                         break
+                    else:  # a pipe closed by its writer is ready at once, and empty
+                        wait([saving], timeout=CLOSED_S)
             finally:  # nobody asks for more: the writer is let go to its end
                 while not saving.done():
                     select.select([pipe], [], [], POLL_S)
