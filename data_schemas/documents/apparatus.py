@@ -15,10 +15,9 @@ from auvid.data_schemas.documents.model import (
     default,
     fault,
 )
+from auvid.data_schemas.documents.quantities import Metres, PositiveKilograms, PositiveMetres
 
-Metres = Annotated[Quantity, Unit("m")]
-PositiveMetres = Annotated[Quantity, Unit("m", positive=True)]
-Kilograms = Annotated[Quantity, Unit("kg", may_be_negative=False)]
+Mass = Annotated[Quantity, Unit("kg", may_be_negative=False)]
 Inertia = Annotated[Quantity, Unit("kg*m^2", may_be_negative=False)]
 Direction = Literal["surge", "sway", "heave"]
 
@@ -54,7 +53,7 @@ class SwingEntry(Model):
     """Short name of the swing in the results."""
     role: Literal["empty_tray", "object"]
     """The tray alone or something on it."""
-    mass: Kilograms | None = None
+    mass: Mass | None = None
     """Object: its mass without the tray."""
     axis: Literal["x", "y", "z"] | None = None
     """Object that is the vehicle: body axis that stands upright, so I_x, I_y or I_z is
@@ -90,11 +89,11 @@ class QuadrifilarEntry(Model):
     """R_2, radius of the circle through the supports of the tray."""
     line_length: PositiveMetres
     """h, length of the lines."""
-    tray_mass: Annotated[Quantity, Unit("kg", positive=True)]
+    tray_mass: PositiveKilograms
     """Mass of the tray with its wires."""
     length_sd: Metres = default(0.0, "m")
     """Standard error of a measured length."""
-    mass_sd: Kilograms = default(0.0, "kg")
+    mass_sd: Mass = default(0.0, "kg")
     """Standard error of a weighed mass."""
     swings: list[SwingEntry]
     """What was hung; one entry of role empty_tray, which is taken off the others."""
@@ -122,11 +121,11 @@ class PartEntry(Model):
 
     name: str
     """What it is."""
-    mass: Kilograms
+    mass: Mass
     """Its mass."""
     arm: Metres
     """From the pivot to its centre of gravity."""
-    displaced_mass: Kilograms = default(0.0, "kg")
+    displaced_mass: Mass = default(0.0, "kg")
     """Mass of the water that it displaces."""
     displaced_arm: Metres | None = None
     """From the pivot to its centre of buoyancy; default its arm."""
@@ -167,9 +166,9 @@ class FreeDecayEntry(Model):
     parts: list[PartEntry]
     """The pendulum without the vehicle (pole, added weight), each part at its own arm.
     """
-    vehicle_mass: Kilograms | None = None
+    vehicle_mass: Mass | None = None
     """Mass of the vehicle as hung; default that of the vehicle file."""
-    vehicle_displaced_mass: Kilograms | None = None
+    vehicle_displaced_mass: Mass | None = None
     """Mass of the water that it displaces; default that of the vehicle file."""
     decays: list[DecayEntry]
     """What was hung; of role empty_pendulum the added mass and damping (per unit of

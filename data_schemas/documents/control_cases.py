@@ -22,21 +22,23 @@ from auvid.data_schemas.documents.model import (
     fault,
     part_of_kind,
 )
+from auvid.data_schemas.documents.quantities import (
+    Kilograms,
+    Metres,
+    PositiveMetres,
+    PositiveRatio,
+    Ratio,
+    Seconds,
+)
 from auvid.data_schemas.errors import PipelineError, nearest
 
 Radians = Annotated[Quantity, Unit("rad")]
-Metres = Annotated[Quantity, Unit("m")]
 Newtons = Annotated[Quantity, Unit("N")]
-Kilograms = Annotated[Quantity, Unit("kg")]
-Seconds = Annotated[Quantity, Unit("s")]
-Number = Annotated[Quantity, Unit("1")]
 Numbers = Annotated[Quantity, Unit("1", (-1,))]
 Forces = Annotated[Quantity, Unit("N", (3,))]
 PositiveRadians = Annotated[Quantity, Unit("rad", positive=True)]
-PositiveMetres = Annotated[Quantity, Unit("m", positive=True)]
 PositiveSeconds = Annotated[Quantity, Unit("s", positive=True)]
 PositiveSpeed = Annotated[Quantity, Unit("m/s", positive=True)]
-PositiveNumber = Annotated[Quantity, Unit("1", positive=True)]
 PositiveRate = Annotated[Quantity, Unit("rad/s", positive=True)]
 PositiveThrustRate = Annotated[Quantity, Unit("N/s", positive=True)]
 ParameterSet = Literal["as_printed", "as_simulated", "corrected"]
@@ -166,7 +168,7 @@ class HelixEntry(PathEntry):
     """Radius of the turns."""
     pitch: Radians
     """Pitch of the path, nose up."""
-    turns: Number
+    turns: Ratio
     """Whole turns."""
     port: bool = False
     """Turns to port; else to starboard."""
@@ -181,7 +183,7 @@ class SawToothEntry(PathEntry):
     """Pitch of the legs."""
     tip_radius: Metres
     """Radius of the tips."""
-    legs: Number
+    legs: Ratio
     """How many."""
 
 
@@ -214,7 +216,7 @@ class WaitingEntry(Model):
     """Distance behind it at which the reference stands still."""
     catch_up: PositiveSeconds | None = None
     """Time in which a delay is made up; default never."""
-    fastest: PositiveNumber = default(1.3, "1")
+    fastest: PositiveRatio = default(1.3, "1")
     """Most times its speed."""
 
 
@@ -355,7 +357,7 @@ class MonteCarloEntry(Model):
     """Name of one of its flights."""
     duration: PositiveSeconds
     """How long is flown."""
-    relative_sd: PositiveNumber = default(0.1, "1")
+    relative_sd: PositiveRatio = default(0.1, "1")
     """Relative standard deviation of every viscous coefficient where no card gives a
     covariance.
     """

@@ -8,13 +8,12 @@ import numpy as np
 from pydantic import model_validator
 
 from auvid.data_schemas.documents.model import Faults, Model, Quantity, Range, Unit, fault
+from auvid.data_schemas.documents.quantities import Metres, Ratio
 from auvid.data_schemas.documents.vehicle.quantities import (
     FinCoefficients,
-    Metres,
     Polynomial,
     PositiveNewtonMetres,
     PositiveNewtons,
-    Ratio,
     ascending,
     require,
     wrong_shape,

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 from auvid.data_schemas.documents.model import Model, Quantity, Unit
+from auvid.data_schemas.documents.quantities import Kilograms, PositiveKilograms, PositiveMetres
 from auvid.data_schemas.documents.vehicle.quantities import (
     KilogramMetres,
-    Kilograms,
     KilogramSquareMetres,
-    PositiveKilograms,
-    PositiveMetres,
     Vector,
 )
 

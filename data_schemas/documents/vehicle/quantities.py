@@ -9,20 +9,13 @@ import numpy as np
 from auvid.data_schemas.documents.model import Faults, Model, Quantity, Unit, fault
 from auvid.data_schemas.errors import PipelineError
 
-Ratio = Annotated[Quantity, Unit("1")]
-Kilograms = Annotated[Quantity, Unit("kg")]
 KilogramMetres = Annotated[Quantity, Unit("kg*m")]
 KilogramSquareMetres = Annotated[Quantity, Unit("kg*m^2")]
-Metres = Annotated[Quantity, Unit("m")]
 Lengths = Annotated[Quantity, Unit("m", (-1,))]
-Seconds = Annotated[Quantity, Unit("s")]
 Vector = Annotated[Quantity, Unit("m", (3,))]
 Angles = Annotated[Quantity, Unit("rad", (3,))]
 Polynomial = Annotated[Quantity, Unit("1", (3,))]
 FinCoefficients = Annotated[Quantity, Unit("1", (6, 4))]
-PositiveMetres = Annotated[Quantity, Unit("m", positive=True)]
-PositiveRatio = Annotated[Quantity, Unit("1", positive=True)]
-PositiveKilograms = Annotated[Quantity, Unit("kg", positive=True)]
 PositiveNewtons = Annotated[Quantity, Unit("N", positive=True)]
 PositiveNewtonMetres = Annotated[Quantity, Unit("N*m", positive=True)]
 PositiveSquareMetres = Annotated[Quantity, Unit("m^2", positive=True)]

@@ -5,11 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from auvid.data_schemas.documents.model import Model, Range
-from auvid.data_schemas.documents.vehicle.quantities import (
-    Angles,
-    Seconds,
-    Vector,
-)
+from auvid.data_schemas.documents.quantities import Seconds
+from auvid.data_schemas.documents.vehicle.quantities import Angles, Vector
 
 
 class MountedEntry(Model):

@@ -8,15 +8,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from auvid.data_schemas.documents.model import Faults, Model, Quantity, Unit, fault
-from auvid.data_schemas.documents.vehicle.quantities import (
-    Kilograms,
-    Lengths,
-    Metres,
-    PositiveMetres,
-    PositiveRatio,
-    PositiveSquareMetres,
-    require,
-)
+from auvid.data_schemas.documents.quantities import Kilograms, Metres, PositiveMetres, PositiveRatio
+from auvid.data_schemas.documents.vehicle.quantities import Lengths, PositiveSquareMetres, require
 
 HULL_KEYS = {
     "cylinder": ("length", "diameter"),

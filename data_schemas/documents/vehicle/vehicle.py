@@ -12,9 +12,7 @@ from auvid.data_schemas.documents.vehicle.body import (
     RigidBodyEntry,
     SpreadsEntry,
 )
-from auvid.data_schemas.documents.vehicle.quantities import (
-    KilogramSquareMetres,
-)
+from auvid.data_schemas.documents.vehicle.quantities import KilogramSquareMetres
 from auvid.data_schemas.documents.vehicle.sensors import SensorsEntry
 from auvid.data_schemas.documents.vehicle.shape import (
     BuoyancyEngineEntry,

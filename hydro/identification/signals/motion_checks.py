@@ -80,7 +80,7 @@ def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
 
 
 def _robust_fit(y: ArrayLike, design: ArrayLike) -> _RobustFit | None:
-    """Return the fit of y (n,) by design (n, k) and a constant; None for too few windows."""
+    """Return the fit of y (n,) by design (n, k) and a constant; None if too few."""
     x, target = np.asarray(design, dtype=np.float64), np.asarray(y, dtype=np.float64)
     good = np.isfinite(target) & np.isfinite(x).all(axis=1)
     full, target = np.column_stack([x[good], np.ones(np.count_nonzero(good))]), target[good]
@@ -176,7 +176,7 @@ def depth_gains(
 def _rise_and_parts(
     t_depth: Array, depth: Array, t_attitude: Array, t_velocity: Array, rates: Array
 ) -> tuple[Array, Array] | None:
-    """Return change of depth (m,) and its parts (m, 3) by rates (n, 3), over windows.
+    """Return change of depth (m,), and its parts (m, 3) by rates (n, 3), by window.
 
     None for too few windows.
     """

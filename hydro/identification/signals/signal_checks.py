@@ -326,7 +326,7 @@ def _turns(
     )
 
     def mean_rate(of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
-        """Return the gyro's mean (..., n, 3) over intervals (n,), read lags (...) later."""
+        """Return the mean (..., n, 3) over intervals (n,), read lags (...) later."""
         late = np.asarray(lags, dtype=np.float64)[..., None]
         ends = [
             np.stack([np.interp(t[side] + late, at, angle[:, axis]) for axis in range(3)], axis=-1)
