@@ -11,6 +11,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.checks.signal_checks import response_lag
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.axis_windows import (
     WINDOW_S,
@@ -20,7 +21,6 @@ from auvid.hydro.identification.selection.axis_windows import (
     windows_of_axis,
 )
 from auvid.hydro.identification.signals.resampling import uniform_clock
-from auvid.hydro.identification.signals.signal_checks import response_lag
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, VELOCITY
 from auvid.stages.leg_record.force import LegDrive, actuator_table, drive_of
 from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, step_s

@@ -15,8 +15,8 @@ from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.signal_checks import attitude_jumps
 from auvid.hydro.identification.signals.resampling import gaps
-from auvid.hydro.identification.signals.signal_checks import attitude_jumps
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, VELOCITY, Span
 
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.signals.signal_checks import clock_statistics
+from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
 from auvid.pipeline.commands.check.axes_route import MOTORS_OF_VEHICLE

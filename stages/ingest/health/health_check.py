@@ -13,8 +13,8 @@ import pyarrow as pa
 from auvid.data_schemas.checks import FORCE_MODEL_NEEDS, SEVERITIES, checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
-from auvid.hydro.identification.signals.signal_checks import clock_statistics
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding

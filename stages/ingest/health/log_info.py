@@ -20,7 +20,7 @@ from auvid.data_schemas.records.logs import (
 )
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import make_table
-from auvid.hydro.identification.signals.signal_checks import clock_statistics
+from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.base import RawLog
 from auvid.stages.ingest.multi_file import DecodedFile
 from auvid.stages.ingest.rejection import Rejected

@@ -10,8 +10,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
-from auvid.hydro.identification.signals.answers import track_turn
-from auvid.hydro.identification.signals.motion_checks import (
+from auvid.hydro.identification.checks.answers import track_turn
+from auvid.hydro.identification.checks.motion_checks import (
     AxisGains,
     accelerometer_changes,
     depth_by_axes,
@@ -20,7 +20,7 @@ from auvid.hydro.identification.signals.motion_checks import (
     position_gains,
     velocity_lag,
 )
-from auvid.hydro.identification.signals.signal_checks import Response
+from auvid.hydro.identification.checks.signal_checks import Response
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise

@@ -10,7 +10,7 @@ import numpy as np
 
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.signals.signal_checks import clock_statistics, flat_top, repeats
+from auvid.hydro.identification.checks.signal_checks import clock_statistics, flat_top, repeats
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import (
     ON_CHANGE,

@@ -10,8 +10,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
-from auvid.hydro.identification.signals.motion_checks import AxisGains, tilt_gains
-from auvid.hydro.identification.signals.signal_checks import (
+from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
+from auvid.hydro.identification.checks.signal_checks import (
     Following,
     RateAgreement,
     attitude_difference,

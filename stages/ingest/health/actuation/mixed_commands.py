@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from auvid.hydro.identification.signals.motion_checks import response_gains
+from auvid.hydro.identification.checks.motion_checks import response_gains
 from auvid.stages.columns import GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, RATES, SPEEDS, body_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed

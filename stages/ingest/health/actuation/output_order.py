@@ -10,8 +10,8 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.fleet.joined_outputs import OtherOrder, WindowMotion, other_order
-from auvid.hydro.identification.signals.motion_checks import integrals, windows
+from auvid.hydro.identification.checks.joined_outputs import OtherOrder, WindowMotion, other_order
+from auvid.hydro.identification.checks.motion_checks import integrals, windows
 from auvid.stages.columns import GYRO
 from auvid.stages.ingest.health.actuation.push_answers import RATES, SMALLEST_MOTION, SPEEDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding

@@ -10,7 +10,7 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.signals.motion_checks import AxisGains, angles_at, response_gains
+from auvid.hydro.identification.checks.motion_checks import AxisGains, angles_at, response_gains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.ingest.health.sensor_agreement import OF_POSES

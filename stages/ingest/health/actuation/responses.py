@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from auvid.hydro.identification.signals.answers import slow_answer
-from auvid.hydro.identification.signals.signal_checks import (
+from auvid.hydro.identification.checks.answers import slow_answer
+from auvid.hydro.identification.checks.signal_checks import (
     Response,
     clock_statistics,
     response_lag,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.signals.motion_checks import (
+from auvid.hydro.identification.checks.motion_checks import (
     FEWEST_WINDOWS,
     WINDOW_S,
     fitted_gains,

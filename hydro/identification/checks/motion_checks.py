@@ -146,7 +146,7 @@ def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
 
 
 def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
-    """Return the body's down (n, 3), the third row of P_v (2.5), at times t (n,).
+    """Return down in body axes (n, 3), the last row of the rotation, at times t (n,).
 
     [-sin(theta), cos(theta) sin(phi), cos(theta) cos(phi)]; yaw does not enter.
     """

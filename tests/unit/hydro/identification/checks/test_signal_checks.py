@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse
-from auvid.hydro.identification.signals.signal_checks import (
+from auvid.hydro.identification.checks.signal_checks import (
     attitude_difference,
     clock_statistics,
     flat_top,

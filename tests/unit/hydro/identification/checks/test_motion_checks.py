@@ -7,7 +7,7 @@ import pytest
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.identification.signals.motion_checks import (
+from auvid.hydro.identification.checks.motion_checks import (
     AxisGains,
     angles_at,
     depth_gains,
