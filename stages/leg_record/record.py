@@ -11,7 +11,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
-from auvid.hydro.identification.checks.signal_checks import response_lag
+from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.axis_windows import (
     WINDOW_S,

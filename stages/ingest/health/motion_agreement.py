@@ -20,7 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     position_gains,
     velocity_lag,
 )
-from auvid.hydro.identification.checks.signal_checks import Response
+from auvid.hydro.identification.checks.response import Response
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise

@@ -11,14 +11,16 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
+from auvid.hydro.identification.checks.rate_agreement import (
+    RateAgreement,
+    attitude_jumps,
+    rate_agreement,
+)
 from auvid.hydro.identification.checks.signal_checks import (
     Following,
-    RateAgreement,
     attitude_difference,
-    attitude_jumps,
     following,
     gravity,
-    rate_agreement,
 )
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import (

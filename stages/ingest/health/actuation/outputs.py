@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Mask
-from auvid.hydro.identification.checks.signal_checks import without_drift
+from auvid.hydro.identification.checks.response import without_drift
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent, significant

@@ -7,11 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.hydro.identification.checks.answers import slow_answer
-from auvid.hydro.identification.checks.signal_checks import (
-    Response,
-    clock_statistics,
-    response_lag,
-)
+from auvid.hydro.identification.checks.response import Response, response_lag
+from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit

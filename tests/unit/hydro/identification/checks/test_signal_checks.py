@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse
+from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.checks.signal_checks import (
     attitude_difference,
     clock_statistics,
     flat_top,
     following,
     gravity,
-    rate_agreement,
     repeats,
-    response_lag,
     thinned,
 )
 

@@ -1,0 +1,199 @@
+"""Whether attitude and gyro turn alike: scale, lag, bias and jumps between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numpy.typing import ArrayLike
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.response import peak_of_parabola
+from auvid.hydro.identification.checks.signal_checks import (
+    FEWEST,
+    LONGEST_INTERVAL_S,
+    RATE_INTERVAL_S,
+    thinned,
+)
+
+LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
+SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
+"""A jump of the attitude: more than this, and than so many times what 90 % of the
+intervals disagree by.
+"""
+
+
+@dataclass(frozen=True)
+class RateAgreement:
+    """Gyro against the rate of the attitude.
+
+    `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro
+    read `lag_s` later; `scale` (3,): gyro per attitude rate of the same axis; `std`
+    (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs
+    [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn after the
+    attitude does. `jumps` intervals in which the attitude turned without the gyro, by
+    `largest_jump` [rad] at most, are left out of the comparison; `jump_at_s` is the
+    time of the largest.
+    """
+
+    correlation: Array
+    scale: Array
+    lag_s: float
+    std: Array
+    bias: Array
+    count: int
+    jumps: int
+    largest_jump: float
+    jump_at_s: float
+
+
+def attitude_jumps(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Return begin, end [s], size [rad] (k,) of turns that the gyro does not show.
+
+    An interval counts if the difference is more than 0.1 rad, five times what 90 % of
+    the intervals disagree by, and what a slow gyro may miss between its samples.
+    """
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
+        return np.zeros(0), np.zeros(0), np.zeros(0)
+    t, rows, _, _, unexplained, jumped = turns
+    return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
+
+
+def rate_agreement(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> RateAgreement | None:
+    """Compare the body rate between attitudes (n, 3) with the gyro (m, 3).
+
+    Attitude in rad, gyro in rad/s, over the same intervals. The mean body rate is the
+    rotation vector between the two attitudes over their distance in time, exact for a
+    steady turn and free of the singularity at a pitch of 90 degrees. The lag is
+    searched within 0.5 s. None for fewer than 20 intervals that far from the ends of
+    the gyro. Jumps are counted over the whole record, as `attitude_jumps` finds them;
+    the rest on every n-th interval of a long one.
+    """
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
+        return None
+    t, rows, expected, mean_rate, unexplained, jumped = turns
+    worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
+    jump, jump_at = (
+        (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
+    )
+    at = np.asarray(t_gyro, dtype=np.float64)
+    inside = (t[rows] >= at[0] + LARGEST_LAG_S) & (t[rows + 1] <= at[-1] - LARGEST_LAG_S)
+    if np.count_nonzero(inside) < FEWEST:
+        return None
+    kept = thinned(np.flatnonzero(inside))
+    kept = kept[~jumped[kept]]
+    if kept.size < FEWEST:
+        return None
+    rows, expected = rows[kept], expected[kept]
+    centred = expected - expected.mean(axis=0)
+    energy = centred.std(axis=0)
+    lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
+    # The best of the three axes, so that exchanged axes do not send the search astray.
+    best = np.abs(_correlation(centred, mean_rate(rows, lags))).max(axis=-1)
+    lag = peak_of_parabola(lags, np.sum(best * energy**2, axis=-1))
+    measured = mean_rate(rows, lag)
+    deviation = measured - measured.mean(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Total least squares in one dimension keeps noise in either record from pulling
+        # the ratio down.
+        scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
+    bias = np.median(measured - expected, axis=0)
+    return RateAgreement(
+        _correlation(centred, measured),
+        scale,
+        lag,
+        energy,
+        bias,
+        int(rows.size),
+        int(np.count_nonzero(jumped)),
+        jump,
+        jump_at,
+    )
+
+
+def _turns(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> (
+    tuple[
+        Array,
+        npt.NDArray[np.intp],
+        Array,
+        Callable[[npt.NDArray[np.intp], ArrayLike], Array],
+        Array,
+        npt.NDArray[np.bool_],
+    ]
+    | None
+):
+    """Return the intervals between attitudes, or None for too few.
+
+    Times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which
+    are jumps.
+    """
+    from scipy.spatial.transform import Rotation
+
+    t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
+    at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
+    if t.size < FEWEST or at.size < FEWEST:
+        return None
+    stride = max(1, int(np.ceil(RATE_INTERVAL_S / np.median(np.diff(t)) - 0.01)))
+    t, angles = t[::stride], angles[::stride]
+    width = np.diff(t)
+    inside = (
+        (t[:-1] >= at[0])
+        & (t[1:] <= at[-1])
+        & (width <= LONGEST_INTERVAL_S * max(1.0, stride / 10))
+    )
+    # A gyro interval is only as good as the samples in it: none across a pause of the
+    # gyro.
+    pauses = np.append(0, np.cumsum(np.diff(at) > LONGEST_INTERVAL_S))
+    before, after = np.searchsorted(at, t[:-1]) - 1, np.searchsorted(at, t[1:])
+    inside &= pauses[np.clip(before, 0, at.size - 1)] == pauses[np.clip(after, 0, at.size - 1)]
+    rows = np.flatnonzero(inside)
+    if rows.size < FEWEST:
+        return None
+    turn = Rotation.from_euler("ZYX", angles[:, ::-1])
+    expected = (turn[rows].inv() * turn[rows + 1]).as_rotvec() / width[rows, None]
+    angle = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)]
+    )
+
+    def mean_rate(of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
+        """Return the mean (..., n, 3) over intervals (n,), read lags (...) later."""
+        late = np.asarray(lags, dtype=np.float64)[..., None]
+        ends = [
+            np.stack([np.interp(t[side] + late, at, angle[:, axis]) for axis in range(3)], axis=-1)
+            for side in (of, of + 1)
+        ]
+        return np.asarray((ends[1] - ends[0]) / width[of, None])
+
+    unexplained = np.linalg.norm((expected - mean_rate(rows, 0.0)) * width[rows, None], axis=1)
+    # A slow gyro may miss what it turned between its samples: by no more than its
+    # change over the interval.
+    missed = np.linalg.norm(
+        rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)],
+        axis=1,
+    )
+    missed *= np.maximum(width[rows], float(np.median(np.diff(at))))
+    jumped = unexplained > np.maximum(
+        max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed
+    )
+    return t, rows, expected, mean_rate, unexplained, jumped
+
+
+def _correlation(first: Array, second: Array) -> Array:
+    """Return the correlation (..., k, l) between columns of (n, k) and (..., n, l).
+
+    0 for a constant column.
+    """
+    one, two = first - first.mean(axis=0), second - second.mean(axis=-2, keepdims=True)
+    lengths = np.linalg.norm(one, axis=0)[:, None], np.linalg.norm(two, axis=-2)[..., None, :]
+    size = lengths[0] * lengths[1]
+    return np.asarray(np.divide(one.T @ two, size, out=np.zeros_like(size), where=size > 0.0))
