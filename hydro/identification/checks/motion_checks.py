@@ -51,7 +51,7 @@ class _RobustFit:
     @property
     def variance(self) -> float:
         """Return the variance of what the fit leaves."""
-        return float(self.rest @ self.rest) / (self.used.shape[0] - self.used.shape[1])
+        return float(self.rest @ self.rest) / (len(self.rest) - len(self.gain))
 
     @property
     def explained(self) -> float:
@@ -75,8 +75,8 @@ def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
     inverse = np.linalg.pinv(moment / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
     sd = np.sqrt(fit.variance * np.maximum(np.diag(inverse), 0.0))[:-1]
     sd = np.where(fit.used[:, :-1].std(axis=0) > 0.0, sd, np.inf)
-    gains = np.asarray(fit.gain[:-1], dtype=np.float64)
-    return AxisGains(gains, np.asarray(sd, dtype=np.float64), fit.explained, fit.used.shape[0])
+    sd = np.asarray(sd, dtype=np.float64)
+    return AxisGains(fit.gain[:-1], sd, fit.explained, fit.used.shape[0])
 
 
 def _robust_fit(y: ArrayLike, design: ArrayLike) -> _RobustFit | None:
@@ -90,7 +90,7 @@ def _robust_fit(y: ArrayLike, design: ArrayLike) -> _RobustFit | None:
         used = full[keep]
         if len(used) < fewest:
             return None
-        gain = np.linalg.lstsq(used, target[keep], rcond=None)[0]
+        gain: Array = np.asarray(np.linalg.lstsq(used, target[keep], rcond=None)[0], np.float64)
         off = np.abs(target - full @ gain)
         before, spread = keep, 1.4826 * _median(off[keep])
         keep = off <= ROBUST_SPREADS * max(spread, 1e-12)

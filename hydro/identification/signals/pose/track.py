@@ -232,7 +232,8 @@ def smooth_columns(
             t,
             y,
             max_gap_s,
-            *noise.T.copy(),  # as rows, which numba compiles for one column and for several
+            noise[:, 0].copy(),  # of one layout, which is compiled once
+            noise[:, 1].copy(),
             rate,
             allowed,
             gate,
