@@ -40,6 +40,8 @@ POSITION, ATTITUDE = POSE[:3], POSE[3:]
 LINEAR_VELOCITY = VELOCITY[:3]
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+SPEEDS, RATES = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
+"""Words for linear and angular velocities, in the order of their columns."""
 ACCELEROMETER = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 UNIX_TIME_US = 1_000_000_000_000_000
 """A clock beyond this (September 2001) counts from 1970; below it, from boot."""

@@ -107,7 +107,7 @@ def _joined(
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
     ratio, pairs = error_ratio(
         [
-            (held_out_alone(item, fit, list(using), options), by_axis[item.axis].held_out)
+            (held_out_single(item, fit, list(using), options), by_axis[item.axis].held_out)
             for item in joining
         ]
     )
@@ -189,7 +189,7 @@ def filed_inertia(
     return out
 
 
-def held_out_alone(
+def held_out_single(
     item: FittedAxis, fit: CoupledFit, names: Sequence[str], options: FitOptions
 ) -> Sequence[HeldOutFit]:
     """Return how an axis by itself flies the windows of the common fit, held out."""

@@ -18,7 +18,7 @@ from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.fixes import COARSE, FixTrack, fix_track
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
-from auvid.stages.ingest.streams.common import Columns, to_body_at
+from auvid.stages.ingest.streams.common import OF_FIXES, Columns, to_body_at
 from auvid.stages.ingest.streams.mapping import Stream
 
 FIX = ("north_m", "east_m")
@@ -59,7 +59,7 @@ def fix_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> FixMot
         f"position fixes ({fixes.source}): noise {noise:.2g} m, {track.outliers} outliers left out;"
         f" velocity by a smoother, standard deviation {deviation:.2g} m/s"
     )
-    source = f"fixes of {fixes.source}"
+    source = f"{OF_FIXES}{fixes.source}"
     by_stream: dict[str, Columns] = {}
     depth, depth_rate = _depth(streams, time_us)
     if "position" not in streams and depth is not None:

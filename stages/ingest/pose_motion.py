@@ -21,7 +21,7 @@ from auvid.hydro.identification.signals.pose.frames import (
 )
 from auvid.hydro.identification.signals.pose.track import PoseTrack, pose_track
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
-from auvid.stages.ingest.streams.common import Columns
+from auvid.stages.ingest.streams.common import OF_POSES, Columns
 from auvid.stages.ingest.streams.mapping import Stream
 
 AT_ORIGIN = MountedSensor(np.zeros(3), np.eye(3), 0.0)
@@ -73,7 +73,7 @@ def pose_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> PoseM
         values: Columns = {"time_us": time_us}
         values |= {key: column[kept] for key, column in columns.items()}
         rows = pose.place[np.searchsorted(stamps, time_us).clip(0, len(pose) - 1)]
-        derived[name] = Stream(name, values, rows, f"pose of {pose.source}")
+        derived[name] = Stream(name, values, rows, f"{OF_POSES}{pose.source}")
     notes = []
     if "velocity" in derived:
         sd = np.median(track.velocity_sd[kept], axis=0)

@@ -21,6 +21,9 @@ from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]
+ESTIMATED = re.compile(
+    r"estimate of the navigation filter|relative altitude of the navigation filter"
+)
 ON_CHANGE = ("mode", "events")
 UNDER_WATER = re.compile(r"ArduSub")
 ELSEWHERE = re.compile(

@@ -17,8 +17,15 @@ from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
+from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
+from auvid.stages.ingest.health.agreement.gyro import gyro_findings
+from auvid.stages.ingest.health.agreement.motion import motion_findings
+from auvid.stages.ingest.health.agreement.sources import (
+    attitude_findings,
+    depth_findings,
+    velocity_findings,
+)
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
-from auvid.stages.ingest.health.motion_agreement import motion_findings
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
     clock_findings,
@@ -28,12 +35,6 @@ from auvid.stages.ingest.health.records import (
     rate_findings,
     rejected_findings,
     sample_findings,
-)
-from auvid.stages.ingest.health.sensor_agreement import (
-    attitude_findings,
-    depth_findings,
-    inertial_findings,
-    velocity_findings,
 )
 from auvid.stages.ingest.health.unusable_spans import unusable_findings
 from auvid.stages.ingest.health.usability import (
@@ -126,7 +127,8 @@ CHECKS = (
     gap_findings,
     rate_findings,
     sample_findings,
-    inertial_findings,
+    gyro_findings,
+    accelerometer_findings,
     attitude_findings,
     depth_findings,
     velocity_findings,

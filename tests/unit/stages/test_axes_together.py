@@ -15,7 +15,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import model_card
-from auvid.stages.fit_axes.coupling import filed_inertia, held_out_alone
+from auvid.stages.fit_axes.coupling import filed_inertia, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
@@ -151,7 +151,7 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
         [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
     )
     assert len(singles[0].motion[0].windows) > len([w for w in fit.pool.windows if w.leg == 0])
-    by_itself = held_out_alone(singles[0], fit, list(using), options)
+    by_itself = held_out_single(singles[0], fit, list(using), options)
     counts = {item.what: item.windows for item in by_itself}
     blocks = fit.held_out[:2]
     assert [counts[item.what] for item in blocks] == [item.windows for item in blocks]

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.identification.checks.motion_checks import response_gains
-from auvid.stages.columns import GYRO, LINEAR_VELOCITY
-from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, RATES, SPEEDS, body_motion
+from auvid.stages.columns import GYRO, LINEAR_VELOCITY, RATES, SPEEDS
+from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, body_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 LEAST_GAIN_SD, MIXED_AXES = 6.0, 2

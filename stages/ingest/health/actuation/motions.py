@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.stages.columns import GYRO, LINEAR_VELOCITY
+from auvid.stages.columns import GYRO, LINEAR_VELOCITY, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import CheckedLog
 
 DEPTH_RATE_S = 1.0
-MOTION_WORDS = {"u": "surge", "v": "sway", "w": "heave", "p": "roll", "q": "pitch", "r": "yaw"}
+MOTION_WORDS = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
 
 
 def motions(log: CheckedLog) -> dict[str, tuple[Array, Array, str]]:

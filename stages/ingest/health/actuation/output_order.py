@@ -12,8 +12,8 @@ from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.identification.checks.joined_outputs import OtherOrder, WindowMotion, other_order
 from auvid.hydro.identification.checks.motion_checks import integrals, windows
-from auvid.stages.columns import GYRO
-from auvid.stages.ingest.health.actuation.push_answers import RATES, SMALLEST_MOTION, SPEEDS
+from auvid.stages.columns import GYRO, RATES, SPEEDS
+from auvid.stages.ingest.health.actuation.push_answers import SMALLEST_MOTION
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.number_format import percent
 

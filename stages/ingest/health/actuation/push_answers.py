@@ -11,13 +11,11 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.identification.checks.motion_checks import AxisGains, angles_at, response_gains
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
-from auvid.stages.ingest.health.sensor_agreement import OF_POSES
+from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.number_format import significant
 
-SPEEDS = ("surge", "sway", "heave")
-RATES = ("roll", "pitch", "yaw")
 LEAST_RESPONSE_HZ = 4.0
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
@@ -32,7 +30,6 @@ LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
 """Pushes in surge and sway tell a turned velocity if the smaller is so large a part of the
 other, and they are no multiples of each other.
 """
-
 CLEAR = 4.0
 """A gain is clear of a number if it is so many standard deviations away."""
 LEAST_FAST = 0.3

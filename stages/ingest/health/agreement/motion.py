@@ -21,11 +21,12 @@ from auvid.hydro.identification.checks.motion_checks import (
     velocity_lag,
 )
 from auvid.hydro.identification.checks.response import Response
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, SPEEDS
 from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import (
+    CLEAR,
     answers_out_of_order,
     exchanged_answers,
     push_responses,
@@ -34,13 +35,17 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     weak_forces,
 )
 from auvid.stages.ingest.health.actuation.responses import command_lead
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
-from auvid.stages.ingest.health.sensor_agreement import ESTIMATED, OF_FIXES, OF_POSES
+from auvid.stages.ingest.health.finding import (
+    ESTIMATED,
+    CheckedLog,
+    Finding,
+    finding,
+    limit,
+    listed,
+)
+from auvid.stages.ingest.streams.common import OF_FIXES, OF_POSES
 from auvid.stages.number_format import percent, significant
 
-SPEEDS = ("surge", "sway", "heave")
-CLEAR = 4.0
-"""A gain is clear of a number if it is so many standard deviations away."""
 LEAST_EXPLAINED = 0.6
 SURE_GAIN_SD = 0.25
 LEAST_GAIN = -0.3

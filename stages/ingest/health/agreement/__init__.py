@@ -1,0 +1,1 @@
+"""Checks of sensors against each other: gyro, gravity, other sources, motion."""

@@ -1,0 +1,123 @@
+"""Checks of the accelerometer against gravity: unit, convention, sign, axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
+from auvid.hydro.identification.checks.signal_checks import gravity
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
+
+SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
+"""Largest standard deviation of a gain of gravity, and the least share that it explains."""
+UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
+
+
+def accelerometer_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Compare the accelerometer with gravity, or say that there is none."""
+    if not log.has("imu"):
+        return
+    accelerometer = log.accelerometer()
+    if accelerometer is None:
+        text = f"The inertial stream ({log.source('imu')}) has no accelerometer."
+        yield finding("accelerometer_missing", text, stream="imu")
+    else:
+        yield from _gravity(log, accelerometer)
+
+
+def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
+    attitude = (
+        (log.t_s("attitude"), log.values("attitude", ATTITUDE))
+        if log.has("attitude")
+        else (None, None)
+    )
+    estimate = gravity(log.t_s("imu"), accelerometer, *attitude)
+    if estimate is None:
+        return
+    size = estimate.magnitude
+    convention = log.info.accelerometer or (
+        log.vehicle and log.vehicle.document.sensors.imu.accelerometer
+    )
+    expected = UNITS_PER_MS2.get(str(convention), STANDARD_GRAVITY)
+    if abs(size - 1.0) < limit("accelerometer_unit"):
+        text = (
+            f"The accelerometer reads {size:.3f} (median length) and not {STANDARD_GRAVITY:.2f}:"
+            " it is in g."
+        )
+        yield finding("accelerometer_unit", text, stream="imu", value=size)
+    elif abs(size - expected) > limit("accelerometer_convention"):
+        text = (
+            f"The accelerometer reads {size:.2f} m/s^2 (median length);"
+            f" {convention or 'specific_force'} at rest is {expected:g}."
+        )
+        yield finding("accelerometer_convention", text, stream="imu", value=size)
+    if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
+        wrong = list(_direction(log, accelerometer, estimate.angle))
+        yield from wrong or _tilt_axes(log, accelerometer)
+
+
+def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
+    """Yield an accelerometer whose x follows the roll, and its y the pitch."""
+    good = np.isfinite(accelerometer).all(axis=1)
+    if not log.has("attitude") or not good.any():
+        return
+    gains = tilt_gains(
+        log.t_s("imu")[good],
+        accelerometer[good],
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        gravity=STANDARD_GRAVITY,
+    )
+    if gains is None:
+        return
+    (x_own, x_other), (y_other, y_own) = gains
+    crossed = all(_is_gravity(item) for item in (x_other, y_other))
+    if not crossed or _is_gravity(x_own) or _is_gravity(y_own):
+        return
+    assert x_other is not None
+    assert y_other is not None
+    signs = "" if x_other.gain[0] > 0.0 < y_other.gain[0] else ", with another sign"
+    yield finding(
+        "accelerometer_axes",
+        f"The accelerometer's x reads gravity as the roll turns it, and its y as the pitch does"
+        f"{signs} (gains {x_other.gain[0]:.2f} and {y_other.gain[0]:.2f}).",
+        stream="imu",
+        value=float(min(abs(x_other.gain[0]), abs(y_other.gain[0]))),
+        fields=ACCELEROMETER[:2],
+    )
+
+
+def _is_gravity(item: AxisGains | None) -> bool:
+    """Return whether a reading holds gravity, of either sign."""
+    return (
+        item is not None
+        and item.sd[0] < SURE_TILT_SD
+        and item.explained > LEAST_TILT_SHARE
+        and abs(abs(item.gain[0]) - 1.0) < limit("accelerometer_axes")
+    )
+
+
+def _direction(log: CheckedLog, accelerometer: Array, angle: float | None) -> Iterator[Finding]:
+    if angle is not None and math.degrees(angle) > limit("accelerometer_direction"):
+        degrees = math.degrees(angle)
+        text = (
+            f"The accelerometer points {degrees:.0f} degrees (median) away from where the attitude"
+            " has gravity."
+        )
+        yield finding("accelerometer_direction", text, stream="imu", value=degrees)
+    elif (
+        angle is None
+        and float(np.nanmedian(accelerometer[:, 2]))
+        > np.nanmedian(np.linalg.norm(accelerometer, axis=1)) / 2.0
+    ):
+        text = (
+            "The accelerometer's z is positive: an upright vehicle shows -9.81 m/s^2 in z, which"
+            " points down."
+        )
+        yield finding("accelerometer_direction", text, stream="imu", value=180.0)

@@ -1,0 +1,291 @@
+"""Checks of the gyro against the attitude, and of the unit of the attitude."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.rate_agreement import (
+    RateAgreement,
+    attitude_jumps,
+    rate_agreement,
+)
+from auvid.stages.columns import ATTITUDE, GYRO, RATES
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    counted,
+    finding,
+    limit,
+    listed,
+)
+from auvid.stages.number_format import significant
+
+MOST_JUMPS = 20
+SMALLEST_TURN_RAD_S = 0.03
+"""Standard deviation of a body rate below which the rounding of the attitude decides
+and nothing is compared.
+"""
+SMALLEST_COMPARED_RAD_S = 0.01
+"""The same for the sign, which rounding does not turn."""
+SLOWEST_TURN_RAD_S = 0.02
+SMALLEST_CIRCLE_RAD = 1.05 * math.radians(2.0 * math.pi)
+"""A whole circle in rad that is taken for degrees."""
+SAME_TURN = 0.9
+UNIT_SCALES = {
+    180.0 / math.pi: ("it is in deg/s, declared as rad/s", "deg/s"),
+    math.pi / 180.0: ("it is in rad/s, declared as deg/s", "rad/s"),
+    1000.0: ("it is in mrad/s, declared as rad/s", "mrad/s"),
+    0.001: ("it is in rad/s, declared as mrad/s", "rad/s"),
+    0.5 / math.pi: ("it is in turns per second, declared as rad/s", "revolution/s"),
+    2.0 * math.pi: ("it is in rad/s, declared as turns per second", "rad/s"),
+    30.0 / math.pi: ("it is in turns per minute, declared as rad/s", "rpm"),
+}
+"""Gyro over rate of the attitude, which unit makes it so large, and the right one."""
+GRADIANS = 400.0 / 360.0
+WRAP_PART, SCALE_PART, SURE_TURN = 0.04, 0.05, 0.97
+"""How near a wrap and a scale must be to that of gradians, and the least correlation;
+healthy logs that correlate so well have scales from 0.96 to 1.03.
+"""
+XYZ = "xyz"
+GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
+"""Where the gyro itself is wrong, turns that it does not show are no jumps of the
+attitude.
+"""
+
+
+def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Compare the gyro with the attitude: unit, sign, axes, scale, lag, jumps."""
+    if not log.has("imu", "attitude"):
+        return
+    t_s, angles = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+    gyro = log.t_s("imu"), log.values("imu", GYRO)
+    agreement = rate_agreement(t_s, angles, *gyro)
+    if agreement is None:
+        return
+    gradians = list(_gradians(log, agreement, angles))
+    if gradians:
+        yield from gradians
+        return
+    if not _agrees(agreement):
+        for other, item in _turned(log, angles):
+            again = rate_agreement(t_s, other, *gyro)
+            if again is not None and _agrees(again):
+                yield item
+                return
+    unit = list(_unit(log, agreement))
+    wrong = unit or list(_axes(agreement))
+    yield from wrong
+    if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
+        text = (
+            f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
+            f" without the gyro, by up to {math.degrees(agreement.largest_jump):.0f} degrees (at"
+            f" {agreement.jump_at_s:.1f} s).{_all_jumps(attitude_jumps(t_s, angles, *gyro)[0])}"
+        )
+        yield finding(
+            "attitude_jumps",
+            text,
+            stream="attitude",
+            value=math.degrees(agreement.largest_jump),
+            at_s=agreement.jump_at_s,
+        )
+
+
+def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Iterator[Finding]:
+    """Yield an attitude in gradians declared as degrees, or the reverse.
+
+    Yaw leaps by 400 at its wrap, or gyro and attitude differ by 0.9 about every axis
+    that moves.
+    """
+    moved = _moved(agreement)
+    leaps = np.abs(np.diff(angles[:, 2])) / (2.0 * math.pi)
+    for turn, words, unit in (
+        (GRADIANS, "gradians, declared as degrees", "grad"),
+        (1.0 / GRADIANS, "degrees, declared as gradians", "deg"),
+    ):
+        wraps = np.abs(leaps / turn - 1.0) < WRAP_PART
+        wrapped = turn > 1.0 and bool(wraps.any()) and not (np.abs(leaps - 1.0) < WRAP_PART).any()
+        scale = agreement.scale[moved] * turn
+        turned = bool(moved) and bool(
+            (np.abs(scale - 1.0) < SCALE_PART).all()
+            and all(agreement.correlation[axis, axis] > SURE_TURN for axis in moved)
+        )
+        if turned or wrapped:
+            how = (
+                f"the gyro turns {significant(float(np.median(agreement.scale[moved])))} times as"
+                " much about every axis that moves"
+                if turned
+                else f"yaw leaps by {360.0 * turn:.0f} degrees at its wrap"
+            )
+            yield _attitude_unit(
+                f"The attitude ({log.source('attitude')}) is in {words}: {how}.", unit
+            )
+            return
+
+
+def _all_jumps(begins: Array) -> str:
+    """Return a sentence with the times [s] to keep legs away from, if several."""
+    if begins.size < 2:
+        return ""
+    times = ", ".join(f"{begin:.1f}" for begin in begins[:MOST_JUMPS])
+    more = f" and {begins.size - MOST_JUMPS} more" if begins.size > MOST_JUMPS else ""
+    return f" Jumps at {times}{more} s."
+
+
+def _moved(agreement: RateAgreement) -> list[int]:
+    """Return the axes about which attitude or gyro turns enough to be compared."""
+    gyro = np.abs(np.nan_to_num(agreement.scale)) * agreement.std
+    size = np.maximum(agreement.std, gyro)
+    return [axis for axis in range(3) if size[axis] >= SMALLEST_TURN_RAD_S]
+
+
+def _agrees(agreement: RateAgreement) -> bool:
+    """Return whether the gyro turns as the attitude in every axis that moves."""
+    moved = _moved(agreement)
+    return bool(moved) and all(
+        agreement.correlation[axis, axis] > SAME_TURN
+        and abs(agreement.scale[axis] - 1.0) < limit("gyro_scale")
+        for axis in moved
+    )
+
+
+def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
+    """Yield attitudes (n, 3) behind which a wrong map may stand, and the finding."""
+    used = f"The attitude ({log.source('attitude')})"
+    for axes in ((0, 1, 2), (2,), (0, 1)):
+        part = angles[:, axes]
+        if np.abs(part).max() > 2.0 * math.pi:
+            other = angles.copy()
+            other[:, axes] = np.radians(part)
+            yield (
+                other,
+                _attitude_unit(
+                    f"{used} is in degrees, declared as rad: {listed([RATES[i] for i in axes])}"
+                    f" reach {np.abs(part).max():.0f}, and taken for degrees they turn as the gyro"
+                    " does.",
+                    "deg",
+                    tuple(ATTITUDE[i] for i in axes),
+                ),
+            )
+    turn = np.abs(np.diff(angles, axis=0)).max(axis=1) / np.diff(log.t_s("attitude"))
+    if np.abs(angles).max() < SMALLEST_CIRCLE_RAD and np.median(turn) < SLOWEST_TURN_RAD_S:
+        yield (
+            np.degrees(angles),
+            _attitude_unit(
+                f"{used} hardly turns and is in rad, declared as degrees: taken for rad it turns as"
+                " the gyro does.",
+                "rad",
+            ),
+        )
+    for axes in ((1, 2), (2,), (1,), (0,)):
+        other = angles.copy()
+        other[:, axes] = -other[:, axes]
+        names, letters = listed([RATES[i] for i in axes]), listed([XYZ[i] for i in axes])
+        yield (
+            other,
+            finding(
+                "gyro_sign",
+                f"Gyro {letters} turn{'s' * (len(axes) == 1)} against {names} of the attitude; with"
+                " the other sign of either they agree.",
+                stream="imu",
+                value=-1.0,
+                fields=tuple(name for i in axes for name in (GYRO[i], ATTITUDE[i])),
+            ),
+        )
+    yield (
+        angles[:, (1, 0, 2)],
+        finding(
+            "gyro_axes",
+            f"Roll and pitch of the attitude ({log.source('attitude')}) are exchanged: the other"
+            " way round they turn as the gyro does.",
+            stream="attitude",
+            value=1.0,
+            fields=ATTITUDE[:2],
+        ),
+    )
+
+
+def _attitude_unit(text: str, unit: str, fields: tuple[str, ...] = ATTITUDE) -> Finding:
+    remedy = f"Set unit: {unit} for the column{'s' * (len(fields) > 1)} of {listed(fields)}."
+    return finding("attitude_unit", text, stream="attitude", fields=fields, remedy=remedy)
+
+
+def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
+    """Yield one finding where gyro and attitude differ by the scale of a known unit."""
+    moved = _moved(agreement)
+    if not moved or any(agreement.correlation[axis, axis] < SAME_TURN for axis in moved):
+        return
+    scale = float(np.median(agreement.scale[moved]))
+    factor = next((size for size in UNIT_SCALES if abs(np.log(scale / size)) < 0.15), None)
+    if factor is None or np.ptp(np.log(agreement.scale[moved])) > 0.4:
+        return
+    cause, unit = UNIT_SCALES[factor]
+    yield finding(
+        "gyro_scale",
+        f"The gyro ({log.source('imu')}) turns {significant(scale)} times as much as the attitude"
+        f" about every axis that moves: {cause}.",
+        stream="imu",
+        value=scale - 1.0,
+        fields=GYRO,
+        remedy=f"Set unit: {unit} for the columns of the gyro.",
+    )
+
+
+def _axes(agreement: RateAgreement) -> Iterator[Finding]:
+    """Yield bias, sign, axes, scale and lag of the gyro against the attitude."""
+    moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_COMPARED_RAD_S]
+    largest = int(np.argmax(np.abs(agreement.bias)))
+    if abs(agreement.bias[largest]) > limit("gyro_bias"):
+        text = (
+            f"Gyro {XYZ[largest]} reads {agreement.bias[largest]:+.3f} rad/s more than the attitude"
+            " turns (median)."
+        )
+        yield finding("gyro_bias", text, stream="imu", value=float(abs(agreement.bias[largest])))
+    agreeing = []
+    for axis in moved:
+        own = float(agreement.correlation[axis, axis])
+        best = int(np.argmax(np.abs(agreement.correlation[axis])))
+        if own < limit("gyro_sign"):
+            text = (
+                f"Gyro {XYZ[axis]} turns against {RATES[axis]} of the attitude (correlation"
+                f" {own:.2f})."
+            )
+            yield finding("gyro_sign", text, stream="imu", value=own, fields=(GYRO[axis],))
+        elif agreement.std[axis] < SMALLEST_TURN_RAD_S:
+            continue
+        elif best != axis and abs(agreement.correlation[axis, best]) > max(
+            limit("gyro_axes"), abs(own) + 0.3
+        ):
+            text = (
+                f"{RATES[axis].capitalize()} of the attitude is followed by gyro {XYZ[best]} and"
+                f" not by gyro {XYZ[axis]}."
+            )
+            yield finding(
+                "gyro_axes", text, stream="imu", value=float(abs(agreement.correlation[axis, best]))
+            )
+        elif own < limit("gyro_disagrees"):
+            text = (
+                f"Gyro {XYZ[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"
+                f" {own:.2f})."
+            )
+            yield finding("gyro_disagrees", text, stream="imu", value=own)
+        else:
+            agreeing.append(axis)
+            off = float(agreement.scale[axis]) - 1.0
+            if abs(off) > limit("gyro_scale"):
+                text = (
+                    f"Gyro {XYZ[axis]} turns {significant(1.0 + off)} times as much as"
+                    f" {RATES[axis]} of the attitude."
+                )
+                yield finding("gyro_scale", text, stream="imu", value=off)
+    if agreeing and abs(agreement.lag_s) > limit("gyro_lag"):
+        late, early = ("gyro", "attitude") if agreement.lag_s > 0.0 else ("attitude", "gyro")
+        yield finding(
+            "gyro_lag",
+            f"The {late} comes {abs(agreement.lag_s):.2f} s after the {early}.",
+            stream="imu",
+            value=abs(agreement.lag_s),
+        )
