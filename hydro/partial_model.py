@@ -63,6 +63,16 @@ def with_righting_moment(vehicle: Vehicle, moment: float, unit_of_mass: str | No
     return replace(vehicle, r_B=read_only(place), document=document)
 
 
+def with_displaced_mass(vehicle: Vehicle, mass_kg: float) -> Vehicle:
+    """Return the vehicle with the mass of displaced water that its logs give."""
+    quantity = Quantity(value=mass_kg, unit="kg", source="trim of these logs")
+    body = vehicle.document.rigid_body.model_copy(
+        update={"displaced_mass": Unit("kg").read(quantity)}
+    )
+    document = vehicle.document.model_copy(update={"rigid_body": body})
+    return replace(vehicle, displaced_mass_kg=mass_kg, document=document)
+
+
 def figures_in_unit(figures: DynamicsFigures, axis: str) -> DynamicsFigures:
     """Return dynamics of a model file with the inertia of an axis as unit of mass."""
     unit = figures.mass[AXES.index(axis)][AXES.index(axis)]

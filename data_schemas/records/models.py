@@ -228,11 +228,19 @@ class ModelCard(Model):
     but one of an inseparable group). Results are those of `axes`, with a verdict.
     """
     method: Literal[
-        "least squares", "within limits", "error function", "output error", "filter error", "axes"
+        "least squares",
+        "within limits",
+        "error function",
+        "output error",
+        "filter error",
+        "axes",
+        "glides",
+        "passive motion",
     ] = "least squares"
     """Least squares alone, or with physical limits and the six axes as one problem, or
     another error function, or maximum likelihood of the sensors themselves, or output
-    error over windows of the axes that a log measures.
+    error over windows of the axes that a log measures, or the balance of steady glides, or
+    tows, coasts and swings.
     """
     error_function: Literal["squares", "absolute", "median", "huber"] = "squares"
     """What of the force error is least: sum of squares, sum of moduli, median of moduli,

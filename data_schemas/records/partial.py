@@ -23,7 +23,8 @@ class AxisSource(Model):
     """What was fitted to, or the set or file that the numbers are from, in words."""
     held_out_percent: float | None
     """Fit of its rate on windows that it was not fitted to, 100 (1 - |error| / |departure
-    from the mean|); null where nothing judges it.
+    from the mean|); of a tow that of the force, of a swing that of the angle, of a glide
+    that of the depth rate; null where nothing judges it.
     """
     lag_s: float
     """Time constant of a first-order lag between command and force on this axis."""
@@ -148,6 +149,19 @@ class RightingMoment(Model):
     """Ends of its 95 % interval; null where there is none."""
 
 
+class DisplacedMass(Model):
+    """Mass of the displaced water that these logs give, for a glider's trim."""
+
+    value_kg: float
+    """It stands in `dynamics.buoyancy_N`, at `water_density_kg_m3` and no pressure, the
+    buoyancy drive at zero.
+    """
+    interval_95: list[float]
+    """Ends of its 95 % interval."""
+    verdict: FigureVerdict
+    """What the data say."""
+
+
 class PartialFigures(Model):
     """Axes that a model has and lacks, and its unit of mass."""
 
@@ -171,3 +185,5 @@ class PartialFigures(Model):
     """Absent where the logs give none: that of the vehicle file then acts."""
     cross_forces: list[CrossForce] = Field(default_factory=list)
     """Forces that follow those of other axes; absent where none was fitted."""
+    displaced: DisplacedMass | None = None
+    """Absent where the logs give none: that of the vehicle file then acts."""

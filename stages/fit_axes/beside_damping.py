@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation, Inertia, as_forces
@@ -13,6 +11,7 @@ from auvid.hydro.identification.axes.single_axis import SURGE_LAG_S
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import unit_in
 from auvid.stages.columns import AXIS_UNITS
+from auvid.stages.few_axes import mean_by_errors
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.scaling import ScaledAxes
 
@@ -32,7 +31,7 @@ def righting_and_surge(fits: AxisFits, scaled: ScaledAxes) -> dict[str, object]:
             if value + NORMAL_95 * error < 0.0:
                 moments.append((item.axis, -value, error))
     if moments:
-        value, error = _mean_of([item[1:] for item in moments])
+        value, error = mean_by_errors([item[1:] for item in moments])
         unit = unit_of(moments[0][0], CONSTANT, scaled)
         out["righting"] = {
             "axes": [axis for axis, _, _ in moments],
@@ -72,19 +71,6 @@ def _as_force(pair: AxisEquation, inertia: Inertia) -> tuple[float, float]:
     forces = as_forces(pair, inertia)
     place = 1 - forces.names.index(FORCE)
     return float(forces.values[place]), float(np.sqrt(forces.covariance[place, place]))
-
-
-def _mean_of(figures: Sequence[Sequence[float]]) -> tuple[float, float]:
-    """Return the mean by errors; its error is that of the scatter where that is larger.
-
-    >>> [round(x, 3) for x in _mean_of([[1.0, 0.1], [2.0, 0.1]])]
-    [1.5, 0.5]
-    """
-    values, errors = np.array(figures).T
-    weights = np.maximum(errors, 1e-12) ** -2.0
-    mean = float(weights @ values / weights.sum())
-    scatter = float(weights @ (values - mean) ** 2) / max(len(values) - 1, 1)
-    return mean, float((max(scatter, 1.0) / weights.sum()) ** 0.5)
 
 
 def unit_of(axis: str, term: str, scaled: ScaledAxes) -> str:

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from auvid.data_schemas.records.models import (
     AxisCard,
-    AxisMerit,
-    CovarianceCard,
     InertiaCard,
-    MeritRecord,
     ModelCard,
     RankingRecord,
     TermCard,
-    UsableFor,
-    VelocityRange,
     Verdict,
 )
 from auvid.data_schemas.records.partial import (
@@ -27,7 +22,7 @@ from auvid.data_schemas.records.partial import (
     MassFreeFigure,
     PartialFigures,
 )
-from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import (
     CONSTANT,
     FORCE,
@@ -36,22 +31,19 @@ from auvid.hydro.axis_figures import (
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages import few_axes
 from auvid.stages.fit_axes.beside_damping import interval_95, righting_and_surge, unit_of
 from auvid.stages.fit_axes.filling import FilledAxis
 from auvid.stages.fit_axes.fitted import (
-    SIMULATED_PERCENT,
     AxisFits,
     FittedAxis,
     Lacking,
     Together,
 )
 from auvid.stages.fit_axes.scaling import ScaledAxes
-from auvid.stages.model_use import TILTS
-from auvid.stages.page.first_screen import ALL, AXIS_WORDS
+from auvid.stages.page.first_screen import AXIS_WORDS
 
 NAME, TITLE = "axes", "Axes of the log"
-CONTROL_PERCENT = 50.0
-"""Held-out fit from which on it is good for the design of a controller."""
 REMEDIES = {
     **dict.fromkeys("XY", "Log a velocity (DVL) or a position (motion capture, USBL)."),
     "Z": "Log the depth while the vehicle moves up and down.",
@@ -84,7 +76,8 @@ def model_card(
         if axis in by_axis:
             axes[axis] = _fitted_card(by_axis[axis], scaled, vehicle)
         else:
-            axes[axis] = _empty_card(axis, scaled, fill[axis].terms if axis in fill else ())
+            elsewhere = fill[axis].terms if axis in fill else ()
+            axes[axis] = few_axes.empty_axis_card(unit_of(axis, CONSTANT, scaled), elsewhere)
     terms = [item for part in axes.values() for item in part.terms]
     return ModelCard(
         name=NAME,
@@ -100,10 +93,7 @@ def model_card(
         axes=axes,
         not_applicable=[],
         conditions={item.equation.speed: item.speeds for item in fits.fitted},
-        predictor={
-            axis: {item.term: item.value for item in part.terms if item.value is not None}
-            for axis, part in axes.items()
-        },
+        predictor=few_axes.predictor_of(axes),
         method="axes",
         damping="negative",
         inertia=_inertias(by_axis, scaled, vehicle),
@@ -207,117 +197,20 @@ def _terms_in(quantity: str, names: Sequence[str]) -> Sequence[str]:
 
 def ranking(card: ModelCard, fits: AxisFits) -> RankingRecord:
     """Return the record of the one model, by its fit on what was held out."""
-    usable = usable_for(card)
-    merit = MeritRecord(
-        name=card.name,
-        title=card.title,
-        published=False,
-        terms=card.n_bar,
-        rank=card.rank,
-        j=None,
-        axes=_merits(card, fits),
-        runs=0,
-        lost=0,
-        faults=[],
-    )
-    chosen = card.name if usable.simulation else None
+    trained = {item.axis: item.training_percent for item in fits.fitted}
     rule = "the fit on windows or legs that were held out, axis by axis"
-    if chosen is None:
-        rule = f"no axis reaches a fit of {SIMULATED_PERCENT:g} % on what was held out"
-    return RankingRecord(
-        models=[merit],
-        choice=chosen,
-        rule=rule,
-        legs_left_out=0,
-        horizon_s=None,
-        usable=usable if usable.simulation else None,
-    )
-
-
-def usable_for(card: ModelCard) -> UsableFor:
-    """Return which axes simulate, and which are good enough for a controller.
-
-    Roll and pitch only with a righting moment that was fitted, not that of the vehicle file.
-    """
-    assert card.partial is not None
-    righting = card.partial.righting
-    fit = {
-        axis: item.held_out_percent
-        for axis, item in card.partial.axes.items()
-        if axis not in TILTS or (righting is not None and axis in righting.axes)
-    }
-
-    def above(limit: float) -> list[str]:
-        return [axis for axis, value in fit.items() if value is not None and value >= limit]
-
-    damped = [
-        axis
-        for axis, part in card.axes.items()
-        if any(
-            item.verdict == IDENTIFIED and VELOCITIES[AXES.index(axis)] in item.term
-            for item in part.terms
-        )
-    ]
-    return UsableFor(
-        forces=[],
-        simulation=above(SIMULATED_PERCENT),
-        control=[axis for axis in above(CONTROL_PERCENT) if axis in damped],
-        speeds=card.conditions,
-    )
-
-
-def _merits(card: ModelCard, fits: AxisFits) -> dict[str, AxisMerit]:
-    """Return errors of the rate over its departure from the mean, axis by axis."""
-    by_axis = {item.axis: item for item in fits.fitted}
-    merits = {}
-    for axis, part in card.axes.items():
-        item = by_axis.get(axis)
-        fit = None if item is None else item.held_out_percent
-        error = None if fit is None else 1.0 - fit / 100.0
-        merits[axis] = AxisMerit(
-            validation=error,
-            training=None if item is None else 1.0 - item.training_percent / 100.0,
-            left_out=None,
-            bic=None,
-            free_run=error,
-            identified=sum(term.verdict == IDENTIFIED for term in part.terms),
-            coefficients=len(part.terms),
-        )
-    errors = [m.validation for m in merits.values() if m.validation is not None]
-    trained = [m.training for m in merits.values() if m.training is not None]
-    return merits | {
-        ALL: AxisMerit(
-            validation=float(np.mean(errors)) if errors else None,
-            training=float(np.mean(trained)) if trained else None,
-            left_out=None,
-            bic=None,
-            free_run=None,
-            identified=sum(m.identified for m in merits.values()),
-            coefficients=sum(m.coefficients for m in merits.values()),
-        )
-    }
+    return few_axes.ranking(card, trained, rule=rule)
 
 
 def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> AxisCard:
     axis, forces = item.axis, scaled.forces[item.axis]
     kept = [place for place, name in enumerate(forces.names) if name != FORCE]
-    return AxisCard(
-        unit=unit_of(axis, CONSTANT, scaled),
+    return few_axes.axis_card(
+        unit_of(axis, CONSTANT, scaled),
+        [_term(item, forces, place, scaled, vehicle) for place in kept],
+        forces.covariance[np.ix_(kept, kept)],
         samples=item.samples,
-        rank=len(kept),
-        condition=None,
-        j0=item.rate_rms,
-        j=item.error_rms,
-        excitation="excited",
-        terms=[_term(item, forces, place, scaled, vehicle) for place in kept],
-        covariance=CovarianceCard(
-            terms=[forces.names[place] for place in kept],
-            lower=[
-                [float(forces.covariance[row, column]) for column in kept[: i + 1]]
-                for i, row in enumerate(kept)
-            ],
-        ),
-        combinations=[],
+        rms=(item.rate_rms, item.error_rms),
     )
 
 
@@ -350,21 +243,6 @@ def _net_weight(axis: str, scaled: ScaledAxes, vehicle: Vehicle) -> float:
     unit = scaled.unit_of_mass
     share = 1.0 if unit is None else apparent_inertia(vehicle, unit)
     return (vehicle.weight - vehicle.buoyancy) / share
-
-
-def _empty_card(axis: str, scaled: ScaledAxes, terms: Sequence[TermCard]) -> AxisCard:
-    return AxisCard(
-        unit=unit_of(axis, CONSTANT, scaled),
-        samples=0,
-        rank=0,
-        condition=None,
-        j0=0.0,
-        j=0.0,
-        excitation="not excited",
-        terms=list(terms),
-        covariance=CovarianceCard(terms=[], lower=[]),
-        combinations=[],
-    )
 
 
 def _inertias(
@@ -430,16 +308,6 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
 
 def _worst(verdicts: Sequence[str]) -> str:
     return next((word for word in WORST if word in verdicts), "weak")
-
-
-def speed_range(values: Any) -> VelocityRange:
-    """Return RMS and ends of measured velocities, nan left out."""
-    finite = np.asarray(values)[np.isfinite(values)]
-    return VelocityRange(
-        rms=float(np.sqrt(np.mean(finite**2))),
-        low=float(finite.min()),
-        high=float(finite.max()),
-    )
 
 
 def words_of(axis: str) -> str:

@@ -13,17 +13,12 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
+from auvid.stages.few_axes import SIMULATED_PERCENT
 
 LackingVerdict = Literal[
     "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
 ]
 LagVerdict = Literal["identified", "weak", "assumed"]
-
-
-SIMULATED_PERCENT = 30.0
-"""Held-out fit from which on an axis is good for simulation; a constant has 0. Below, its
-coefficients are weak at best, whatever their errors.
-"""
 
 
 @dataclass(frozen=True)

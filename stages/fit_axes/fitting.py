@@ -22,9 +22,9 @@ from auvid.hydro.identification.axes.single_axis import (
 from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages.few_axes import SIMULATED_PERCENT
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
-    SIMULATED_PERCENT,
     AxisFits,
     CommandForces,
     FittedAxis,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,12 +12,14 @@ import pyarrow as pa
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.gliding.steady_glide import net_buoyancy
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.glide.comparison import GlideComparison, compare
 from auvid.hydro.identification.glide.settled import SettlingRules
 from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.glide.card import glide_card, glide_ranking
 from auvid.stages.glide.figures import glide_results
 from auvid.stages.glide.glider import Glider, glider_of
 from auvid.stages.glide.legs import GlideLegs, legs_of
@@ -69,6 +72,8 @@ class Outputs:
 
     results: dict[str, Any] = port("results")
     glides: pa.Table = port("glides")
+    model_card: Mapping[str, ModelCard] = port("model_card", many=True)
+    ranking: RankingRecord = port("ranking")
     section: dict[str, Any] = port("section")
     views: dict[str, Any] = port("views")
 
@@ -105,9 +110,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
     comparison = compare(glides.rows, body=glider.body, prior=glider.prior(glides.stroke_m3))
     results = glide_results(comparison, glides, glider)
+    card = glide_card(comparison, glides, inputs.vehicle)
     return Outputs(
         results,
         _table(comparison, glides),
+        {card.name: card},
+        glide_ranking(card),
         glide_section(comparison, glides, glider, results),
         glide_views(glides),
     )

@@ -33,7 +33,7 @@ class Inputs:
     provenance: Document = port("provenance")
     model_card: Collection[ModelCard] = port("model_card", many=True)
     ranking: RankingRecord = port("ranking")
-    free_run: pa.Table = port("free_run")
+    free_run: pa.Table | None = port("free_run", optional=True)
     log_info: Collection[LogInfo] | None = port("log_info", many=True, optional=True)
 
 
@@ -57,7 +57,7 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Return the file of each model, and which is the one to take."""
     merits: dict[str, MeritRecord] = {item.name: item for item in inputs.ranking.models}
-    rows = inputs.free_run.to_pylist()
+    rows = [] if inputs.free_run is None else inputs.free_run.to_pylist()
     vehicle = inputs.vehicle
     logs = list((inputs.log_info or {}).values())
     for log in logs:

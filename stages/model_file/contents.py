@@ -42,6 +42,7 @@ from auvid.hydro.partial_model import (
     FROM_BENCH,
     FROM_SHELF,
     figures_in_unit,
+    with_displaced_mass,
     with_righting_moment,
 )
 from auvid.stages.base import Document
@@ -101,6 +102,8 @@ def model_document(
     part = card.partial
     if part is not None and part.righting is not None:
         vehicle = with_righting_moment(vehicle, part.righting.value, part.unit_of_mass)
+    if part is not None and part.displaced is not None:
+        vehicle = with_displaced_mass(vehicle, part.displaced.value_kg)
     dynamics = dynamics_of(
         vehicle,
         fitted_change(card.inertia),

@@ -61,6 +61,8 @@ ESTIMATION = {
     "output error": "by the output error method (maximum likelihood of the sensors)",
     "filter error": "by the filter error method (maximum likelihood of the sensors)",
     "axes": "by output error over windows of single axes",
+    "glides": "by the balance of steady glides (Merckelbach et al. 2010)",
+    "passive motion": "by tows, coasts and free decays",
 }
 """Method of a model card -> words."""
 COLOURED = ("least squares", "within limits")

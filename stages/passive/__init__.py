@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +11,11 @@ import pyarrow as pa
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, Stage, param, port
+from auvid.stages.passive.card import passive_card, passive_ranking
 from auvid.stages.passive.figures import passive_results
 from auvid.stages.passive.motions import ROLES, MotionRules, PassiveLeg, motions_of, read_leg
 from auvid.stages.passive.presentation import passive_section, passive_table
@@ -58,6 +61,8 @@ class Outputs:
 
     results: dict[str, Any] = port("results")
     passive_motions: pa.Table = port("passive_motions")
+    model_card: Mapping[str, ModelCard] = port("model_card", many=True)
+    ranking: RankingRecord = port("ranking")
     section: dict[str, Any] = port("section")
 
 
@@ -86,9 +91,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             ),
         )
     results = passive_results(motions, inputs.vehicle)
+    card = passive_card(motions, inputs.vehicle)
     return Outputs(
         results,
         make_table("passive_motions", passive_table(motions)),
+        {} if card is None else {card.name: card},
+        passive_ranking(card, motions),
         passive_section(motions, results),
     )
 

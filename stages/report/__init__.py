@@ -29,7 +29,7 @@ from auvid.stages.page.methods import methods_section
 from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.recording.identity import run_properties
 from auvid.stages.report.summary.answer_text import answer_text
-from auvid.stages.report.summary.axes_summary import summarise_axes
+from auvid.stages.report.summary.axes_summary import summarise_axes, uses_of
 from auvid.stages.report.summary.figure_summary import summarise_results
 from auvid.stages.report.summary.model_summary import NO_RANKING, summarise
 
@@ -155,13 +155,16 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
     if logs:
         sections["campaign"] = legs_section(segments, logs)
     part = next((card for card in cards.values() if card.partial is not None), None)
-    if part is not None and inputs.ranking is not None:
+    if results:
+        log_of = {str(leg["id"]): str(leg.get("log")) for leg in inputs.campaign.get("legs") or ()}
+        summary = summarise_results(results, logs, sections, inputs.vehicle.document, log_of)
+        if part is not None and part.partial is not None and inputs.ranking is not None:
+            uses = uses_of(part.partial, inputs.ranking.usable)
+            summary = replace(summary, uses=uses, rule=f"Judged by {inputs.ranking.rule}.")
+    elif part is not None and inputs.ranking is not None:
         summary = summarise_axes(
             part, inputs.ranking, logs, sections, inputs.vehicle, inputs.shelf or {}
         )
-    elif results:
-        log_of = {str(leg["id"]): str(leg.get("log")) for leg in inputs.campaign.get("legs") or ()}
-        summary = summarise_results(results, logs, sections, inputs.vehicle.document, log_of)
     else:
         summary = summarise(
             cards,

@@ -66,11 +66,14 @@ def first_pictures(
     flights = [name for name, parts in by_port.items() if "flights" in parts]
     motions = [name for name, parts in by_port.items() if "axis_motion" in parts]
     glides = [name for name, parts in by_port.items() if parts[-1] == "glides"]
+    passive = [name for name, parts in by_port.items() if parts[-1] == "passive_motions"]
     drawings: list[Markup] = []
     if glides and tables[glides[0]].num_rows:
         drawings += glide_pictures(tables[glides[0]], tables, logs)
     if motions:
         drawings += _axes({name.split("/")[-1]: tables[name] for name in motions})
+    if passive and tables[passive[0]].num_rows:
+        drawings += _stretches(tables[passive[0]])
     if channels:
         drawings += _channels({name.split("/")[-2]: tables[name] for name in channels})
     if swings:
@@ -344,6 +347,35 @@ def _swings(recorded: Tables) -> tuple[Markup, ...]:
             rows.append((CurveRow(label, unit, curves), (float(times[0]), float(times[-1]))))
             clouds.append(ForceCloud(recording, unit, measured, fitted))
     return _bench_pictures("Decays and swings", "recordings", count, rows, clouds)
+
+
+def _stretches(motions: pa.Table) -> tuple[Markup, ...]:
+    """Return tows, coasts and decays with their fits, one of each motion first."""
+    turns: dict[int, list[tuple[str, pa.Table]]] = {}
+    for name, of_motion in split_by(motions, "motion").items():
+        for channel, of_channel in split_by(of_motion, "channel").items():
+            for place, part in enumerate(split_by(of_channel, "number").values()):
+                turns.setdefault(place, []).append((f"{name} in {channel}", part))
+    parts = [item for place in sorted(turns) for item in turns[place]]
+    rows: list[tuple[CurveRow, Span]] = []
+    clouds = []
+    for label, part in parts[:MOST_ROWS]:
+        rotates = label.split()[-1] in ("roll", "pitch", "yaw")
+        factor, unit = (DEGREES, "°") if rotates else (1.0, "N" if "tow" in label else "m/s")
+        if label.endswith("yaw"):
+            unit = "°/s"
+        elif label == "decay in heave":
+            unit = "m"
+        times = column(part, "t_s")
+        measured, fitted = (factor * column(part, name) for name in ("measured", "fitted"))
+        curves = (
+            SignalCurve("measured", times, measured),
+            SignalCurve("predicted", times, fitted),
+        )
+        whose = f"{label}, {part['recording'][0].as_py()}"
+        rows.append((CurveRow(whose, unit, curves), (float(times[0]), float(times[-1]))))
+        clouds.append(ForceCloud(whose, unit, measured, fitted))
+    return _bench_pictures("Motion without thrust", "stretches", len(parts), rows, clouds)
 
 
 def _flights(tables: Tables, names: list[str]) -> tuple[Markup, ...]:

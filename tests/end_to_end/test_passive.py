@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline import cli
 from auvid.pipeline.commands.new.campaign_command import new_campaign
 from auvid.pipeline.commands.new.new_command import make_workspace
+from auvid.pipeline.store.model_files import read_model
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, K, towed_body, write_towed_body
 
 
@@ -51,7 +52,22 @@ def test_two_commands_lead_from_a_tow_to_newtons(workspace: Path) -> None:
     checked = CliRunner().invoke(cli.app, ["check", "towed"])
     assert "would stop" not in checked.output
     page = (workspace / "runs/towed/report/report_html.html").read_text()
-    assert "Motion without thrust" in page
+    assert page.index("Simulated (up) against measured") < page.index("What the motions tell")
+    model = read_model(workspace / "runs/towed/model_file/model_file/passive.json")
+    assert model.partial is not None
+    assert set(model.partial.axes) == {"X", "K"}
+    assert model.partial.lacking["N"].verdict == "not observable"
+    by_symbol = {item.symbol: item for item in model.coefficients}
+    assert by_symbol["X_u|u|"].value == pytest.approx(-QUADRATIC, rel=0.1)
+    assert by_symbol["X_u|u|"].verdict == "identified"
+    assert by_symbol["K_p"].verdict == "from the prior"  # times the inertia of the file
+    (inertia,) = model.fitted_inertia
+    assert inertia.value == pytest.approx(MASS_KG, rel=0.1)
+    assert model.use.axes is not None
+    assert model.use.axes.simulation == ["X", "K"]
+    for target in ("python", "json"):
+        result = CliRunner().invoke(cli.app, ["export", "towed", "--to", target])
+        assert result.exit_code == 0, result.output
 
 
 def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace: Path) -> None:
@@ -80,6 +96,15 @@ def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace:
     half = rows[name]["high"] - rows[name]["low"]
     assert rows[name]["low"] - half < truth < rows[name]["high"] + half
     assert not any(row["unit"] == "kg" for row in rows.values())
+    model = read_model(workspace / "runs/free/model_file/model_file/passive.json")
+    assert model.partial is not None
+    assert model.partial.unit_of_mass == "X"
+    at_speed = sum(
+        item.predictor * (1.0 if item.term == "u" else speed)
+        for item in model.coefficients
+        if item.axis == "X"
+    )
+    assert at_speed == pytest.approx(-rows[name]["value"], rel=0.02)  # the speed is printed to cm/s
 
 
 @pytest.mark.parametrize("pulse_us", [1500.0, 0.0])

@@ -103,7 +103,7 @@ class GlideEstimate:
         The error follows from the covariance to first order.
         """
         values = _glide_figures(self.values, pitch_rad)
-        slope = _slopes(lambda p: _glide_figures(p, pitch_rad), self.values)
+        slope = slopes_of(lambda p: _glide_figures(p, pitch_rad), self.values)
         errors = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.covariance, slope))
         names = ("alpha", "C_D", "C_L")
         return {n: (float(v), float(e)) for n, v, e in zip(names, values, errors, strict=True)}
@@ -184,7 +184,7 @@ class _Problem:
 
     def slopes(self, values: Array) -> Array:
         """Return the slopes of the residuals by UNKNOWNS."""
-        return _slopes(self.residuals, values)
+        return slopes_of(self.residuals, values)
 
     def solve(self, values: Array, free: list[str]) -> Array:
         """Return the values of least cost; the noise follows from their residuals."""
@@ -266,7 +266,7 @@ def _first_drag(values: Array, rows: GlideRows, body: GliderBody) -> float:
     return float(np.sqrt(low * high))
 
 
-def _slopes(function: Callable[[Array], Array], values: Array) -> Array:
+def slopes_of(function: Callable[[Array], Array], values: Array) -> Array:
     """Return the derivatives (n, 6) by UNKNOWNS, by central differences."""
     columns = []
     for index, value in enumerate(values):

@@ -64,7 +64,7 @@ def summarise_axes(
         missing=(*_missing(part), *_damaged(logs), *_assumed(part, vehicle)),
         warnings=warned(sections),
         figures=tuple(_figure(item) for item in part.without_newtons),
-        uses=_uses(part, usable),
+        uses=uses_of(part, usable),
         rule=f"Judged by {ranking.rule}.",
         coefficients=coefficient_rows(card, vehicle, shelf),
         assumed_most=assumed_most(card),
@@ -151,7 +151,8 @@ def _assumed(part: PartialFigures, vehicle: Vehicle) -> tuple[Alert, ...]:
     return assumed_figures(vehicle.document) if part.unit_of_mass is None else ()
 
 
-def _uses(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
+def uses_of(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
+    """Return what a model of some axes is for, none where it is for nothing."""
     if usable is None:
         return ()
     lacking = "no axis is lacking"
