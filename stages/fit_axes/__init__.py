@@ -54,12 +54,16 @@ class Params:
     given_inertia: tuple[str, ...] = param(
         "1",
         ("X", "Y", "Z"),
-        meaning="axes whose apparent inertia is that of the vehicle file; of others the force"
-        " in newtons gives it",
+        meaning="axes whose apparent inertia has that of the vehicle file for its prior; of"
+        " others the force in newtons gives it alone",
         names=AXES,
     )
     inertia_sd: float = param(
-        "1", 0.0, meaning="standard deviation of a given inertia, as a share", low=0.0, high=1.0
+        "1",
+        0.3,
+        meaning="standard deviation of a given inertia, as a share; 0 where it is measured",
+        low=0.0,
+        high=1.0,
     )
     surge_in_heave: bool = param(
         "1", False, meaning="fit a force ahead in heave beside it, under a prior around 0"
@@ -72,7 +76,7 @@ class Params:
         allowed=("better", "never", "always"),
     )
     lag_s: float = param(
-        "s", 0.08, meaning="first-order lag between command and force", low=0.01, high=2.0
+        "s", 0.05, meaning="first-order lag between command and force", low=0.01, high=2.0
     )
     fit_lag: bool = param(
         "1", True, meaning="fit the lag where it is clear and better on what is held out"

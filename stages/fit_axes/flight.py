@@ -51,10 +51,10 @@ class FitOptions:
     """
 
     axes: Collection[str] = ()
-    lag_s: float = 0.08
+    lag_s: float = 0.05
     fit_lag: bool = True
     given_inertia: Collection[str] = ("X", "Y", "Z")
-    inertia_sd: float = 0.0
+    inertia_sd: float = 0.3
     surge_in_heave: bool = False
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"

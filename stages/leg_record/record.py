@@ -14,9 +14,11 @@ from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
 from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.axis_windows import (
+    TAUT_S,
     WINDOW_S,
     driven,
     force_without_motion,
+    near,
     runs,
     windows_of_axis,
 )
@@ -47,6 +49,7 @@ SLOWEST_HZ = 0.5
 WORDS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 NOT_MEASURED, NOT_COMMANDED = "nothing measures it", "not commanded"
 STUCK = "force without motion"
+TAUT = f"within {TAUT_S:g} s of a force without motion"
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,12 @@ def leg_record(
         own = usable & force_without_motion(t_s, force, speeds[axis], usable, least=least)
         warnings += _stuck_words(axis, t_s, force, own, _unit(axis, drive.normalised))
         stuck |= own
+    around = round(TAUT_S * rate_hz)
+    taut = near(stuck, around, around)
     for axis in AXES:
         # What holds the vehicle in one axis holds it in the others.
         windows[axis], own_left_out = windows_of_axis(
-            axis, t_s, [*reasons[axis], (STUCK, stuck)], window_s=options.window_s
+            axis, t_s, [*reasons[axis], (STUCK, stuck), (TAUT, taut)], window_s=options.window_s
         )
         left_out += own_left_out
     record = AxisRecord(

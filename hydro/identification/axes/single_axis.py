@@ -59,6 +59,8 @@ ABSURD = 3.0
 """An apparent inertia so many times more or less than expected is none."""
 DETERMINED_WITHIN = 0.5
 """Relative standard error up to which a free inertia is determined."""
+DOUBTED = 2.0
+"""From so many times on a doubt of mass or thrust curve is said."""
 LEAST_WINDOWS = 2
 """Intervals come from how windows differ, and one is fitted while the other judges."""
 FEWEST_WINDOWS = 4
@@ -273,7 +275,8 @@ def fit_axis(
     return SingleAxisFit(
         axis, velocity, depth_measures(records[0], velocity), records[0].normalised,
         values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
-        lag, verdict, speed, width, _notes(fit, legs, sides, verdict, lag),
+        lag, verdict, speed, width,
+        (*_notes(fit, legs, sides, verdict, lag), *_doubts(verdict, inertia)),
     )  # fmt: skip
 
 
@@ -449,6 +452,24 @@ def _sides(setup: _Setup, pool: Pool, width: float) -> SideDrag | None:
     ratio = one / other
     return SideDrag(
         speed, one, other, ratio, ratio * float(np.exp(-half)), ratio * float(np.exp(half))
+    )
+
+
+def _doubts(verdict: InertiaVerdict, inertia: InertiaPrior | None) -> tuple[str, ...]:
+    """Return a sentence where the motion is not that of the expected inertia."""
+    if inertia is None or inertia.relative_sd == 0.0 or not np.isfinite(verdict.value):
+        return ()
+    ratio = verdict.value / inertia.value
+    if 1.0 / DOUBTED < ratio < DOUBTED:
+        return ()
+    words = (
+        "the thrust curve gives too much, or the body has more mass (flooded parts, payload)"
+        if ratio > 1.0
+        else "the thrust curve gives too little, or the body has less mass"
+    )
+    return (
+        f"it moves as if its inertia were {ratio:.2g} times that of the vehicle file: {words};"
+        " these logs cannot tell which",
     )
 
 

@@ -28,6 +28,10 @@ STRONG_SHARE = 0.6
 SLOW_SHARE, WEAK_SHARE = 0.5, 0.3
 """The same of what comes right before and after such a stretch."""
 LARGE_PERCENT = 90.0
+TAUT_S = 10.0
+"""So long before and after a hold a tether may be taut: a hold shows only once the force
+against it is large, and a body is freed slowly.
+"""
 
 
 def windows_of_axis(
@@ -96,7 +100,8 @@ def force_without_motion(
     step = float(t_s[1] - t_s[0])
     width = max(1, round(STUCK_S / step))
     level, speed = _mean(force, width), _mean(rate, width)
-    valid = usable & np.isfinite(level) & np.isfinite(speed)
+    there = np.isfinite(level) & np.isfinite(speed)
+    valid = usable & there
     if np.count_nonzero(valid) < 10 * width:
         return np.zeros(t_s.size, dtype=bool)
     # Zero force is no push, whatever the constant.
@@ -106,16 +111,17 @@ def force_without_motion(
     if large <= 0.0 or usual <= 0.0:
         return np.zeros(t_s.size, dtype=bool)
     expected = usual * np.sqrt(push / large)
+    # A hold that begins where the body is usable may end where it is not, as at the surface.
     resting = (
-        valid & (push > max(least, STRONG_SHARE * large)) & (np.abs(speed) < STUCK_SHARE * expected)
+        there & (push > max(least, STRONG_SHARE * large)) & (np.abs(speed) < STUCK_SHARE * expected)
     )
-    slow = valid & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
+    slow = there & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
     stuck = np.zeros(t_s.size, dtype=bool)
     for first, last in runs(resting):
         stuck[first:last] = (last - first) * step >= HELD_S
     # What comes before and after, while it is slow for its force, belongs to it.
     for first, last in runs(slow | stuck):
-        stuck[first:last] = stuck[first:last].any()
+        stuck[first:last] = stuck[first:last].any() and usable[first:last].any()
     return stuck
 
 

@@ -76,7 +76,7 @@ def in_newtons(item: LegData, inertia: Array) -> LegData:
 @cache
 def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
     legs = legs_of(file_inertia(), coriolis=coriolis, torque=torque)
-    return fit_all(legs, body(), FitOptions(fit_lag=False))
+    return fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False))
 
 
 def filed_motion_error(fitted: AxisFits, leg: LegData) -> float:
@@ -127,7 +127,7 @@ def test_a_validation_leg_without_a_sensor_is_named() -> None:
     rate = {**check.record.rate, "v": np.full(len(check.record.t_s), np.nan)}
     windows = {axis: own for axis, own in check.record.windows.items() if axis != "Y"}
     legs["leg_3"] = replace(check, record=replace(check.record, rate=rate, windows=windows))
-    fitted = fit_all(legs, body(), FitOptions(fit_lag=False))
+    fitted = fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False))
     surge, sway, yaw = fitted.fitted
     assert sway.unused_legs["leg_3"] == "not measured"
     assert surge.unused_legs["leg_3"] == "sway not measured, which the common fit needs"
@@ -145,7 +145,7 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
     rate["v"][:half] = np.nan
     legs["leg_1"] = replace(one, record=replace(one.record, rate=rate))
     using = {key: leg for key, leg in legs.items() if leg.windows.use == "training"}
-    options = FitOptions(fit_lag=False)
+    options = FitOptions(lag_s=0.08, fit_lag=False)
     singles = fit_all(legs, body(), replace(options, together="never")).fitted
     fit = fit_coupled(
         [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
@@ -196,7 +196,9 @@ def test_coriolis_force_has_the_inertia_that_is_filed() -> None:
     inertia = file_inertia()
     inertia[5] *= 0.4
     legs = {key: in_newtons(item, inertia) for key, item in legs_of(inertia).items()}
-    fitted = fit_all(legs, body(), FitOptions(fit_lag=False, given_inertia=("X", "Y", "Z")))
+    fitted = fit_all(
+        legs, body(), FitOptions(lag_s=0.08, fit_lag=False, given_inertia=("X", "Y", "Z"))
+    )
     assert fitted.together is not None
     assert fitted.together.chosen
     yaw = fitted.fitted[-1].equation
@@ -218,7 +220,7 @@ def test_commands_with_a_pull_have_the_inertia_that_is_filed() -> None:
         )
         for key, item in legs_of(inertia).items()
     }
-    fitted = fit_all(legs, body(), FitOptions(fit_lag=False))
+    fitted = fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False))
     assert fitted.together is not None
     assert fitted.together.chosen
     forces = scaled(fitted, body(), by="pull").forces

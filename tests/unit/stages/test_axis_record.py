@@ -85,6 +85,11 @@ def test_a_snag_is_named_and_in_no_window():
     spans = [item for item in result.axis_windows.left_out if item.reason == "force without motion"]
     assert min(item.start_s for item in spans) == pytest.approx(61.0, abs=2.0)
     assert max(item.end_s for item in spans) == pytest.approx(75.0, abs=2.0)
+    around = [
+        item for item in result.axis_windows.left_out if item.reason.startswith("within 10 s")
+    ]
+    assert min(item.start_s for item in around) == pytest.approx(51.0, abs=2.0)
+    assert max(item.end_s for item in around) == pytest.approx(85.0, abs=2.0)
     assert not [w for w in outputs(Dive()).axis_windows.warnings if "Force without" in w]
 
 

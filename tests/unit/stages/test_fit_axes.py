@@ -29,7 +29,7 @@ from tests.support.axis_twin import FULL, TRUTH, leg
 from tests.support.motions import shipped_vehicle as vehicle
 
 PROVENANCE: dict[str, Any] = {"logs": {}, "vehicle": "0", "stages": {}, "packages": {}}
-FREE = FitOptions(given_inertia=(), fit_lag=False)
+FREE = FitOptions(given_inertia=(), lag_s=0.08, fit_lag=False)
 
 
 @cache

@@ -49,6 +49,9 @@ thrust departs so far from white noise on the derivative of the acceleration, an
 such samples of a precise tracker out would cost more than an outlier of its size."""
 SHORTEST_PIECE_S = 1.0
 FEWEST = 8
+REPEATED = 1e-4
+STOPS, DIGITS = 5, 20.0
+"""A part that stops has so many steps before, of so many times its last digit."""
 FREEZE_S = 0.5
 FREEZE_STEPS = 6.0
 """Equal samples over more than both of these, in s and in usual steps, are a freeze."""
@@ -122,7 +125,7 @@ def pose_track(
     t, p, q = t[good], p[good], q[good]
     if t.size > 1 and (np.diff(t) <= 0.0).any():
         raise DataError("times must increase strictly", row=int(np.argmin(np.diff(t))) + 1)
-    fresh, freezes = held_poses(t, np.hstack([p, q]))
+    fresh, freezes = held_poses(t, (p, angles[good]))
     t, y = t[fresh], np.hstack([p[fresh], continuous_signs(q[fresh])])
     if t.size < FEWEST:
         raise DataError(
@@ -304,24 +307,58 @@ def _fitted(
     return np.asarray(np.exp(np.clip(best.x, np.log(LEAST_NOISE**2), 60.0)))
 
 
-def held_poses(t: Array, values: Array) -> tuple[Mask, list[PoseFault]]:
-    """Return which samples (n,) of values (n, k) are new, and the freezes among them.
+def held_poses(t: Array, parts: Sequence[Array]) -> tuple[Mask, list[PoseFault]]:
+    """Return which samples (n,) are new in a part (n, k), and the freezes among them.
 
-    A freeze lasts FREEZE_S and FREEZE_STEPS usual steps between new samples.
+    Parts are position and attitude. Less than REPEATED of a usual step is no news. A freeze
+    lasts FREEZE_S and FREEZE_STEPS usual steps between new samples, of all parts or of one
+    that stops at once; nothing is new in it.
     """
-    fresh = np.ones(t.size, dtype=np.bool_)
-    fresh[1:] = (np.diff(values, axis=0) != 0.0).any(axis=1)
-    at = np.flatnonzero(fresh)
+    new = [_changes(values) for values in parts]
+    fresh = np.any(new, axis=0)
+    frozen = np.zeros(t.size, dtype=np.bool_)
+    for first, last in _long_holds(t, fresh):
+        frozen[first + 1 : last + 1] = True
+    for values, own in zip(parts, new, strict=True):
+        for first, last in _long_holds(t, own):
+            if _stops_at_once(values, own, first):
+                frozen[first + 1 : last + 1] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], frozen, [0]]).astype(np.int8)))
+    return fresh & ~frozen, [
+        PoseFault("freeze", float(t[first - 1]), float(t[end - 1]))
+        for first, end in zip(edges[::2], edges[1::2], strict=True)
+    ]
+
+
+def _changes(values: Array) -> Mask:
+    """Return which samples (n,) of a part differ from the last; the first one does."""
+    steps = np.abs(np.diff(values, axis=0)).max(axis=1)
+    moved = steps[steps > 0.0]
+    least = REPEATED * float(np.median(moved)) if moved.size else 0.0
+    return np.concatenate([[True], steps > least])
+
+
+def _long_holds(t: Array, new: Mask) -> list[tuple[int, int]]:
+    """Return first and last sample of each hold that is longer than a usual pause."""
+    at = np.flatnonzero(new)
     if at.size < 2:
-        return fresh, []
-    usual = float(np.median(np.diff(t[at])))
+        return []
+    longest = max(FREEZE_S, FREEZE_STEPS * float(np.median(np.diff(t[at]))))
     ends = np.append(at[1:] - 1, t.size - 1)
-    longest = max(FREEZE_S, FREEZE_STEPS * usual)
-    return fresh, [
-        PoseFault("freeze", float(t[first]), float(t[last]))
+    return [
+        (int(first), int(last))
         for first, last in zip(at, ends, strict=True)
         if t[last] - t[first] > longest
     ]
+
+
+def _stops_at_once(values: Array, new: Mask, first: int) -> bool:
+    """Return whether steps before a hold are clear of the last digit, as at rest none are."""
+    sizes = np.abs(np.diff(values, axis=0))
+    digit = float(np.min(sizes[sizes > 0.0]))
+    rows = np.flatnonzero(new[1:])
+    beside = rows[rows < first][-STOPS:] if first else rows[:STOPS]
+    return float(np.median(sizes[beside].max(axis=1))) > DIGITS * digit
 
 
 def _pieces(t: Array, begins: Mask, accepted: Mask) -> list[tuple[int, int]]:

@@ -66,6 +66,18 @@ def test_a_snag_is_found_where_it_is():
     assert T[span[1] - 1] == pytest.approx(71.0, abs=1.5)
 
 
+def test_a_hold_that_ends_at_the_surface_is_a_hold():
+    """It begins two seconds before the body is at the surface, too short to be judged alone."""
+    force = 20.0 * np.sign(np.sin(2.0 * np.pi * T / 24.0))
+    speed = np.where((T >= 62.0) & (T < 71.0), 0.0, moving(force))
+    usable = (T < 65.0) | (T > 80.0)
+    stuck = force_without_motion(T, force, speed, usable)
+    (span,) = runs(stuck)
+    assert T[span[0]] == pytest.approx(62.0, abs=1.5)
+    nothing = force_without_motion(T, force, speed, usable & (T < 60.0))
+    assert not nothing.any()
+
+
 def test_a_constant_force_that_buoyancy_takes_is_no_snag():
     """The vehicle holds its depth against 15 N, and moves from there."""
     force = 15.0 + np.where((T % 30.0) < 10.0, 10.0, 0.0)

@@ -151,6 +151,27 @@ def test_a_freeze_is_named_and_held_rows_are_no_samples() -> None:
     assert rmse(errors(run, track)[0]) < 0.02
 
 
+@pytest.mark.parametrize("frozen", ["position", "attitude", "rounding"])
+def test_a_freeze_of_one_part_is_a_freeze(frozen: str) -> None:
+    """Three seconds of every 7.5, the other part alive, or repeats that rounding moves."""
+    run = pose_run(np.arange(0.0, 60.0, 0.05), 5)
+    position, attitude = tracked(run, 5, noise_m=2e-3, noise_rad=2e-3)
+    held = np.arange(len(run.t_s))
+    for at in np.flatnonzero(run.t_s % 7.5 < 3.0):
+        held[at] = held[max(at - 1, 0)]
+    if frozen != "attitude":
+        position = position[held]
+    if frozen != "position":
+        attitude = attitude[held]
+    if frozen == "rounding":
+        position = position + 1e-9 * np.random.default_rng(0).normal(size=position.shape)
+    track = pose_track(run.t_s, position, attitude)
+    assert [item.kind for item in track.faults] == ["freeze"] * 8
+    assert all(item.end_s - item.start_s == pytest.approx(3.0, abs=0.1) for item in track.faults)
+    inside = (track.t_s % 7.5 > 0.2) & (track.t_s % 7.5 < 2.8)
+    assert not np.any(inside)
+
+
 def test_yaw_averaged_across_its_wrap_is_left_out() -> None:
     run = pose_run(VISUAL_S, 6)
     position, _ = tracked(run, 6, noise_m=5e-3, noise_rad=0.0)
