@@ -1,9 +1,10 @@
 """What commands without newtons determine: errors of one twin after another.
 
-    python -m benchmarks.commands_twin {single,together} SEEDS ROWS.json [LEGS] [SECONDS]
+    python -m benchmarks.commands_twin {single,together,bent} SEEDS ROWS.json [LEGS] [SECONDS]
 
 Legs with steps of all commands every second, white noise of 20 mm/s and .02 rad/s at
-10 Hz, the lag fitted.
+10 Hz, the lag fitted; bent: thrust goes with a power of what a command exceeds a dead band
+by, and both are fitted too.
 Prints, of what a user quotes, the share of twins within 2 %, and how far 95 % of them lie:
 gain ratio (c over that of surge), damping over inertia at the RMS speed, time constant
 at it, steady speed of a full command. Rows that the file has are not made again.
@@ -13,17 +14,21 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from auvid.hydro.identification.axes.coupled import fit_coupled
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG
 from auvid.hydro.identification.axes.quantities import steady_speed
+from auvid.hydro.identification.axes.record import AxisRecord
 from benchmarks import coverage_axes
 from benchmarks.coverage_axes import INERTIA, TRUTH, leg
 
 WITHIN = 0.02
 PLANE = ("u", "v", "w", "r")
+BAND, POWER = 0.08, 1.7
 
 
 def row(kind: str, seed: int, legs: int, seconds: float) -> dict[str, float]:
@@ -32,11 +37,15 @@ def row(kind: str, seed: int, legs: int, seconds: float) -> dict[str, float]:
     rng = np.random.default_rng(seed)
     inertia = INERTIA if kind == "together" else None
     records = [leg(rng, PLANE, seconds=seconds, step_s=0.1, inertia=inertia) for _ in range(legs)]
+    free: tuple[str, ...] = (LAG,)
+    if kind == "bent":
+        records = [bent(item) for item in records]
+        free = (LAG, DEAD_BAND, CURVE)
     if kind == "together":
         fit = fit_coupled(records, PLANE, inertia=inertia, leave_out=False)
         blocks = {v: (fit.block(v)[0], fit.speeds[v]) for v in PLANE}
     else:
-        fits = {v: fit_coupled(records, (v,), leave_out=False) for v in PLANE}
+        fits = {v: fit_coupled(records, (v,), free=free, leave_out=False) for v in PLANE}
         blocks = {v: (fits[v].block(v)[0], fits[v].speeds[v]) for v in PLANE}
     out = {}
     for v in PLANE:
@@ -50,6 +59,15 @@ def row(kind: str, seed: int, legs: int, seconds: float) -> dict[str, float]:
                  "steady speed": steady}  # fmt: skip
         out |= {f"{v} {name}": float(x / y - 1.0) for name, (x, y) in pairs.items()}
     return out
+
+
+def bent(record: AxisRecord) -> AxisRecord:
+    """Return the leg with the commands that give its forces behind BAND and POWER."""
+    force = {
+        axis: np.sign(x) * ((1.0 - BAND) * np.abs(x) ** (1.0 / POWER) + BAND * (x != 0.0))
+        for axis, x in record.force.items()
+    }
+    return replace(record, force=force)
 
 
 def main(kind: str, seeds: int, path: Path, legs: int = 3, seconds: float = 120.0) -> None:

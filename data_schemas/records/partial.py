@@ -81,6 +81,10 @@ class CommandGain(Model):
     """Commands below it give none."""
     curve: float = 1.0
     """Exponent beyond it; 1 is a straight line."""
+    shape_verdict: Literal["identified", "weak", "assumed"] = "assumed"
+    """What the data say of dead band and curve; assumed: a straight line, not tried or no
+    better on what was held out.
+    """
     unit: str
     """N or N m; of a normalised model m/s^2 or m^2/s^2."""
     interval_95: list[float] | None

@@ -81,6 +81,11 @@ class Params:
     fit_lag: bool = param(
         "1", True, meaning="fit the lag where it is clear and better on what is held out"
     )
+    fit_curve: bool = param(
+        "1",
+        False,
+        meaning="fit dead band and curve of commands where that is better on what is held out",
+    )
     newtons_from: str = param(
         "1",
         "pull",
@@ -114,6 +119,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         axes=params.axes,
         lag_s=params.lag_s,
         fit_lag=params.fit_lag,
+        fit_curve=params.fit_curve,
         given_inertia=params.given_inertia,
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,

@@ -297,8 +297,9 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
                     "value": value,
                     "unit": unit_of(item.axis, CONSTANT, scaled),
                     "interval_95": interval_95(value, error),
-                    "dead_band": item.dead_band,
-                    "curve": item.curve,
+                    "dead_band": item.shape.dead_band,
+                    "curve": item.shape.curve,
+                    "shape_verdict": item.shape.word,
                     "verdict": item.verdict(FORCE),
                 }
             )

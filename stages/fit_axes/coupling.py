@@ -21,7 +21,7 @@ from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.axes.windows import windows_of
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.fitted import CommandForces, FittedAxis, HeldOutFit, Together
 from auvid.stages.fit_axes.flight import (
@@ -143,7 +143,7 @@ def _common_fit(
             numerators=numerators,
             relative_sd=options.inertia_sd,
             free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
-            drive=ForceDrive(lag_s=options.lag_s),
+            drive=common_shape(joining, options.lag_s),
             free=(LAG,) if options.fit_lag else (),
             restoring=any(item.righting is not None for item in joining),
             first=first,
@@ -155,6 +155,21 @@ def _common_fit(
         by_file = fitted(first, {}, judge=False)
         first = {speed: by_file.block(speed)[0].tolist() for speed in first}
     return fitted(first, numerators, judge=True)
+
+
+def common_shape(joining: Sequence[FittedAxis], lag_s: float) -> ForceDrive:
+    """Return the drive of a common fit: the same thrusters bend all commands.
+
+    Medians of dead band and curve over the axes that tell them; straight where none does.
+    """
+    bent = [item.shape for item in joining if item.shape.word == IDENTIFIED]
+    if not bent:
+        return ForceDrive(lag_s=lag_s)
+    return ForceDrive(
+        lag_s,
+        float(np.median([shape.dead_band for shape in bent])),
+        float(np.median([shape.curve for shape in bent])),
+    )
 
 
 def filed_inertia(
@@ -256,6 +271,7 @@ def _one_of(
         rate_rms=fit.speeds[velocity],
         lag_s=drive.lag_s,
         lag_error_s=lag_error if clear else 0.0,
+        shape=replace(single.shape, dead_band=drive.dead_band, curve=drive.curve),
         lag_verdict="identified" if clear else "weak" if lag_free else "assumed",
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),

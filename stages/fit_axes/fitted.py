@@ -11,6 +11,7 @@ import numpy as np
 from auvid.data_schemas.records.models import VelocityRange
 from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import AxisEquation
+from auvid.hydro.identification.axes.judgement import STRAIGHT, ShapeVerdict
 from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
 from auvid.stages.few_axes import SIMULATED_PERCENT
@@ -102,8 +103,7 @@ class FittedAxis:
     lag_s: float
     lag_error_s: float
     lag_verdict: LagVerdict
-    dead_band: float = 0.0
-    curve: float = 1.0
+    shape: ShapeVerdict = STRAIGHT
     inertia: str = "determined"
     """What the fit says of 1 / c: given, determined, from the prior, not determined."""
     quantities: tuple[FitQuantity, ...] = ()

@@ -11,10 +11,10 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.single_axis import (
     SURGE,
-    InertiaPrior,
     SingleAxisFit,
     fit_axis,
     refusal,
@@ -127,6 +127,8 @@ def _lacking(
     if not pushed(records, axis):
         return Lacking(axis, "not commanded", "no actuator drives it in these legs")
     reasons = {item.reason for record in records for item in record.left_out if item.axis == axis}
+    if not using and reasons == {"not commanded"}:
+        return Lacking(axis, "not commanded", "no actuator drives it in these legs")
     if not using:
         return Lacking(axis, "not excited", "; ".join(sorted(reasons)) or "no window is left")
     words = refusal([leg.record for leg in using.values()], axis)
@@ -186,6 +188,7 @@ def _single(
         drive=ForceDrive(lag_s=options.lag_s),
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,
+        try_shape=options.fit_curve,
     )
 
 
@@ -217,17 +220,27 @@ def _fit(
         lag_s=fit.lag.value_s,
         lag_error_s=fit.lag.standard_error if fit.lag.determined else 0.0,
         lag_verdict="identified" if fit.lag.determined else "assumed",
-        dead_band=fit.fit.drive.dead_band,
-        curve=fit.fit.drive.curve,
+        shape=fit.shape,
         inertia=fit.inertia.word,
         quantities=fit.without_newtons(),
         warnings=tuple(warnings),
-        notes=tuple(f"{word}: {words}." for words in fit.notes),
+        notes=tuple(f"{word}: {words}." for words in (*fit.notes, *_bend(fit.shape))),
         surge=fit.beside_force(SURGE),
         righting=fit.beside_force(RIGHTING),
         **judged(
             FlownAxis(fit.velocity, fit.pool, fit.fit), fit.held_out, using, legs, rms=fit.speed
         ),
+    )
+
+
+def _bend(shape: ShapeVerdict) -> tuple[str, ...]:
+    """Return a sentence on commands that do not act along a straight line."""
+    if shape.word == STRAIGHT.word:
+        return ()
+    return (
+        f"commands act beyond {shape.dead_band:.2g} of full (standard error"
+        f" {shape.dead_band_error:.1g}), with exponent {shape.curve:.3g} ({shape.curve_error:.1g}):"
+        f" {shape.word}",
     )
 
 

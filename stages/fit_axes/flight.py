@@ -53,6 +53,7 @@ class FitOptions:
     axes: Collection[str] = ()
     lag_s: float = 0.05
     fit_lag: bool = True
+    fit_curve: bool = False
     given_inertia: Collection[str] = ("X", "Y", "Z")
     inertia_sd: float = 0.3
     surge_in_heave: bool = False

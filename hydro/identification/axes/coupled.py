@@ -17,7 +17,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
-from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive, changed
 from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
     AxisVerdict,
@@ -253,7 +253,7 @@ def one_by_one(
         pool.records,
         pool.windows,
         constant_sd=pool.constant_sd[[place]],
-        drive=ForceDrive(lag_s=lag_s),
+        drive=changed(fit.pool.drive, {LAG: lag_s}),
         free=(LAG,) if fit_lag else (),
         loss=pool.loss,
     )

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
 from auvid.hydro.identification.axes.pooled_fit import (
     Pool,
     PoolFit,
@@ -27,6 +28,9 @@ from auvid.hydro.identification.axes.windows import (
     drives,
     low_passed,
 )
+
+FIRST_DEAD_BAND, FIRST_CURVE = 0.03, 1.3
+"""Where the search for a dead band [full commands] and a curve begins."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,30 @@ def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
             fit = fit_pool(replace(pool, windows=train), first)
             out.append(HeldOut(what, score(pool, fit, test), len(test)))
     return tuple(out)
+
+
+def bent_commands(
+    pool: Pool, fit: PoolFit, blocks: tuple[HeldOut, ...]
+) -> tuple[Pool, PoolFit, tuple[HeldOut, ...]] | None:
+    """Return a fit with dead band and curve free; None where it is no better.
+
+    blocks: how the straight ones fly every other window. The bent ones are taken where
+    they fly better, both ways and in every velocity.
+    """
+    bent = replace(
+        pool,
+        free=(*pool.free, DEAD_BAND, CURVE),
+        drive=replace(fit.drive, dead_band=FIRST_DEAD_BAND, curve=FIRST_CURVE),
+    )
+    terms = len(pool.structure.terms)
+    other = fit_pool(bent, fit.values[:terms])
+    tried = held_out_blocks(bent, other.values[:terms])
+    better = all(
+        new.percent[velocity] > old.percent[velocity]
+        for new, old in zip(tried, blocks, strict=True)
+        for velocity in new.percent
+    )
+    return (bent, other, tried) if tried and better else None
 
 
 def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
 from auvid.hydro.identification.axes.structure import CONSTANT, FORCE, INPUT, AxisTerm
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
@@ -36,6 +37,10 @@ times as large as with the other one known."""
 LIKELY, ALIKE_WITHIN = 0.05, 1.2
 """Legs differ where chance alone is less probable than this, and the largest is more than
 so many times the smallest."""
+DOUBTED = 2.0
+"""From so many times on a doubt of mass or thrust curve is said."""
+SIDES_DIFFER = 2.0
+"""Ratio of drag ahead and back from which on it is warned of: a tether."""
 
 
 @dataclass(frozen=True)
@@ -178,3 +183,127 @@ def beside_force(fit: PoolFit, axis: str, name: str, width: float) -> AxisEquati
     names = (FORCE, name)
     values, covariance = coefficient_block(fit, axis, names)
     return AxisEquation(axis, names, values, covariance * (width / NORMAL_95) ** 2, {})
+
+
+@dataclass(frozen=True)
+class InertiaPrior:
+    """Apparent inertia [kg, kg m^2] with a relative deviation; 0 holds it."""
+
+    value: float
+    relative_sd: float = 0.0
+
+
+@dataclass(frozen=True)
+class LagVerdict:
+    """Thrust lag [s] of a fit; `standard_error` nan where it is fixed."""
+
+    value_s: float
+    standard_error: float
+    determined: bool
+
+
+@dataclass(frozen=True)
+class ShapeVerdict:
+    """Dead band and curve of commands, with errors; 0 and 1 are a straight line.
+
+    `word`: `identified`, `weak` (bent, but not clearly), `assumed` (straight).
+    """
+
+    dead_band: float = 0.0
+    dead_band_error: float = 0.0
+    curve: float = 1.0
+    curve_error: float = 0.0
+    word: str = "assumed"
+
+
+STRAIGHT = ShapeVerdict()
+
+
+@dataclass(frozen=True)
+class InertiaVerdict:
+    """What a fit says of the apparent inertia 1 / c.
+
+    `word`: `given`, `from the prior`, `determined`, `not determined`.
+    `value` with its 95 % interval in kg or kg m^2; nan for commands.
+    """
+
+    word: str
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class SideDrag:
+    """Drag over inertia [1/s] at `speed`, ahead and back, and their ratio."""
+
+    speed: float
+    ahead: float
+    back: float
+    ratio: float
+    low: float
+    high: float
+
+    @property
+    def differ(self) -> bool:
+        """Return whether they differ by more than `SIDES_DIFFER`, clearly from 1."""
+        clear = self.low > 1.0 or self.high < 1.0
+        return clear and max(self.ratio, 1.0 / self.ratio) > SIDES_DIFFER
+
+
+def doubts(verdict: InertiaVerdict, inertia: InertiaPrior | None) -> tuple[str, ...]:
+    """Return a sentence where the motion is not that of the expected inertia."""
+    if inertia is None or inertia.relative_sd == 0.0 or not np.isfinite(verdict.value):
+        return ()
+    ratio = verdict.value / inertia.value
+    if 1.0 / DOUBTED < ratio < DOUBTED:
+        return ()
+    words = (
+        "the thrust curve gives too much, or the body has more mass (flooded parts, payload)"
+        if ratio > 1.0
+        else "the thrust curve gives too little, or the body has less mass"
+    )
+    return (
+        f"it moves as if its inertia were {ratio:.2g} times that of the vehicle file: {words};"
+        " these logs cannot tell which",
+    )
+
+
+def notes_of(
+    fit: PoolFit,
+    legs: Sequence[Heterogeneity],
+    sides: SideDrag | None,
+    inertia: InertiaVerdict,
+    lag: LagVerdict,
+) -> tuple[str, ...]:
+    """Return what a reader of the figures has to know, a sentence each."""
+    notes = []
+    if fit.word != "converged":
+        notes.append("the search did not settle")
+    for item in legs:
+        words = "differ" if item.differ else "agree"
+        notes.append(
+            f"{len(item.values)} legs {words} in {item.quantity}: Q {item.q:.3g}, probability "
+            f"{item.probability:.2g}, largest over smallest {item.ratio:.2g}"
+        )
+    if sides is not None and sides.differ:
+        notes.append(
+            f"drag ahead is {sides.ratio:.2g} times that back ({sides.low:.2g} to "
+            f"{sides.high:.2g}): a tether pulls on one side"
+        )
+    if inertia.word == "not determined" and np.isfinite(inertia.value):
+        notes.append(f"inertia not determined: {inertia.value:.3g} comes out; give it")
+    if not lag.determined:
+        notes.append(f"thrust lag not determined: {lag.value_s:g} s is assumed")
+    return tuple(notes)
+
+
+def shape_of(fit: PoolFit) -> ShapeVerdict:
+    """Return dead band and curve of a fit that has them free."""
+    at = [fit.names.index(name) for name in (DEAD_BAND, CURVE)]
+    errors = np.sqrt(np.diag(fit.covariance)[at])
+    band, curve = (float(fit.values[place]) for place in at)
+    clear = band > T_LIMIT * errors[0] > 0.0 or abs(curve - 1.0) > T_LIMIT * errors[1] > 0.0
+    return ShapeVerdict(
+        band, float(errors[0]), curve, float(errors[1]), IDENTIFIED if clear else WEAK
+    )

@@ -17,15 +17,29 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
-from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
+from auvid.hydro.identification.axes.held_out import (
+    HeldOut,
+    bent_commands,
+    held_out_blocks,
+    legs_left_out,
+)
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
+    STRAIGHT,
     AxisVerdict,
     Heterogeneity,
+    InertiaPrior,
+    InertiaVerdict,
+    LagVerdict,
+    ShapeVerdict,
+    SideDrag,
     beside_force,
     coefficient_block,
+    doubts,
     heterogeneity,
+    notes_of,
     rms_of,
+    shape_of,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -59,66 +73,13 @@ ABSURD = 3.0
 """An apparent inertia so many times more or less than expected is none."""
 DETERMINED_WITHIN = 0.5
 """Relative standard error up to which a free inertia is determined."""
-DOUBTED = 2.0
-"""From so many times on a doubt of mass or thrust curve is said."""
 LEAST_WINDOWS = 2
 """Intervals come from how windows differ, and one is fitted while the other judges."""
 FEWEST_WINDOWS = 4
 """Least windows of a leg for a fit of its own; of the pool for drag ahead and back."""
-SIDES_DIFFER = 2.0
-"""Ratio of drag ahead and back from which on it is warned of: a tether."""
 DECAY_RATE, DECAY_FORCE, DECAY_S = 0.1, 0.02, 3.0
 """A free decay: RMS rate [rad/s], share of the largest moment, and length [s]."""
 DAMPING_AND_FORCE = ("linear", "quadratic", FORCE, "constant")
-
-
-@dataclass(frozen=True)
-class InertiaPrior:
-    """Apparent inertia [kg, kg m^2] with a relative deviation; 0 holds it."""
-
-    value: float
-    relative_sd: float = 0.0
-
-
-@dataclass(frozen=True)
-class LagVerdict:
-    """Thrust lag [s] of a fit; `standard_error` nan where it is fixed."""
-
-    value_s: float
-    standard_error: float
-    determined: bool
-
-
-@dataclass(frozen=True)
-class InertiaVerdict:
-    """What a fit says of the apparent inertia 1 / c.
-
-    `word`: `given`, `from the prior`, `determined`, `not determined`.
-    `value` with its 95 % interval in kg or kg m^2; nan for commands.
-    """
-
-    word: str
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
-class SideDrag:
-    """Drag over inertia [1/s] at `speed`, ahead and back, and their ratio."""
-
-    speed: float
-    ahead: float
-    back: float
-    ratio: float
-    low: float
-    high: float
-
-    @property
-    def differ(self) -> bool:
-        """Return whether they differ by more than `SIDES_DIFFER`, clearly from 1."""
-        clear = self.low > 1.0 or self.high < 1.0
-        return clear and max(self.ratio, 1.0 / self.ratio) > SIDES_DIFFER
 
 
 @dataclass(frozen=True)
@@ -142,6 +103,7 @@ class SingleAxisFit:
     legs: tuple[Heterogeneity, ...]
     sides: SideDrag | None
     lag: LagVerdict
+    shape: ShapeVerdict
     inertia: InertiaVerdict
     speed: float
     width: float
@@ -239,6 +201,7 @@ def fit_axis(
     constant_sd: float | None = None,
     surge: bool = False,
     try_lag: bool = True,
+    try_shape: bool = False,
     loss: Loss = "soft_l1",
     window_s: float = WINDOW_S,
 ) -> SingleAxisFit:
@@ -246,7 +209,8 @@ def fit_axis(
 
     inertia: prior of 1 / c; None leaves it free, and commands have none. surge: a term of
     the force ahead in heave, under a prior around 0. try_lag: whether the lag is fitted
-    where the data determine it. Raises `DataError` with the reason where an axis is
+    where the data determine it. try_shape: the same of dead band and curve of commands.
+    Raises `DataError` with the reason where an axis is
     refused.
     """
     reason = refusal(records, axis)
@@ -264,6 +228,12 @@ def fit_axis(
     lag = LagVerdict(pool.drive.lag_s, float("nan"), False)
     if try_lag:
         pool, fit, blocks, lag = _with_lag(fitted, pool, fit, blocks)
+    shape = STRAIGHT
+    if try_shape and records[0].normalised:
+        bent = bent_commands(pool, fit, blocks)
+        if bent is not None:
+            pool, fit, blocks = bent
+            shape = shape_of(fit)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
     width = interval_width(fit.windows)
@@ -275,8 +245,8 @@ def fit_axis(
     return SingleAxisFit(
         axis, velocity, depth_measures(records[0], velocity), records[0].normalised,
         values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
-        lag, verdict, speed, width,
-        (*_notes(fit, legs, sides, verdict, lag), *_doubts(verdict, inertia)),
+        lag, shape, verdict, speed, width,
+        (*notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia)),
     )  # fmt: skip
 
 
@@ -453,50 +423,3 @@ def _sides(setup: _Setup, pool: Pool, width: float) -> SideDrag | None:
     return SideDrag(
         speed, one, other, ratio, ratio * float(np.exp(-half)), ratio * float(np.exp(half))
     )
-
-
-def _doubts(verdict: InertiaVerdict, inertia: InertiaPrior | None) -> tuple[str, ...]:
-    """Return a sentence where the motion is not that of the expected inertia."""
-    if inertia is None or inertia.relative_sd == 0.0 or not np.isfinite(verdict.value):
-        return ()
-    ratio = verdict.value / inertia.value
-    if 1.0 / DOUBTED < ratio < DOUBTED:
-        return ()
-    words = (
-        "the thrust curve gives too much, or the body has more mass (flooded parts, payload)"
-        if ratio > 1.0
-        else "the thrust curve gives too little, or the body has less mass"
-    )
-    return (
-        f"it moves as if its inertia were {ratio:.2g} times that of the vehicle file: {words};"
-        " these logs cannot tell which",
-    )
-
-
-def _notes(
-    fit: PoolFit,
-    legs: Sequence[Heterogeneity],
-    sides: SideDrag | None,
-    inertia: InertiaVerdict,
-    lag: LagVerdict,
-) -> tuple[str, ...]:
-    """Return what a reader of the figures has to know, a sentence each."""
-    notes = []
-    if fit.word != "converged":
-        notes.append("the search did not settle")
-    for item in legs:
-        words = "differ" if item.differ else "agree"
-        notes.append(
-            f"{len(item.values)} legs {words} in {item.quantity}: Q {item.q:.3g}, probability "
-            f"{item.probability:.2g}, largest over smallest {item.ratio:.2g}"
-        )
-    if sides is not None and sides.differ:
-        notes.append(
-            f"drag ahead is {sides.ratio:.2g} times that back ({sides.low:.2g} to "
-            f"{sides.high:.2g}): a tether pulls on one side"
-        )
-    if inertia.word == "not determined" and np.isfinite(inertia.value):
-        notes.append(f"inertia not determined: {inertia.value:.3g} comes out; give it")
-    if not lag.determined:
-        notes.append(f"thrust lag not determined: {lag.value_s:g} s is assumed")
-    return tuple(notes)

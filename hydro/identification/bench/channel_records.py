@@ -23,6 +23,7 @@ from auvid.hydro.identification.bench.recursive_least_squares import (
     RecursiveEstimate,
 )
 from auvid.hydro.identification.bench.thrust_lag import Lag
+from auvid.hydro.identification.regression.standard_errors import mapped
 
 CHANNELS = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 DAMPING: Mapping[str, tuple[bool, bool]] = {
@@ -137,7 +138,7 @@ class ChannelFit:
         by = np.array(
             [[-one / m**2, 1.0 / m, 0.0], [-two / m**2, 0.0, 1.0 / m], [-1.0 / m**2, 0.0, 0.0]]
         )
-        return np.array([one / m, two / m, 1.0 / m]), by @ self.covariance[:3, :3] @ by.T
+        return np.array([one / m, two / m, 1.0 / m]), mapped(self.covariance[:3, :3], by)
 
 
 @dataclass(frozen=True)

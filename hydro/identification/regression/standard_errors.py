@@ -38,6 +38,21 @@ def long_run_moment(scores: ArrayLike, *, lags: int) -> Array:
     return windows.T @ windows / (lags + 1)
 
 
+def mapped(covariance: Array, by: Array) -> Array:
+    """Return by C by' (m, m), no variance of which rounding makes negative.
+
+    Where two figures are hardly told apart, by C by' is the small difference of large
+    numbers. C (k, k) goes in as its root, and comes out positive semidefinite.
+    """
+    if not np.isfinite(covariance).all():
+        return by @ covariance @ by.T
+    scale = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale[scale == 0.0] = 1.0
+    sizes, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = (by * scale) @ vectors * np.sqrt(np.maximum(sizes, 0.0))
+    return np.asarray(root @ root.T)
+
+
 def automatic_lags(scores: ArrayLike) -> int:
     """Return the lags of the Bartlett kernel for scores (n, k), by Andrews's rule.
 

@@ -18,6 +18,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY
+from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]
@@ -180,3 +181,13 @@ def listed(words: Sequence[str]) -> str:
 def counted(count: int, word: str) -> str:
     """Return `1 gap`, `3 gaps`."""
     return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def mounting_remedy(log: CheckedLog) -> str:
+    """Return what to correct of a velocity in turned axes, without a full stop."""
+    if log.source("velocity").startswith(OF_POSES):
+        return (
+            "Correct the frame of the pose in the column map, or how its axes are turned"
+            " (sensors.pose.mounting in the vehicle file)"
+        )
+    return "Correct the mounting of the velocity sensor (sensors.dvl in the vehicle file)"

@@ -12,6 +12,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import axis_record
 from auvid.stages.axis_tables import axis_record_of
+from auvid.stages.fit_axes.fitting import fit_all
+from auvid.stages.fit_axes.flight import FitOptions, LegData
 from tests.support.axis_dive import (
     FIRST_US,
     THRUSTERS,
@@ -208,3 +210,22 @@ def test_an_empty_command_leaves_the_others(dive):
     logged.log("actuators", 10.0, {"command_yaw": nothing})
     with pytest.raises(DataError, match="commands are empty"):
         outputs(logged, without_curve())
+
+
+@pytest.mark.parametrize("vehicle", [VEHICLE, without_curve(frame="vectored")])
+def test_outputs_that_never_leave_neutral_drive_nothing(dive, vehicle):
+    """An autopilot that holds still moves its outputs inside the dead band of the ESCs."""
+    still = copy.copy(dive)
+    still.pulses = 1500.0 + np.clip(dive.pulses - 1500.0, -15.0, 15.0)
+    still.streams = {}
+    still.fly()
+    result = outputs(still, vehicle)
+    record = axis_record_of(result.axis_record, result.axis_windows)
+    assert record.windows == {}
+    reasons = {item.axis: item.reason for item in record.left_out}
+    assert reasons["Z"] == reasons["N"] == "not commanded"
+    fitted = fit_all({"dive": LegData(record, result.axis_windows)}, vehicle, FitOptions())
+    assert fitted.fitted == ()
+    lacking = {item.axis: item.verdict for item in fitted.lacking}
+    assert lacking["X"] == lacking["Y"] == "not observable"
+    assert lacking["Z"] == lacking["N"] == "not commanded"

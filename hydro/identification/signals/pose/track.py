@@ -353,12 +353,12 @@ def _long_holds(t: Array, new: Mask) -> list[tuple[int, int]]:
 
 
 def _stops_at_once(values: Array, new: Mask, first: int) -> bool:
-    """Return whether steps before a hold are clear of the last digit, as at rest none are."""
+    """Return whether steps before a hold are clear of the last digit; at rest none is."""
     sizes = np.abs(np.diff(values, axis=0))
     digit = float(np.min(sizes[sizes > 0.0]))
     rows = np.flatnonzero(new[1:])
-    beside = rows[rows < first][-STOPS:] if first else rows[:STOPS]
-    return float(np.median(sizes[beside].max(axis=1))) > DIGITS * digit
+    near = rows[rows < first][-STOPS:] if first else rows[:STOPS]
+    return float(np.median(sizes[near].max(axis=1))) > DIGITS * digit
 
 
 def _pieces(t: Array, begins: Mask, accepted: Mask) -> list[tuple[int, int]]:

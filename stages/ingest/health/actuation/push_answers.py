@@ -12,7 +12,14 @@ from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_fo
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.identification.checks.motion_checks import AxisGains, angles_at, response_gains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    finding,
+    limit,
+    listed,
+    mounting_remedy,
+)
 from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.number_format import significant
 
@@ -177,8 +184,7 @@ def turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterat
             "Turn it into body axes with the attitude before the export, or map the log's body"
             " velocity."
             if best == "over ground"
-            else "Give the mounting of the velocity sensor in the vehicle file (sensors.dvl), or"
-            " correct the columns."
+            else f"{mounting_remedy(log)}, or correct the columns."
         ),
     )
 

@@ -22,6 +22,7 @@ from auvid.stages.ingest.health.finding import (
     finding,
     limit,
     listed,
+    mounting_remedy,
 )
 from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
@@ -232,4 +233,10 @@ def _other_velocities(log: CheckedLog) -> Iterator[Finding]:
                 f"{other.source} moves against {used} in {listed([name for _, name in against])}"
                 f" (correlation {min(against)[0]:.2f})."
             )
-            yield finding("velocity_disagrees", text, stream="velocity", value=min(against)[0])
+            yield finding(
+                "velocity_disagrees",
+                text,
+                stream="velocity",
+                value=min(against)[0],
+                remedy=f"{mounting_remedy(log)}, or choose a source in the manifest.",
+            )

@@ -649,6 +649,9 @@ def test_a_velocity_against_the_filters_own() -> None:
         log.finding("velocity_disagrees")["text"]
         == "XKF1 moves against VELOCITY in sway (correlation -1.00)."
     )
+    assert "sensors.dvl" in log.finding("velocity_disagrees")["remedy"]
+    log.info["streams"]["velocity"]["source"] = "pose of mocap.csv"
+    assert "sensors.pose" in log.finding("velocity_disagrees")["remedy"]
     agreeing = sound()
     other("velocity", "XKF1")(agreeing)
     assert "velocity_disagrees" not in agreeing.ids()
@@ -922,7 +925,11 @@ def turned_log(degrees: float) -> Log:
 
 def test_a_mounting_that_the_vehicle_file_says_is_taken_off() -> None:
     log = turned_log(45.0)
-    assert "velocity_axes" in log.ids()
+    assert "sensors.dvl" in log.finding("velocity_axes")["remedy"]
+    log.info["streams"]["velocity"]["source"] = "pose of mocap.csv"
+    assert "sensors.dvl" not in log.finding("velocity_axes")["remedy"]
+    assert "frame of the pose" in log.finding("velocity_axes")["remedy"]
+    log.info["streams"]["velocity"]["source"] = "VELOCITY"
     document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
     document["sensors"]["dvl"]["mounting"] = {
         "value": [0.0, 0.0, 45.0], "unit": "deg", "source": "drawing", "assumed": False,

@@ -13,10 +13,11 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.judgement import InertiaPrior
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
-from auvid.hydro.identification.axes.single_axis import InertiaPrior, fit_axis, refusal
+from auvid.hydro.identification.axes.single_axis import fit_axis, refusal
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
 from tests.support.axis_legs import axis_leg, scaled_force
@@ -203,6 +204,24 @@ def test_an_absurd_inertia_is_not_determined_and_a_given_one_is_kept() -> None:
     assert kept.verdicts["Z force"].word == "from the prior"
     absurd = fit_axis([leg], "Z", inertia=InertiaPrior(10.0 / 1.5, 50.0), try_lag=False)
     assert absurd.inertia.word == "not determined"
+
+
+def test_bent_commands_come_back_and_straight_ones_stay_straight() -> None:
+    """Thrust goes with about the square of the pulse, beyond a dead band."""
+    straight = axis_leg(7, YAW, normalised=True)
+    force = straight.force["N"]
+    size = (1.0 - 0.08) * np.abs(force) ** (1.0 / 1.7) + 0.08 * (force != 0.0)
+    bent = replace(straight, force={**straight.force, "N": np.sign(force) * size})
+    fit = fit_axis([bent], "N", try_lag=False, try_shape=True)
+    assert fit.shape.word == "identified"
+    assert fit.shape.dead_band == pytest.approx(0.08, abs=0.01)
+    assert fit.shape.curve == pytest.approx(1.7, rel=0.02)
+    a, b, c, _ = YAW["r"]
+    assert fit.values[2] == pytest.approx(c, rel=0.02)
+    assert fit.values[0] + fit.values[1] * fit.speed == pytest.approx(a + b * fit.speed, rel=0.02)
+    for other in (fit_axis([bent], "N", try_lag=False), fit_axis([straight], "N", try_shape=True)):
+        assert abs(other.shape.curve - 1.0) < 0.05
+    assert min(part.percent["r"] for part in fit.held_out) > 90.0
 
 
 def test_a_mass_that_is_off_is_said_and_does_not_spoil_the_motion() -> None:

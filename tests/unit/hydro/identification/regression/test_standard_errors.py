@@ -23,6 +23,7 @@ from auvid.hydro.identification.regression.standard_errors import (
     automatic_lags,
     hac_covariance,
     long_run_moment,
+    mapped,
     stationary_covariance,
 )
 
@@ -162,3 +163,20 @@ def test_hac_covariance_is_that_of_statsmodels(lags: int) -> None:
     oracle = fit.get_robustcov_results("HAC", maxlags=lags, use_correction=True)
     own = hac_covariance(rows * fit.resid[:, None], np.linalg.inv(rows.T @ rows), lags=lags)
     np.testing.assert_allclose(own, oracle.cov_params(), rtol=1e-7)
+
+
+def test_a_mapped_covariance_has_no_variance_below_zero() -> None:
+    """Mass and damping that only their ratio tells: plain products round below 0."""
+    random = np.random.default_rng(3)
+    below = 0
+    for _ in range(200):
+        mass, damping = random.uniform(10.0, 1e3, 2)
+        along = np.array([mass, damping])
+        covariance = 1e8 * np.outer(along, along)
+        by = np.array([[-damping / mass**2, 1.0 / mass]])
+        below += float((by @ covariance @ by.T)[0, 0]) < 0.0
+        assert mapped(covariance, by)[0, 0] >= 0.0
+    assert below > 10
+    full = np.array([[2.0, 0.3], [0.3, 1.0]])
+    by = random.normal(size=(3, 2))
+    assert mapped(full, by) == pytest.approx(by @ full @ by.T)
