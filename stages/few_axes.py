@@ -18,6 +18,7 @@ from auvid.data_schemas.records.models import (
     UsableFor,
     VelocityRange,
 )
+from auvid.data_schemas.records.partial import AxisSource
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import TILTS
@@ -147,9 +148,10 @@ def usable_for(card: ModelCard) -> UsableFor:
 def _merits(card: ModelCard, trained: Mapping[str, float]) -> dict[str, AxisMerit]:
     """Return errors of the rate over its departure from the mean, axis by axis."""
     assert card.partial is not None
+    sources: Mapping[str, AxisSource] = {**card.partial.axes}
     merits = {}
     for axis, part in card.axes.items():
-        source = card.partial.axes.get(axis)
+        source = sources.get(axis)
         fitted = axis in trained and source is not None
         fit = source.held_out_percent if fitted and source is not None else None
         error = None if fit is None else 1.0 - fit / 100.0

@@ -112,24 +112,26 @@ def passive_card(motions: PassiveMotions, vehicle: Vehicle) -> ModelCard | None:
         method="passive motion",
         damping="negative",
         inertia=[_inertia(item, vehicle) for item in fitted if item.mass is not None],
-        partial=PartialFigures(
-            unit_of_mass=unit,
-            axes={
-                item.axis: AxisSource(
-                    source="fitted",
-                    name=item.by,
-                    held_out_percent=item.held_out,
-                    lag_s=0.0,
-                    lag_verdict="assumed",
-                )
-                for item in fitted
-            },
-            lacking={axis: _lacking(motions, axis) for axis in AXES if axis not in by_axis},
-            without_newtons=[
-                figure for item in fitted if not item.in_newtons for figure in _shares(item)
-            ],
-            gains=[],
-            righting=_righting(fitted, unit, vehicle),
+        partial=PartialFigures.model_validate(
+            {
+                "unit_of_mass": unit,
+                "axes": {
+                    item.axis: AxisSource(
+                        source="fitted",
+                        name=item.by,
+                        held_out_percent=item.held_out,
+                        lag_s=0.0,
+                        lag_verdict="assumed",
+                    )
+                    for item in fitted
+                },
+                "lacking": {axis: _lacking(motions, axis) for axis in AXES if axis not in by_axis},
+                "without_newtons": [
+                    figure for item in fitted if not item.in_newtons for figure in _shares(item)
+                ],
+                "gains": [],
+                "righting": _righting(fitted, unit, vehicle),
+            }
         ),
     )
 

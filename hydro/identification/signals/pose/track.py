@@ -353,7 +353,7 @@ def _long_holds(t: Array, new: Mask) -> list[tuple[int, int]]:
 
 
 def _stops_at_once(values: Array, new: Mask, first: int) -> bool:
-    """Return whether steps before a hold are clear of the last digit; at rest none is."""
+    """Return whether steps before a hold are clear of the last digit (not a rest)."""
     sizes = np.abs(np.diff(values, axis=0))
     digit = float(np.min(sizes[sizes > 0.0]))
     rows = np.flatnonzero(new[1:])
