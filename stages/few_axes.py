@@ -117,6 +117,7 @@ def usable_for(card: ModelCard) -> UsableFor:
     """Return which axes simulate, and which are good enough for a controller.
 
     Roll and pitch only with a righting moment that was fitted, not that of the vehicle file.
+    A glider is controlled by its pitch, which its file takes as it comes.
     """
     assert card.partial is not None
     righting = card.partial.righting
@@ -140,7 +141,11 @@ def usable_for(card: ModelCard) -> UsableFor:
     return UsableFor(
         forces=[],
         simulation=above(SIMULATED_PERCENT),
-        control=[axis for axis in above(CONTROL_PERCENT) if axis in damped],
+        control=(
+            []
+            if card.method == "glides"
+            else [axis for axis in above(CONTROL_PERCENT) if axis in damped]
+        ),
         speeds=card.conditions,
     )
 

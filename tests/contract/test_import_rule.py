@@ -27,6 +27,7 @@ SHARED_IN_STAGES = {
     "reference_check",
     "number_format",
     "axis_tables",
+    "few_axes",
     "leg_record",
     "leg_streams",
     "page",

@@ -75,6 +75,7 @@ def test_verdicts_follow_what_the_record_tells(ingested: ingest.Outputs) -> None
     assert verdict["with"]["X_u*u"] == "from the prior"
     assert with_speed.use.axes is not None
     assert with_speed.use.axes.simulation == ["X", "Z"]
+    assert with_speed.use.axes.control == []
     assert with_speed.partial is not None
     assert set(with_speed.partial.lacking) == {"Y", "K", "M", "N"}
     trim = with_speed.partial.displaced
