@@ -29,9 +29,10 @@ REFERENCES = {
         "Rauch, H. E., Tung, F., and Striebel, C. T. Maximum likelihood estimates of linear"
         " dynamic systems. AIAA Journal 3 (1965), 1445-1450."
     ),
-    "Newey and West 1987": (
-        "Newey, W. K., and West, K. D. A simple, positive semi-definite, heteroskedasticity and"
-        " autocorrelation consistent covariance matrix. Econometrica 55 (1987), 703-708."
+    "MacKinnon and White 1985": (
+        "MacKinnon, J. G., and White, H. Some heteroskedasticity-consistent covariance matrix"
+        " estimators with improved finite sample properties. Journal of Econometrics 29 (1985),"
+        " 305-325."
     ),
     "Bell and McCaffrey 2002": (
         "Bell, R. M., and McCaffrey, D. F. Bias reduction in standard errors for linear regression"
@@ -66,7 +67,7 @@ ESTIMATION = {
 }
 """Method of a model card -> words."""
 COLOURED = ("least squares", "within limits")
-"""Methods whose intervals are those of Newey and West."""
+"""Methods whose intervals come from leaving blocks of time out."""
 
 
 def methods_section(
@@ -150,7 +151,8 @@ def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
         if fitted and method in COLOURED:
             spread = any(card.spreads for card in fitted)
             sentences.append(
-                "Their 95 % intervals allow for coloured residuals (Newey and West 1987)"
+                "Their 95 % intervals allow for coloured residuals, by leaving blocks of time out"
+                " in turn (MacKinnon and White 1985)"
                 + " and for the spread of assumed values of the vehicle" * spread
                 + "."
             )

@@ -124,12 +124,6 @@ class Params:
         False,
         meaning="fit a constant force per axis beside each model (net buoyancy, asymmetry)",
     )
-    hac_lags: int | None = param(
-        "samples",
-        None,
-        meaning="lags of the coloured standard errors; null chooses by Andrews's rule",
-        low=0,
-    )
     excitation: str = param(
         "1",
         FROM_ERRORS,
@@ -249,7 +243,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             )
             for name in others
         }
-    covariances = coloured_covariances(fits, legs(), terms, lags=params.hac_lags)
+    covariances = coloured_covariances(fits, legs(), terms)
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
     none = Prior("none", params.prior_sd, {})
     on_published = prior if prior.source == "strip_theory" else none

@@ -119,7 +119,7 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
 
 def _method(card: ModelCard) -> str:
     """Return how the numbers of a card and their errors came about."""
-    note = "Intervals allow for coloured residuals (Newey-West)"
+    note = "Intervals allow for coloured residuals (blocks of time left out in turn)"
     if card.method == "error function":
         note = (
             f"Least is {ERROR_TEXT[card.error_function]}, weights {card.weights}, minimiser"

@@ -37,7 +37,7 @@ from auvid.hydro.identification.regression.normal_changes import (
     StridedLeg,
     smoothed_force,
 )
-from auvid.hydro.identification.regression.standard_errors import CoefficientScores
+from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.stages.columns import (
     ACCELERATION,
@@ -51,8 +51,8 @@ from auvid.stages.columns import (
     forces,
 )
 
-HAC_BLOCK_SAMPLES = 32_768
-"""The coloured standard errors take correlation within so many samples into account (11
+SEGMENT_SAMPLES = 32_768
+"""Samples of a leg that the coloured standard errors take at once and cut into blocks (11
 minutes at 50 Hz): it bounds their memory.
 """
 ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's cache
@@ -280,27 +280,27 @@ def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> 
 
 
 def coloured_covariances(
-    fits: Fits, legs: Iterable[TrainingSegment], terms: Sequence[str], *, lags: int | None
+    fits: Fits, legs: Iterable[TrainingSegment], terms: Sequence[str]
 ) -> dict[tuple[str, str], Array]:
     """Return the covariance (k, k) of every fit for autocorrelated residuals.
 
     One more pass over the legs. nan where there are no more samples than coefficients.
     """
     row_of = {term: row for row, term in enumerate(terms)}
-    scores = {
-        key: CoefficientScores.empty(fit, lags=lags)
+    left_out = {
+        key: LeftOutBlocks.empty(fit)
         for key, fit in fits.items()
         if fit.n_samples > len(fit.independent)
     }
     for leg in legs:
-        for rows, force in leg.blocks(HAC_BLOCK_SAMPLES, terms):
-            for (model, axis), score in scores.items():
-                own = [row_of[term] for term in score.fit.terms if term != CONSTANT]
-                scores[model, axis] = score.update(rows[own], force[:, AXES.index(axis)])
+        for rows, force in leg.blocks(SEGMENT_SAMPLES, terms):
+            for (model, axis), blocks in left_out.items():
+                own = [row_of[term] for term in blocks.fit.terms if term != CONSTANT]
+                left_out[model, axis] = blocks.update(rows[own], force[:, AXES.index(axis)])
     return {
         key: (
-            scores[key].covariance()
-            if key in scores
+            left_out[key].covariance()
+            if key in left_out
             else np.full((len(fit.terms), len(fit.terms)), np.nan)
         )
         for key, fit in fits.items()

@@ -18,7 +18,7 @@ def test_methods_have_the_numbers_of_the_run_and_only_the_references_they_name()
     assert "6 s in 1 leg for training and 3 s in 1 leg for validation" in words
     assert "one zero-phase low-pass of 1 Hz" in words
     assert "numpy 2.4.6" in words
-    assert "Newey, W. K." in words
+    assert "MacKinnon, J. G." in words
     assert "Rauch" not in words, "the velocity did not come from the smoother"
 
 
@@ -38,11 +38,11 @@ def test_every_model_has_its_own_method_and_a_twin_is_simulated() -> None:
     both = words(measured, cards)
     assert f"We fitted 1 model by least squares: {linear.title} (" in both
     assert "We fitted 1 model by the filter error method" in both
-    assert "Newey" in both
+    assert "MacKinnon" in both
     assert "simulated" not in both
     of_filter = words({"simulate": {"parameters": {}}, **measured}, {"fossen": cards["fossen"]})
     assert "least squares" not in of_filter
-    assert "Newey" not in of_filter
+    assert "MacKinnon" not in of_filter
     assert "From 1 simulated log we used" in of_filter
 
 
