@@ -97,7 +97,7 @@ def score(table: pd.DataFrame) -> Figure:
     panel = figure.subplots()
     places = np.arange(len(table))
     panel.bar(places - 0.2, table["J/J0"], 0.4, label="force, J/J0")
-    panel.bar(places + 0.2, table["free_run"], 0.4, label="free run over no change")
+    panel.bar(places + 0.2, table["free_run"], 0.4, label="free run over plain guess")
     panel.axhline(1.0, color="0.4", linewidth=0.8)
     panel.set_xticks(places, list(table.index))
     panel.legend()

@@ -61,7 +61,8 @@ def score(
     pandas.DataFrame
         Rows ``all``, X Y Z K M N. Columns ``J0`` (RMS of the residual force [N, N m]),
         ``J`` (RMS error of the model's), ``J/J0`` (1 is predicting no force) and
-        ``free_run`` (RMS error of free runs over that of expecting no change, nan where
+        ``free_run`` (RMS error of free runs over that of the better guess of no change and
+        no motion, nan where
         none stayed bounded). ``attrs["free_runs"]`` has the errors at each horizon,
         ``attrs["horizon_s"]`` the one of the column.
 

@@ -23,6 +23,8 @@ LONG_S = 10.0
 """Horizon at which a simulation is judged, or the longest below it."""
 PERSISTENCE = "persistence"
 """The reference row: the state stays as it was at the start."""
+REST = "rest"
+"""The reference row: the vehicle does not move, and its angles stay."""
 ANGLE_OF = {"p": "phi", "q": "theta", "r": "psi"}
 COMPARED = [0, 1, 2, 3, 4, 5, 9, 10, 11]
 """Places of `NAMES` in the state [nu, eta]: all but the position."""
@@ -87,8 +89,8 @@ def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[
     """Return a row per segment, model and horizon that the segment reaches.
 
     runs_of: (segment, velocities put in as measured) -> runs. A run counts for a horizon
-    that its data reach. The last row of each horizon is `PERSISTENCE`, the error of
-    expecting no change.
+    that its data reach. The last rows of each horizon are `PERSISTENCE` and `REST`, the
+    errors of expecting no change and no motion.
     """
     heads = (
         "segment", "model", "as_measured", "horizon_s", "starts", "diverged",
@@ -108,9 +110,13 @@ def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[
                 counts = (int(reached.sum()), int(lost.size), first)
                 own = error[index, place].tolist()
                 rows.append((segment, name, put_in, float(horizon), *counts, *own))
-            change = np.sqrt(np.mean(runs.persistence[reached, place] ** 2, axis=0))[COMPARED]
+            change = runs.persistence[reached, place]
+            still = change.copy()
+            still[:, :6] += runs.starts[reached, :6]
             count = int(reached.sum())
-            rows.append((segment, PERSISTENCE, put_in, float(horizon), count, 0, np.nan, *change))
+            for name, missed in ((PERSISTENCE, change), (REST, still)):
+                rms = np.sqrt(np.mean(missed**2, axis=0))[COMPARED]
+                rows.append((segment, name, put_in, float(horizon), count, 0, np.nan, *rms))
     return make_table(
         "free_run", {head: [row[place] for row in rows] for place, head in enumerate(heads)}
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 
@@ -25,7 +26,10 @@ from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
 SMALLER = 0.95
-"""Ratio of errors below which a model not taken is mentioned beside the one that is."""
+"""Ratio of errors below which one of two counts as smaller."""
+NO_CONSTANT: Mapping[str, float] = {}
+GUESS = "no change or no motion"
+"""What a free run has to beat, in words."""
 TILTS = ("K", "M")
 TILTED = ("roll", "pitch")
 ORIGIN = "force at the origin"
@@ -43,24 +47,32 @@ TELLING = (
 _decimals = partial(fixed, places=2, empty="unknown")
 
 
-def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
+def usable_for(
+    model: MeritRecord, card: ModelCard, constant: Mapping[str, float] = NO_CONSTANT
+) -> UsableFor:
     """Return what a model is usable for: forces, simulation and control, by axis.
 
-    An axis is simulated where its own drive does not tip the model over, and under attitude
-    hold where it does, but no free run is lost: the autopilot that flew them held roll and
-    pitch. These two are simulated where no drive tips it over and their damping rests on
-    data or a prior. A controller is designed
-    on no axis of a model whose roll or pitch runs are worse than no change: it would act
-    through tilts that the model gets wrong.
+    constant: axis -> J/J0 of the mean training force by itself. An axis counts for forces
+    where its error is clearly below that and below the force. It is simulated where its
+    free runs err less than a plain guess (`free_run_ratios`) and its own drive does not
+    tip the model over, and under attitude hold where it does, but no free run is lost: the
+    autopilot that flew them held roll and pitch. These two are simulated where no drive
+    tips it over and their damping rests on data or a prior. A controller is designed on no
+    axis of a model whose roll or pitch runs are worse than a guess: it would act through
+    tilts that the model gets wrong.
     """
 
     def below(value: float | None, limit: float) -> bool:
         return value is not None and value < limit
 
     merits = {axis: model.axes[axis] for axis in AXES}
-    forces = [axis for axis in AXES if below(merits[axis].validation, 1.0)]
+    forces = [
+        axis
+        for axis in AXES
+        if below(merits[axis].validation, min(1.0, SMALLER * constant.get(axis, math.inf)))
+    ]
     holds = model.runs > 0 and not model.faults
-    runs = [axis for axis in AXES if holds and below(merits[axis].free_run, 1.0)]
+    runs = [axis for axis in forces if holds and below(merits[axis].free_run, 1.0)]
     simulation = [
         axis
         for axis in runs
@@ -87,7 +99,7 @@ def usable_for(model: MeritRecord, card: ModelCard) -> UsableFor:
 
 
 def lost_tilts(model: MeritRecord) -> dict[str, float]:
-    """Return roll and pitch that run worse than no change, axis -> how many times."""
+    """Return roll and pitch that run worse than a plain guess, axis -> how many times."""
     runs = {axis: model.axes[axis].free_run for axis in TILTS}
     return {axis: error for axis, error in runs.items() if error is not None and error > 1.0}
 
@@ -144,7 +156,8 @@ def use_words(usable: UsableFor, *, flown: bool) -> str:
     """Return what a model is for, in one line: forces and simulation."""
     if not usable.forces:
         return "use it for nothing"
-    words = "use it to predict forces"
+    part = "" if len(usable.forces) == len(AXES) else f" in {axes_listed(usable.forces)}"
+    words = f"use it to predict forces{part}"
     steadied = usable.under_attitude_hold
     if not usable.simulation and not steadied:
         return f"{words}, not to simulate" if flown else words

@@ -111,7 +111,7 @@ class FleetVerdict(Model):
     training: float | None
     """J/J0 on the training legs."""
     free_run: float | None
-    """RMS error of free runs over that of expecting no change."""
+    """RMS error of free runs over that of the better of no change and no motion."""
     identified: int
     """Coefficients that the data identify."""
     coefficients: int

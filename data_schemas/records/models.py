@@ -299,7 +299,9 @@ class AxisMerit(Model):
     bic: float | None
     """BIC over independent training samples, less that of the least."""
     free_run: float | None
-    """RMS error of free runs at the horizon over that of expecting no change."""
+    """RMS error of free runs at the horizon over that of the better guess of no change and
+    no motion.
+    """
     identified: int
     """Coefficients that the data identify."""
     coefficients: int
@@ -395,7 +397,7 @@ class UsableFor(Model):
     forces: list[str]
     """Axes whose force it predicts on the validation legs (J/J0 below 1)."""
     simulation: list[str]
-    """Axes that it simulates better than expecting no change, where no run is lost."""
+    """Axes that it simulates better than no change or no motion, where no run is lost."""
     under_attitude_hold: list[str] = Field(default_factory=list)
     """Further axes that it simulates so where an autopilot, or the simulator, holds roll and
     pitch: left free, driving along them tips it over.

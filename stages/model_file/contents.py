@@ -72,7 +72,7 @@ def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard
         )
     judged = any(model.axes[ALL].validation is not None for model in ranking.models)
     recommended = card.name == ranking.choice
-    usable = usable_for(merit, card) if merit is not None and judged else None
+    usable = usable_for(merit, card, ranking.constant) if merit is not None and judged else None
     if recommended:
         _, sentence, _ = recommendation(ranking, merit, judged)
     elif merit is None or usable is None:

@@ -275,8 +275,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         free_run.to_pylist(),
         per_one,
         check=partial(_motion_check, inputs, params, models, cards),
+        constant=constant_ratios(covered),
     )
-    ranking = ranking.model_copy(update={"constant": constant_ratios(covered)})
     tell("draws of the chosen model", steps - len(segments), steps)
     flights, flight_parts = _flights(inputs, params, models, cards, ranking.choice, per_one)
     titles = {name: card.title for name, card in cards.items()}

@@ -14,7 +14,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
-from auvid.stages.free_run import LONG_S, NAMES
+from auvid.stages.free_run import LONG_S, NAMES, PERSISTENCE, REST
 from auvid.stages.page.first_screen import NO_VALIDATION_LEG
 from auvid.stages.presentation import (
     Block,
@@ -34,7 +34,7 @@ from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_e
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 CONSTANT_TITLE = "constant alone"
-PERSISTENCE_TITLE = "no change (persistence)"
+REFERENCE_TITLES = {PERSISTENCE: "no change (persistence)", REST: "no motion"}
 """The reference row: the mean force of the training legs and no model."""
 MOTIONS = dict(zip(VELOCITIES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 FAILED_RATIO = 1.0
@@ -220,7 +220,7 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
             note += f" {len(own) - len(bounded)} rows without a bounded run are left out."
         cells = [
             [
-                titles.get(row["model"], PERSISTENCE_TITLE),
+                {**titles, **REFERENCE_TITLES}[row["model"]],
                 *(row[name] for name in ("horizon_s", "starts", "diverged", *NAMES)),
             ]
             for row in bounded

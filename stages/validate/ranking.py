@@ -25,8 +25,8 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import RankedModel, choose
-from auvid.stages.free_run import ANGLE_OF, LONG_S, PERSISTENCE
-from auvid.stages.model_use import usable_for
+from auvid.stages.free_run import ANGLE_OF, LONG_S, PERSISTENCE, REST
+from auvid.stages.model_use import NO_CONSTANT, usable_for
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)
@@ -40,11 +40,12 @@ def rank(
     free_run: Iterable[Row],
     samples_per_one: Mapping[str, float],
     check: Callable[[str], MotionCheck | None] = lambda _: None,
+    constant: Mapping[str, float] = NO_CONSTANT,
 ) -> RankingRecord:
     """Return the models by merit, from rows of the error table and of free runs.
 
     samples_per_one: axis -> how many training samples count as one. check: what a model
-    without other faults does by itself.
+    without other faults does by itself. constant: axis -> J/J0 of the mean training force.
     """
     of = {(row["use"], row["model"], row["axis"]): row for row in errors if row["leg"] == ALL}
     runs = [row for row in free_run if not row["as_measured"]]
@@ -95,14 +96,17 @@ def rank(
         rule=rule,
         legs_left_out=legs,
         horizon_s=horizon,
-        usable=None if chosen is None else usable_for(chosen, cards[chosen.name]),
+        usable=None if chosen is None else usable_for(chosen, cards[chosen.name], constant),
+        constant=dict(constant),
     )
 
 
 def free_run_ratios(rows: Iterable[Row]) -> tuple[float | None, dict[str, dict[str, float]]]:
-    """Return the horizon, and model -> axis or all -> error over that of no change.
+    """Return the horizon, and model -> axis or all -> error over that of a plain guess.
 
-    Of a rotation the larger of rate and angle. nan where no run stayed bounded.
+    The guess is the better of no change and no motion: over seconds a velocity that has
+    come and gone is guessed better by zero. Of a rotation the larger of rate and angle.
+    nan where no run stayed bounded.
     """
     rows = list(rows)
     horizons = sorted({row["horizon_s"] for row in rows})
@@ -118,11 +122,12 @@ def free_run_ratios(rows: Iterable[Row]) -> tuple[float | None, dict[str, dict[s
             values = [np.nan if row[name] is None else row[name] for name in names]
             sums = squares.setdefault(row["model"], np.zeros(len(names) + 1))
             sums += [*(kept * np.square(values)), kept]
-    still = squares.pop(PERSISTENCE)
+    guesses = [squares.pop(name) for name in (PERSISTENCE, REST)]
+    guessed = np.min([sums[:-1] / sums[-1] for sums in guesses], axis=0)
     ratios = {}
     for model, sums in squares.items():
         with np.errstate(divide="ignore", invalid="ignore"):
-            each = np.sqrt((sums[:-1] / sums[-1]) / (still[:-1] / still[-1]))
+            each = np.sqrt(sums[:-1] / sums[-1] / guessed)
         each[3:6] = np.maximum(each[3:6], each[6:])
         total = float(np.sqrt(np.mean(each[:6] ** 2)))
         ratios[model] = {ALL: total, **dict(zip(AXES, each[:6].tolist(), strict=True))}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -80,10 +81,14 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
 
 
 def constant_ratios(covered: Mapping[str, RangeCovered]) -> dict[str, float]:
-    """Return J/J0 of the mean training force by axis and in all."""
+    """Return J/J0 of the mean training force by axis and in all, where there is force."""
     reference = mean_force_errors(covered)
     judged = reference.get("validation") or reference.get("training") or {}
-    return {ALL if axis == TOTAL else axis: ratio for axis, (_, ratio) in judged.items()}
+    return {
+        ALL if axis == TOTAL else axis: ratio
+        for axis, (_, ratio) in judged.items()
+        if math.isfinite(ratio)
+    }
 
 
 def error_rows(errors: Errors, cards: Mapping[str, ModelCard]) -> pa.Table:

@@ -92,7 +92,12 @@ class ExampleRun:
         if choice == "":
             return record
         usable = next(
-            (usable_for(m, self.cards[m.name]) for m in record.models if m.name == choice), None
+            (
+                usable_for(m, self.cards[m.name], record.constant)
+                for m in record.models
+                if m.name == choice
+            ),
+            None,
         )
         return record.model_copy(update={"choice": choice, "usable": usable})
 

@@ -141,7 +141,7 @@ def stationary_covariance(
 
 @dataclass(frozen=True)
 class LeftOutBlocks:
-    """What leaving out one block of time after another does to the coefficients of a fit.
+    """What leaving out one block of time after another does to coefficients.
 
     With A = X'X, and A_g = X_g'X_g and s_g = X_g'e_g of block g, the coefficients without
     the block differ by d_g = -(A - A_g)^-1 s_g, exactly. Their covariance is

@@ -357,5 +357,8 @@ def _free_run_section(columns: Sequence[RunColumn], *, order: int) -> Document |
         return None
     heads: list[str | tuple[str, str]] = ["run", "model", ("after", "s"), "lost"]
     heads += [f"{axis} {AXIS_WORDS[axis]}" for axis in AXES]
-    note = "RMS error of free runs over that of expecting no change: below 1 the model helps."
+    note = (
+        "RMS error of free runs over that of the better guess of no change and no motion: below 1"
+        " the model helps."
+    )
     return section("Free runs", [table("Free runs", heads, rows, note=note)], order=order)

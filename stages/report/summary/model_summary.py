@@ -20,6 +20,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.stages.base import Document
 from auvid.stages.model_use import (
+    GUESS,
     TILTS,
     axes_listed,
     damping_of,
@@ -124,9 +125,9 @@ def _uses(
     elif chosen.faults:
         reason = "; ".join(chosen.faults)
     elif not usable.simulation and not usable.under_attitude_hold:
-        reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than no change"
+        reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than {GUESS}"
     else:
-        reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting no change"
+        reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting {GUESS}"
         steadied = usable.under_attitude_hold
         rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
         reason += f", {axes_listed(rest)} not" if rest else ""
@@ -151,7 +152,7 @@ def _uses(
     ]
     if lost := lost_tilts(chosen):
         times = listed([f"{error:.2g}" for error in lost.values()])
-        words = f"its {axes_listed(tuple(lost))} runs err {times} times as much as no change"
+        words = f"its {axes_listed(tuple(lost))} runs err {times} times as much as {GUESS}"
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     parts = []
     for name, speed in usable.speeds.items():

@@ -341,7 +341,7 @@ def test_velocity_that_hardly_reverses_leaves_the_sum_only() -> None:
     """u falls to -0.01 m/s: by rank u and |u| are apart, but what separates them lies
     below the noise.
     """
-    nu, force, _ = noisy_legs(with_ratio=False)["one"]
+    nu, force, _ = noisy_legs(with_ratio=False, noise=0.5)["one"]
     nu = nu.copy()
     nu[:, 0] = np.maximum(nu[:, 0] - 1.2, -0.01)
     force = force.copy()

@@ -8,7 +8,7 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
-from auvid.stages.model_use import use_words
+from auvid.stages.model_use import usable_for, use_words
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -31,11 +31,14 @@ def run() -> ExampleRun:
     return example_run({"train": 4.0, "check": 2.0})
 
 
-def rows(model: str, errors: tuple[float, ...], lost: int = 0) -> list[dict[str, Any]]:
+def rows(
+    model: str, errors: tuple[float, ...], lost: int = 0, *, rest: float = 0.4
+) -> list[dict[str, Any]]:
     head = {"segment": "check", "as_measured": "", "horizon_s": 10.0, "starts": 4}
     return [
         {**head, "model": model, "diverged": lost, **dict(zip(NAMES, errors, strict=True))},
         {**head, "model": "persistence", "diverged": 0, **dict.fromkeys(NAMES, 0.2)},
+        {**head, "model": "rest", "diverged": 0, **dict.fromkeys(NAMES, rest)},
     ]
 
 
@@ -47,6 +50,13 @@ def set_sse(run: ExampleRun, errors: dict[str, float]) -> None:
     for row in run.errors:
         if row["use"] == "training" and row["model"] in errors:
             row["sse"] = errors[row["model"]]
+
+
+def test_runs_are_held_against_the_better_of_no_change_and_no_motion() -> None:
+    """No change errs .2: a vehicle that is guessed to stand still by .1 is the better guess."""
+    for rest, ratio in ((0.4, 0.75), (0.1, 1.5)):
+        _, ratios = free_run_ratios(rows("good", (0.15,) * 9, rest=rest))
+        assert ratios["good"] == pytest.approx(dict.fromkeys(("all", *AXES), ratio))
 
 
 def test_a_rotation_is_of_use_only_with_its_angle() -> None:
@@ -197,6 +207,21 @@ def test_damping_that_gives_energy_is_a_fault(run: ExampleRun) -> None:
     run.cards["coe"] = card
     by_name = {model.name: model for model in ranked(run).models}
     assert by_name["coe"].faults == ["K damping gives energy"]
+
+
+def test_an_axis_counts_where_its_force_beats_the_mean_force_and_none(run: ExampleRun) -> None:
+    """Surge errs more than its force, sway no less than the mean force, heave less than both."""
+    ratios = {"X": 1.2, "Y": 0.58, "Z": 0.5}
+    for row in run.errors:
+        if row["use"] == "validation" and row["axis"] in ratios:
+            row["ratio"] = ratios[row["axis"]]
+    record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, constant={"Y": 0.6, "Z": 0.6})
+    model = next(item for item in record.models if item.name == "coe")
+    usable = usable_for(model, run.cards["coe"], record.constant)
+    assert not {"X", "Y"} & {*usable.forces, *usable.simulation}
+    assert "Z" in usable.forces
+    assert "Z" in usable.simulation
+    assert "in heave" in use_words(usable, flown=True)
 
 
 def test_control_needs_damping_from_the_data_and_a_small_error(run: ExampleRun) -> None:
