@@ -99,7 +99,7 @@ def usable_for(
 
 
 def lost_tilts(model: MeritRecord) -> dict[str, float]:
-    """Return roll and pitch that run worse than a plain guess, axis -> how many times."""
+    """Return roll and pitch that run worse than a guess, axis -> how many times."""
     runs = {axis: model.axes[axis].free_run for axis in TILTS}
     return {axis: error for axis, error in runs.items() if error is not None and error > 1.0}
 

@@ -81,7 +81,7 @@ def mean_force_errors(covered: Mapping[str, RangeCovered]) -> dict[str, dict[str
 
 
 def constant_ratios(covered: Mapping[str, RangeCovered]) -> dict[str, float]:
-    """Return J/J0 of the mean training force by axis and in all, where there is force."""
+    """Return J/J0 of the mean training force by axis and in all, if there is any."""
     reference = mean_force_errors(covered)
     judged = reference.get("validation") or reference.get("training") or {}
     return {
