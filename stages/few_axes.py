@@ -153,7 +153,7 @@ def usable_for(card: ModelCard) -> UsableFor:
 def _merits(card: ModelCard, trained: Mapping[str, float]) -> dict[str, AxisMerit]:
     """Return errors of the rate over its departure from the mean, axis by axis."""
     assert card.partial is not None
-    sources: Mapping[str, AxisSource] = {**card.partial.axes}
+    sources: dict[str, AxisSource] = {str(k): part for k, part in card.partial.axes.items()}
     merits = {}
     for axis, part in card.axes.items():
         source = sources.get(axis)

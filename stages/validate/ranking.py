@@ -26,7 +26,7 @@ from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import RankedModel, choose
 from auvid.stages.free_run import ANGLE_OF, LONG_S, PERSISTENCE, REST
-from auvid.stages.model_use import NO_CONSTANT, usable_for
+from auvid.stages.model_use import NO_CONSTANT, SMALLER, usable_for
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)
@@ -88,7 +88,7 @@ def rank(
         )
     models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))
     legs = _legs_left_out(cards)
-    choice, rule = _choice(models, cards, information, judge)
+    choice, rule = _choice(models, cards, information, judge, constant)
     chosen = next((item for item in models if item.name == choice), None)
     return RankingRecord(
         models=models,
@@ -185,13 +185,15 @@ def _choice(
     cards: Mapping[str, ModelCard],
     information: Mapping[str, Mapping[str, float]],
     judge: str,
+    constant: Mapping[str, float],
 ) -> tuple[str | None, str]:
-    """Return the model to take and the rule, of those better than no force at all."""
+    """Return the model to take and the rule, of those better than no force and its mean."""
 
     def ratio(item: MeritRecord) -> float | None:
         return item.axes[ALL].validation if judge == "validation" else item.axes[ALL].training
 
-    better = [item for item in models if (value := ratio(item)) is not None and value < 1.0]
+    limit = min(1.0, SMALLER * constant.get(ALL, math.inf))
+    better = [item for item in models if (value := ratio(item)) is not None and value < limit]
     # A BIC of the force compares fits to the force: one to the sensors has no part in it.
     sensor_fits = () if _legs_left_out(cards) >= 2 else _refined(cards)
     candidates = [
@@ -209,15 +211,18 @@ def _choice(
     ]
     chosen = choose(candidates)
     if chosen is None:
-        return None, "no model predicts the force better than no force at all"
+        return None, "no model predicts the force better than no force at all, or its mean, does"
     words = chosen.rule
     if chosen.name != chosen.best:
         words = words.replace("the best", cards[chosen.best].title, 1)
     passing = sum(item.is_sound for item in candidates)
-    if 0 < passing < len(models):
-        words += f"; of {len(models)} models {passing} pass{'es' * (passing == 1)} physics"
+    if 0 < passing < len(candidates):
+        words += (
+            f"; of {len(candidates)} models that predict the force {passing}"
+            f" pass{'es' * (passing == 1)} physics"
+        )
     elif not passing:
-        words += "; none of the models passes physics"
+        words += "; none of the models that predict the force passes physics"
     name, place = chosen.name, {item.name: item for item in better}
     for other in sensor_fits:
         fit = cards[other].likelihood

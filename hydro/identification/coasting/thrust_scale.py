@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.identification.coasting.decay import CoastDecay, CoastRecord, fit_decay
@@ -75,9 +76,11 @@ def drag_and_scale(
     """Return the drag of the coasts and the scale, each with the other's result.
 
     The thrust that fades after a stop is that of the vehicle file over its scale.
-    Raises `DataError` for too few coasts.
+    Raises `DataError` for too few coasts, and where they determine no drag.
     """
     decay = fit_decay(records, prior_sd=prior_sd)
+    if not np.isfinite(decay.drag).all():
+        raise DataError("the coasts determine no drag", value=decay.drag.tolist())
     result = thrust_scale(legs, decay, mass=mass)
     for _ in range(MOST_ROUNDS):
         if not result.standard_error < DOUBTFUL * result.scale:

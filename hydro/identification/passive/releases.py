@@ -90,5 +90,7 @@ def onsets(deflection: Array, step_s: float) -> list[Stretch]:
         calm = float(np.nanmax(size[max(at - before, 0) : at], initial=0.0))
         if 2.0 * calm <= size[at] and (not begins or at - begins[-1] >= before):
             begins.append(at)
+    if not begins:
+        return []
     ends = [*(begin - 1 for begin in begins[1:]), size.size]
     return list(zip(begins, ends, strict=True))

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.identification.coasting import thrust_scale as module
 from auvid.hydro.identification.coasting.decay import CoastDecay
-from auvid.hydro.identification.coasting.thrust_scale import PoweredLeg, thrust_scale
+from auvid.hydro.identification.coasting.thrust_scale import (
+    PoweredLeg,
+    drag_and_scale,
+    thrust_scale,
+)
 
 MASS, D1, D2, STEP_S, LAG_S = 20.0, 0.4, 4.5, 0.02, 0.1
 NONE = np.array([], dtype=np.int64)
@@ -56,3 +64,11 @@ def test_the_error_of_the_coasts_is_in_the_error_of_the_scale() -> None:
     # A tenth of the quadratic part, which is most of the drag.
     assert exact.standard_error < 0.01
     assert 0.05 < doubtful.standard_error < 0.11
+
+
+def test_coasts_that_determine_no_drag_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands on a late clock made coasts under full thrust: their search ends in nan."""
+    unknown = replace(decay(np.eye(2)), drag=np.full(2, np.nan))
+    monkeypatch.setattr(module, "fit_decay", lambda records, **_: unknown)
+    with pytest.raises(DataError, match="determine no drag"):
+        drag_and_scale([], [leg(1.0, noise=0.0, seed=1)], mass=20.0)

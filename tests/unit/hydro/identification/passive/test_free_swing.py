@@ -57,3 +57,9 @@ def test_speed_that_only_falls_is_fading_and_speed_that_grows_ends_it() -> None:
     ((first, last),) = fading(speed, STEP_S, least=0.1, longest_s=30.0)
     assert t_s[first] == pytest.approx(5.0, abs=STEP_S)
     assert t_s[last - 1] == pytest.approx(12.0, abs=STEP_S)
+
+
+def test_a_motion_without_a_leap_has_no_swing() -> None:
+    """A deflection that grows slowly to its largest, and one at rest."""
+    grows = np.exp(np.arange(0.0, 60.0, STEP_S) / 20.0)
+    assert onsets(grows, STEP_S) == []
