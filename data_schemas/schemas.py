@@ -23,7 +23,6 @@ from auvid.data_schemas.yaml_text import read_yaml
 
 Kind = Literal["table", "document", "bytes"]
 BRACES = re.compile(r"\{([^{}]+)\}")
-DTYPES = ("bool", "int16", "int32", "int64", "float32", "float64", "string")
 
 
 @dataclass(frozen=True)

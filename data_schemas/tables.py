@@ -7,7 +7,6 @@ the Parquet file.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
 from itertools import pairwise
 from typing import Any
 
@@ -27,15 +26,6 @@ ARROW = {
     "float64": pa.float64(),
     "string": pa.string(),
 }
-
-
-@cache
-def arrow_schema(name: str) -> pa.Schema:
-    """The full Arrow schema (optional columns included) of a table artefact."""
-    return pa.schema(
-        [_arrow_field(column) for column in schema(name).columns.values()],
-        metadata={"auvid_schema": name},
-    )
 
 
 def _arrow_field(column: Field) -> pa.Field:

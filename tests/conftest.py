@@ -20,6 +20,7 @@ import auvid.pipeline  # isort: skip
 import os
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -70,10 +71,14 @@ def compiled_once(session_folder: Path) -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def commands_built_once() -> Iterator[None]:
-    """Build the commands of `auvid` once a worker: each call in a test would anew."""
+    """Build the commands of `auvid` once a worker: each call in a test would anew.
+
+    All of them: modules of the command line add theirs when they are imported.
+    """
     import typer.main
     import typer.testing
 
+    import_module("auvid.pipeline.cli")
     build = cache(typer.main.get_command)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", build)

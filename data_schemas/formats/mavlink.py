@@ -61,7 +61,6 @@ STAMPED_HEADER_V2 = np.dtype(
         ("id_high", "u1"),
     ]
 )
-HEADER_BYTES_V1 = STAMPED_HEADER_V1.itemsize - STAMP_BYTES
 HEADER_BYTES_V2 = STAMPED_HEADER_V2.itemsize - STAMP_BYTES
 
 

@@ -214,7 +214,7 @@ def _result(
 
 
 def at_every(equilibrium: Equilibrium, stride: int) -> Equilibrium:
-    """Every `stride`-th sample."""
+    """Return every `stride`-th sample of an equilibrium, from its first on."""
     names = ("t_s", "chi", "U", "mass_kg", "nu_dot", "residual")
     return replace(equilibrium, **{name: getattr(equilibrium, name)[::stride] for name in names})
 

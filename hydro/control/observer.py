@@ -24,7 +24,11 @@ E = np.vstack([np.eye(D), np.zeros((N - D, D))])
 
 
 def augmented(A: ArrayLike, B: ArrayLike) -> tuple[Array, Array]:
-    """A_Z (..., 18, 18) and B_Z (..., 18, m) of (5.3), corrected."""
+    """Return A_Z (..., 18, 18) and B_Z (..., 18, m) of (5.3), corrected.
+
+    A_Z = [[A, E], [0, 0]], B_Z = [B; 0], E = [I; 0]: a disturbance (6,) that stays acts
+    on the rate of nu. A (..., 12, 12), B (..., 12, m).
+    """
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     a_z, b_z = (
         np.zeros((*a.shape[:-2], N + D, N + D)),

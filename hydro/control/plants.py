@@ -38,7 +38,6 @@ from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio, needs_propeller
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 
-FIN_LIMIT_RAD = float(np.radians(20.0))
 GLIDE_SPEED_M_S, THRUST_SPEED_M_S = 0.2, 1.5
 GLIDE_BELOW_M_S = 0.5 * (GLIDE_SPEED_M_S + THRUST_SPEED_M_S)
 """Slower paths are glided, faster ones flown by the propeller.

@@ -115,11 +115,6 @@ class SteadyMotion:
     growth: float
     grows_on: str
 
-    @property
-    def is_upright(self) -> bool:
-        """Whether neither roll nor pitch is beyond `TIPPED_RAD`."""
-        return bool(np.max(np.abs(self.tilt)) < TIPPED_RAD)
-
 
 @dataclass(frozen=True)
 class SteadyDrive:

@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, components
 
-FIN_NAMES = ("s", "p", "b", "t")
-
 
 @dataclass(frozen=True)
 class Fins:

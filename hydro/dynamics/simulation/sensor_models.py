@@ -84,7 +84,11 @@ def specific_force_components(
 
 
 def point_velocity_components(nu: tuple[Array, ...], arm: tuple[Array, ...]) -> tuple[Array, ...]:
-    """Return the components of v + omega x arm, the velocity of a point of the body."""
+    """Return the components of v + omega x arm, the velocity of a point [m/s].
+
+    nu: six components [m/s, rad/s]; arm: three of the point from the origin [m], both in
+    body axes. Arrays of one shape, or numbers in the compiled loop.
+    """
     swing = cross_components(nu[3:], arm)
     return nu[0] + swing[0], nu[1] + swing[1], nu[2] + swing[2]
 

@@ -37,7 +37,7 @@ def lift_slope(surface: Surface) -> float:
 def body_lift(
     geometry: Geometry, *, water_density: float, corrected: bool = True
 ) -> tuple[Coefficient, ...]:
-    """Y_uv, Z_uw, M_uw, N_uv of the hull (2.38)-(2.50), moments about the body origin.
+    """Return Y_uv, Z_uw, M_uw, N_uv of the hull (2.38)-(2.50), moments at the origin.
 
     As printed the slope refers to the planform A_p and M_uw = -1/2 rho A_p c x_cp.
     Corrected: Hoerner's slope, which has l/d in it, refers to d^2, and M_uw = -x_cp

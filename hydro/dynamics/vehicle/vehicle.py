@@ -102,8 +102,3 @@ class Vehicle:
     def mass_matrix_inverse(self) -> Array:
         """M^-1 (6, 6)."""
         return read_only(np.linalg.inv(self.mass_matrix))
-
-    @property
-    def has_propeller_speed(self) -> bool:
-        """Whether the propulsion ratio u_c(n)/U, and so the terms with eta, exist."""
-        return self.propeller is not None

@@ -104,7 +104,10 @@ def verdicts_of(pool: Pool, fit: PoolFit) -> dict[str, AxisVerdict]:
 
 
 def rms_of(pool: Pool) -> dict[str, float]:
-    """Return the RMS of every velocity, and by input its spread, over the windows."""
+    """Return the RMS [m/s, rad/s] of every velocity, u to r, over the windows.
+
+    Fitted ones count as measured, gaps as 0.
+    """
     out = {}
     nu = np.vstack([pool.prepared[w.leg].nu[w.nodes] for w in pool.windows])
     start = np.vstack([pool.prepared[w.leg].start[w.nodes] for w in pool.windows])

@@ -51,7 +51,6 @@ MOST_STEPS, ROUNDS = 60, 3
 """Steps of a search; rounds of sizes of errors."""
 SETTLED = 0.02
 """Change of sigma by which rounds end."""
-LEAST_SIGMA = 1e-5
 QUANTILE, NORMAL_AT_QUANTILE = 0.9, 1.644854
 """Share of |e| by which sigma is set, and its place in standard errors of a normal: by
 the median, quiet windows would make outliers of all that move."""

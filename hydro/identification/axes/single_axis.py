@@ -79,7 +79,6 @@ FEWEST_WINDOWS = 4
 """Least windows of a leg for a fit of its own; of the pool for drag ahead and back."""
 DECAY_RATE, DECAY_FORCE, DECAY_S = 0.1, 0.02, 3.0
 """A free decay: RMS rate [rad/s], share of the largest moment, and length [s]."""
-DAMPING_AND_FORCE = ("linear", "quadratic", FORCE, "constant")
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,6 @@ class SingleAxisFit:
 
     axis: str
     velocity: str
-    by_depth: bool
     normalised: bool
     values: Array
     covariance: Array
@@ -243,7 +241,7 @@ def fit_axis(
     sides = _sides(fitted, pool, width)
     left_out = legs_left_out(pool, fit.values[: len(pool.structure.terms)])
     return SingleAxisFit(
-        axis, velocity, depth_measures(records[0], velocity), records[0].normalised,
+        axis, velocity, records[0].normalised,
         values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
         lag, shape, verdict, speed, width,
         (*notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia)),
@@ -307,7 +305,10 @@ class _Setup:
 
 
 def surge_input(record: AxisRecord) -> Array:
-    """Return the force ahead (n,) behind the lag of the surge speed that it makes."""
+    """Return the force ahead (n,) as the surge speed follows it, in the force's unit.
+
+    y of SURGE_LAG_S y_dot + y = X.
+    """
     from auvid.hydro.identification.axes.drive import lagged_columns
 
     step = float(record.t_s[1] - record.t_s[0])

@@ -39,7 +39,6 @@ WRONG_SIGN = "wrong sign"
 has.
 """
 BOTH = "linear and quadratic"
-PARAMETERS = ("M", "D_1", "D_2", "C")
 WIDEST = 100.0
 """Largest half width of an interval of a logarithm."""
 

@@ -184,7 +184,11 @@ def object_inertia(
 
 
 def tray_inertia(geometry: QuadrifilarGeometry, empty: Estimate) -> Estimate:
-    """Return I_P of the tray with its wires, (56)."""
+    """Return I_P [kg m^2] of the tray with its wires from its period alone [s]: (56).
+
+    `equivalent_inertia` of the tray's mass; standard error from those of period, radii,
+    line and mass, to first order.
+    """
 
     def inertia(x: Array) -> float:
         return equivalent_inertia(

@@ -18,7 +18,7 @@ from auvid.hydro.dynamics.viscous.models import Coefficients
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.limits import place_of
 
-STRIP_THEORY, VEHICLE, BENCH, CAMPAIGN = "strip_theory", "vehicle", "bench", "campaign"
+VEHICLE, BENCH, CAMPAIGN = "vehicle", "bench", "campaign"
 
 
 @dataclass(frozen=True)

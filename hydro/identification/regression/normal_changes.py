@@ -175,5 +175,11 @@ def smoothed_force(left: ArrayLike, passed: ArrayLike, mass: Array, index: int) 
 
 
 def widened(covariance: Array, shifts: Sequence[Array]) -> Array:
-    """Return the covariance (k, k) about the truth, by shifts (k,) of either sign."""
+    """Return the covariance (k, k) about the truth, by shifts (k,) of either sign.
+
+    C + sum s s': a shift of unknown sign counts as a standard deviation.
+
+    >>> widened(np.eye(2), [np.array([2.0, 0.0])]).tolist()
+    [[5.0, 0.0], [0.0, 1.0]]
+    """
     return np.asarray(covariance + sum(np.outer(shift, shift) for shift in shifts))

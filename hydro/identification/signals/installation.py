@@ -112,9 +112,12 @@ class LegSensors:
 
 
 def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> InstallationSums:
-    """Return the sums of one leg.
+    """Return the sums of one leg: innovations of a filter, and what each fault adds.
 
-    Raises `DataError` for fewer than five samples of a sensor within the leg.
+    The filter carries depth, velocity and the accelerometer's bias along the leg. Its
+    innovations are linear in small faults, so that sums of their products over their
+    variances are all that the estimate needs. noise: None estimates it. Raises
+    `DataError` for fewer than five samples of a sensor within the leg.
     """
     t = leg.t_s
     at_v = (leg.t_velocity >= t[0]) & (leg.t_velocity <= t[-1])

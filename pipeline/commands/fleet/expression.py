@@ -36,7 +36,6 @@ OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
 }
 ORDERS = (operator.lt, operator.le, operator.gt, operator.ge)
 """Between a word and a number they say nothing, between a day and a year they do."""
-JOINTS = ("and", "or", "not")
 DEEPEST = 50
 EXAMPLE = "surge = identified and J/J0 < .5"
 Row = Mapping[str, Any]

@@ -38,7 +38,7 @@ def test_vt690_holds_the_tables_of_appendix_b():
     )
     assert vehicle.inertia[0, 2] == 0.1407  # printed as the matrix of (2.18), so I_xz = -0.1407
     assert (vehicle.mass_kg, vehicle.displaced_mass_kg) == (41.458, 41.702)
-    assert vehicle.has_propeller_speed
+    assert vehicle.propeller is not None
     assert vehicle.accelerometer == "inertial"
     assert vehicle.thrusters is None
 
@@ -49,7 +49,7 @@ def test_bluerov2_sensors_and_thrusters():
     np.testing.assert_array_equal(vehicle.imu.rotation, np.eye(3))
     assert (vehicle.dvl.lag_s, vehicle.barometer_instance) == (0.15, 1)
     assert vehicle.thrusters.outputs == tuple(range(1, 9))
-    assert not vehicle.has_propeller_speed
+    assert vehicle.propeller is None
     assert vehicle.weight == vehicle.buoyancy
 
 
