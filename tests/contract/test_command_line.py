@@ -192,5 +192,5 @@ def test_every_command_with_an_answer_takes_the_options_of_the_output() -> None:
 def cli_commands() -> dict[str, Any]:
     import typer
 
-    commands: dict[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
+    commands: dict[str, Any] = dict(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
     return commands
