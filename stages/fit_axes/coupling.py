@@ -19,7 +19,8 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
-from auvid.hydro.identification.axes.structure import RIGHTING
+from auvid.hydro.identification.axes.judgement import coefficient_block
+from auvid.hydro.identification.axes.structure import RIGHTING, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
@@ -38,6 +39,8 @@ HORIZONTAL = "uvr"
 """Velocities that have to be measured: their products are the largest Coriolis forces."""
 FEWEST_WINDOWS = 4
 """Windows that all axes share, below which nothing is fitted together."""
+WORTH = 0.98
+"""Linear couplings are taken where they err less than this share of the fit without them."""
 LEAST_ERROR = 0.01
 """Shares of error below that count as that: both are as good as the measurement."""
 
@@ -79,7 +82,16 @@ def fitted_together(
     axes = [item.axis for item in singles]
     tried = [_joined(group, axes, using, legs, vehicle, options, commands) for group in groups]
     # Axes that a group leaves out err in it as they do one by one.
-    joint, together = min(tried, key=lambda item: _total(item[1]))
+    best = min(range(len(tried)), key=lambda place: _total(tried[place][1]))
+    joint, together = tried[best]
+    speeds = [item.equation.speed for item in groups[best]]
+    if any(other in speeds for item in groups[best] for other in SYMMETRIC[item.axis]):
+        tell("couplings", len(AXES) - 1, len(AXES))
+        coupled = _joined(
+            groups[best], axes, using, legs, vehicle, options, commands, couplings=True
+        )
+        if coupled[1].error_ratio < WORTH * together.error_ratio:
+            joint, together = coupled
     if not together.chosen:
         return tuple(singles), together
     return tuple(joint.get(item.axis, item) for item in singles), together
@@ -98,12 +110,14 @@ def _joined(
     vehicle: Vehicle,
     options: FitOptions,
     commands: CommandForces,
+    *,
+    couplings: bool = False,
 ) -> tuple[dict[str, FittedAxis], Together]:
     """Return some of the fitted `axes` of one common fit, and whether it is better.
 
     Better than one by one: both are judged on the same windows: those that the axes share.
     """
-    fit = _common_fit(joining, axes, using, vehicle, options, commands)
+    fit = _common_fit(joining, axes, using, vehicle, options, commands, couplings=couplings)
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
     ratio, pairs = error_ratio(
         [
@@ -122,6 +136,8 @@ def _common_fit(
     vehicle: Vehicle,
     options: FitOptions,
     commands: CommandForces,
+    *,
+    couplings: bool,
 ) -> CoupledFit:
     """Return the common fit, whose Coriolis force has the inertia that the file has.
 
@@ -145,6 +161,7 @@ def _common_fit(
             free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
             drive=common_shape(joining, options.lag_s),
             free=(LAG,) if options.fit_lag else (),
+            couplings=couplings,
             restoring=any(item.righting is not None for item in joining),
             first=first,
             leave_out=judge,
@@ -286,9 +303,10 @@ def _one_of(
 def _equation(fit: CoupledFit, velocity: str) -> AxisEquation:
     """Return a, b, c, d of an axis; 1.96 of their errors are half of the interval."""
     axis = AXES[VELOCITIES.index(velocity)]
-    values, covariance = fit.block(velocity)
-    names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT)
-    keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT)
+    others = [other for other in SYMMETRIC[axis] if f"{axis} {other}" in fit.fit.names]
+    names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT, *others)
+    keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT, *others)
+    values, covariance = coefficient_block(fit.fit, axis, keys)
     verdicts = {
         name: fit.verdicts[f"{axis} {key}"].word for name, key in zip(names, keys, strict=True)
     }

@@ -79,6 +79,51 @@ def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
     return fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False))
 
 
+SWAY_BY_TURNING, TURN_BY_SWAY = -0.2, 1.5
+"""v' has so much of r [m/s per rad], r' so much of v [rad/(m s)]: a hull longer behind."""
+
+
+def coupled_motion(item: LegData, seed: int) -> LegData:
+    """Return a leg whose forces move a hull that couples sway and yaw, by Euler's method."""
+    record, m, parts = item.record, file_inertia(), 20
+    step = float(record.t_s[1] - record.t_s[0])
+    force = np.array([record.force[axis] for axis in "XYN"]).T.tolist()
+    table = [TRUTH[name] for name in "uvr"]
+    late, nu, rows = list(force[0]), [0.0, 0.0, 0.0], []
+    for now in force:
+        rows.append(list(nu))
+        for _ in range(parts):
+            h = step / parts
+            late = [x + h / 0.08 * (y - x) for x, y in zip(late, now, strict=True)]
+            own = [
+                a * x + b * x * abs(x) + c * f + d
+                for (a, b, c, d), x, f in zip(table, nu, late, strict=True)
+            ]
+            u, v, r = nu
+            own[0] += m[1] / m[0] * v * r
+            own[1] += -m[0] / m[1] * u * r + SWAY_BY_TURNING * r
+            own[2] += (m[0] - m[1]) / m[5] * u * v + TURN_BY_SWAY * v
+            nu = [x + h * change for x, change in zip(nu, own, strict=True)]
+    noise = 0.005 * np.random.default_rng(seed).standard_normal((len(rows), 3))
+    rate = {**record.rate, **dict(zip("uvr", (np.array(rows) + noise).T, strict=True))}
+    return LegData(replace(record, rate=rate), item.windows)
+
+
+def test_a_hull_that_couples_sway_and_yaw_has_the_coupling() -> None:
+    legs = legs_of(file_inertia())
+    moved = {key: coupled_motion(item, seed) for seed, (key, item) in enumerate(legs.items())}
+    fitted = fit_all(moved, body(), FitOptions(lag_s=0.08, fit_lag=False))
+    assert fitted.together is not None
+    assert fitted.together.chosen
+    by_axis = {item.axis: item.equation for item in fitted.fitted}
+    assert by_axis["Y"].value("r") == pytest.approx(SWAY_BY_TURNING, abs=0.05)
+    assert by_axis["N"].value("v") == pytest.approx(TURN_BY_SWAY, rel=0.1)
+    card = model_card(fitted, scaled(fitted, body(), by="pull"), (), body())
+    assert "r" in {item.term for item in card.axes["Y"].terms}
+    assert min(item.held_out_percent or 0.0 for item in fitted.fitted) > 85.0
+    assert not any("r" in item.equation.names[4:] for item in fits(True).fitted)
+
+
 def filed_motion_error(fitted: AxisFits, leg: LegData) -> float:
     """Return the largest difference of yaw rate, as judged and by the filed model.
 
