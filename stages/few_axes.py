@@ -18,7 +18,6 @@ from auvid.data_schemas.records.models import (
     UsableFor,
     VelocityRange,
 )
-from auvid.data_schemas.records.partial import AxisSource
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import TILTS
@@ -153,7 +152,7 @@ def usable_for(card: ModelCard) -> UsableFor:
 def _merits(card: ModelCard, trained: Mapping[str, float]) -> dict[str, AxisMerit]:
     """Return errors of the rate over its departure from the mean, axis by axis."""
     assert card.partial is not None
-    sources: dict[str, AxisSource] = {str(k): part for k, part in card.partial.axes.items()}
+    sources = {str(axis): item for axis, item in card.partial.axes.items()}
     merits = {}
     for axis, part in card.axes.items():
         source = sources.get(axis)
