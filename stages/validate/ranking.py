@@ -187,7 +187,7 @@ def _choice(
     judge: str,
     constant: Mapping[str, float],
 ) -> tuple[str | None, str]:
-    """Return the model to take and the rule, of those better than no force and its mean."""
+    """Return the model to take and the rule, of those better than none and the mean."""
 
     def ratio(item: MeritRecord) -> float | None:
         return item.axes[ALL].validation if judge == "validation" else item.axes[ALL].training
