@@ -15,6 +15,7 @@ from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.pipeline.campaigns.campaign import ID
+from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
 from auvid.pipeline.commands.check.axes_route import MOTORS_OF_VEHICLE
 from auvid.pipeline.commands.check.log_page import LogPage, campaign_refusal, log_pages
@@ -224,7 +225,7 @@ def _passive_body(named: str | None) -> Vehicle | None:
     """Return the vehicle of a name if nothing on board drives it, else None."""
     if named is None:
         return None
-    vehicle = vehicle_of_text(vehicle_file_of(named).read_text(encoding="utf-8"))
+    vehicle = load_vehicle(vehicle_file_of(named), named_in="--vehicle").vehicle
     return vehicle if is_passive(vehicle) else None
 
 

@@ -131,6 +131,22 @@ def test_a_named_vehicle_is_taken() -> None:
     assert "named by --vehicle" in (result.folder / "campaign.yaml").read_text()
 
 
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [("rigid_body: {mass: 26}", "field 'rigid_body.mass'"), (None, "vehicle is not there")],
+)
+def test_a_mistake_in_the_named_vehicle_is_told_with_its_place(
+    tmp_path: Path, text: str | None, place: str
+) -> None:
+    path = tmp_path / "mine.yaml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(PipelineError) as fault:
+        new_campaign("mine", [DIVE], vehicle=str(path))
+    assert place in str(fault.value)
+    assert not Path("mine").exists()
+
+
 def test_a_terminal_is_asked_for_a_vehicle_that_the_log_does_not_name() -> None:
     reasons: list[str] = []
 
