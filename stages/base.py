@@ -192,7 +192,8 @@ def make_params(kind: type[P], values: Mapping[str, Any], *, stage: str, file: o
             remedy = (
                 _replaced(key, declared.values())
                 or nearest(key, declared)
-                or f"Known parameters: {', '.join(declared)}."
+                or f"Known parameters: {', '.join(declared)}. If the file is of another version of"
+                " auvid, remove the row."
             )
             faults.append(CampaignError("unknown parameter", file=file, field=path, remedy=remedy))
             continue

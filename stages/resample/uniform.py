@@ -11,7 +11,9 @@ import pyarrow as pa
 
 from auvid.data_schemas.records.motion import ChannelSmoothing
 from auvid.data_schemas.tables import make_table
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.thrusters import NO_PULSE_US
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
 from auvid.hydro.identification.signals.resampling import (
     linear,
@@ -155,7 +157,10 @@ def resample_segment(
         smooth("velocity", list(zip(VELOCITY[:3], VELOCITY[:3], ACCELERATION[:3], strict=True)))
     if "actuators" in signals:
         item = signals["actuators"]
-        columns |= named(item.names, between(item.t_s, item.values, inside(item)))
+        pulses = np.array([name.startswith("pwm_") for name in item.names])
+        # Between no pulse (0) and a neutral one there is no pulse of full reverse.
+        values = np.where(pulses & (item.values < NO_PULSE_US), NEUTRAL_US, item.values)
+        columns |= named(item.names, between(item.t_s, values, inside(item)))
     if "battery" in signals:
         item = signals["battery"]
         voltage = linear(item.t_s, item.columns("voltage_v")[:, 0], t_s + span[0])

@@ -489,3 +489,12 @@ def test_many_jumps_are_counted() -> None:
     assert (
         outputs.segment["leg.1"].notes[-1] == "the attitude jumps 4 times more, each splits the leg"
     )
+
+
+def test_between_no_pulse_and_a_neutral_one_there_is_no_full_reverse() -> None:
+    """Outputs that are disarmed (0 us) for 5 s: pulses of 100 to 1400 us are full reverse."""
+    at = times(10)
+    armed = np.where((seconds(at) > 20.0) & (seconds(at) < 25.0), 0.0, 1500.0)
+    table = make_table("actuators", {"time_us": at, "pwm_1_us": armed})
+    outputs = run(actuators=table)
+    assert np.all(column(outputs.resampled["leg"], "pwm_1_us") == 1500.0)
