@@ -49,7 +49,10 @@ from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEst
 from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import solve_scaled
 from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
-from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
+from auvid.hydro.identification.maximum_likelihood.output_error import (
+    WINDOW_S,
+    fit_output_error,
+)
 from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
 from auvid.hydro.identification.maximum_likelihood.records import (
     ActuatorRecord,
@@ -75,7 +78,7 @@ COLUMNS = (
     "standard_error", "bound", "start", "word", "weighted_residual", "seconds",
 )  # fmt: skip
 HALF, REGULAR = 0.5, 0.5
-TRUTH_STEP = "truth_step"
+OUTPUT_ERROR, TRUTH_STEP = "output_error", "truth_step"
 STREAMS = {
     "attitude": ("attitude", POSE[3:]),
     "gyro": ("imu", GYRO),
@@ -166,7 +169,14 @@ def at_the_truth(
 
 
 def rows_of(
-    truth: str, plan_name: str, estimator: str, seed: int, plan: Plan, simulated: SimulatedVehicle
+    truth: str,
+    plan_name: str,
+    estimator: str,
+    seed: int,
+    plan: Plan,
+    simulated: SimulatedVehicle,
+    *,
+    window_s: float = WINDOW_S,
 ) -> Iterator[dict[str, object]]:
     """Fit one seed; yield a row per coefficient."""
     model = simulated.truth
@@ -189,8 +199,8 @@ def rows_of(
     begin = time.perf_counter()
     start, first, first_noise = starting_values(legs, parameters)
     fit: LikelihoodEstimate
-    if estimator == "output_error":
-        fit = fit_output_error(legs, parameters, start, biases=first)
+    if estimator.startswith(OUTPUT_ERROR):
+        fit = fit_output_error(legs, parameters, start, biases=first, window_s=window_s)
     else:
         fit = fit_filter_error(legs, parameters, start, biases=first, noise=first_noise)
     seconds = time.perf_counter() - begin
@@ -276,10 +286,11 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument(
-        "--estimator", choices=("output_error", "filter_error", TRUTH_STEP), required=True
+        "--estimator", choices=(OUTPUT_ERROR, "filter_error", TRUTH_STEP), required=True
     )
     parser.add_argument("--truth", default="linear", help="name of a viscous model")
     parser.add_argument("--plan", default="default", help="plan of campaigns/vt690_twin")
+    parser.add_argument("--window", type=float, default=WINDOW_S, help="of output error [s]")
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--seeds", type=int, default=5, help="last seed")
     parser.add_argument("--minutes", type=float, default=40.0, help="begin no seed after these")
@@ -289,14 +300,16 @@ def main() -> None:
     BUILD.mkdir(exist_ok=True)
     if not kept.exists():
         kept.write_text(",".join(COLUMNS) + "\n")
-    key = (chosen.truth, chosen.plan, chosen.estimator)
+    other = chosen.estimator == OUTPUT_ERROR and chosen.window != WINDOW_S
+    estimator = f"{OUTPUT_ERROR}_{chosen.window:g}_s" if other else chosen.estimator
+    key = (chosen.truth, chosen.plan, estimator)
     done = {int(row["seed"]) for row in _rows(kept) if _key(row) == key}
     plan, simulated = twin(chosen.plan, chosen.truth)
     begin = time.monotonic()
     for seed in range(chosen.first, chosen.seeds + 1):
         if seed in done or time.monotonic() - begin > 60.0 * chosen.minutes:
             continue
-        rows = list(rows_of(*key, seed, plan, simulated))
+        rows = list(rows_of(*key, seed, plan, simulated, window_s=chosen.window))
         with kept.open("a", newline="") as file:
             csv.DictWriter(file, COLUMNS).writerows(rows)
     groups: dict[tuple[str, ...], list[dict[str, str]]] = defaultdict(list)

@@ -84,7 +84,10 @@ class Params:
     window_s: float = param(
         "s",
         WINDOW_S,
-        meaning="output error only: length of a stretch that runs free from its own start",
+        meaning=(
+            "output error only: stretches of so long and more run free, each from its own start; a"
+            " shorter leg, of 5 s and more, is one"
+        ),
         low=1.0,
         high=10_000.0,
     )
@@ -209,7 +212,7 @@ def _unsettled(estimate: LikelihoodEstimate, params: Params, legs: Sequence[LegR
     if middle <= MISSED:
         return words
     return (
-        f"{words} Free runs of {params.window_s:g} s miss the samples by {middle:.0f} times their"
+        f"{words} Its free runs miss the samples by {middle:.0f} times their"
         " scatter (median of the channels): they do not explain an unsteady force. Use"
         " stages.refine.estimator: filter_error."
     )

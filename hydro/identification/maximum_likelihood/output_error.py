@@ -42,7 +42,8 @@ from auvid.hydro.identification.maximum_likelihood.records import (
 )
 from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
-WINDOW_S = 10.0
+WINDOW_S = 20.0
+"""Length of a free run where the leg allows it [s] (decision 0022)."""
 ROUNDS, STEPS, TOLERANCE = 6, 30, 1e-3
 IDLE_STEPS, IDLE_GAIN = 10, 1.0
 """A round that gained less in its last steps is at its end though unknowns that the data

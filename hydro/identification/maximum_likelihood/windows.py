@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NoReturn
 
 import numpy as np
 
@@ -17,6 +18,10 @@ from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENS
 LONGEST_STEP_S = 0.04
 FEWEST_SAMPLES = 30
 """Scalar samples of a window, three for each free number of its start."""
+SHORTEST_WINDOW_S = 5.0
+"""Shortest window of a leg that is shorter than the length asked for [s]; shorter parts of
+a leg are left out from the start."""
+MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
@@ -56,39 +61,49 @@ class DroppedWindow:
     end_s: float
     reason: str
 
+    def __str__(self) -> str:
+        return f"'{self.leg}' from {self.start_s:.1f} to {self.end_s:.1f} s: {self.reason}"
+
 
 def cut_windows(
     legs: Sequence[LegRecord], *, length_s: float | None
 ) -> tuple[list[Window], list[DroppedWindow]]:
-    """Return windows of about `length_s` that cover every leg, or legs as they are.
+    """Return windows of `length_s` and more that cover every leg, or legs as they are.
 
-    A leg is cut into equal windows, as many as make them no shorter than `length_s`.
-    Windows with fewer than `FEWEST_SAMPLES` are dropped. Raises `DataError` where every
-    leg is shorter than a window.
+    A leg is cut into equal windows, as many as make them no shorter than `length_s`; a
+    shorter leg is one window, down to `SHORTEST_WINDOW_S`. Windows with fewer than
+    `FEWEST_SAMPLES` are dropped. Raises `DataError` where no window is left.
     """
+    shortest_s = 0.0 if length_s is None else min(length_s, SHORTEST_WINDOW_S)
     windows, dropped = [], []
     for number, leg in enumerate(legs):
         start, end = leg.span_s()
-        count = 1 if length_s is None else int((end - start) / length_s + 1e-9)
-        if count < 1:
-            dropped.append(DroppedWindow(leg.name, start, end, "shorter than a window"))
+        if end - start < shortest_s * (1.0 - 1e-9):
+            reason = f"{end - start:.3g} s, shorter than the shortest window of {shortest_s:g} s"
+            dropped.append(DroppedWindow(leg.name, start, end, reason))
             continue
+        count = 1 if length_s is None else max(int((end - start) / length_s + 1e-9), 1)
         edges = np.linspace(start, end, count + 1)
         for low, high in pairwise(edges.tolist()):
             window = _window(number, leg, float(low), float(high), high == end)
             if window.samples < FEWEST_SAMPLES:
-                dropped.append(DroppedWindow(leg.name, low, high, "too few samples"))
+                reason = f"{window.samples} samples, fewer than {FEWEST_SAMPLES}"
+                dropped.append(DroppedWindow(leg.name, low, high, reason))
             else:
                 windows.append(window)
     if not windows:
-        longest = max((leg.span_s()[1] - leg.span_s()[0] for leg in legs), default=0.0)
-        raise DataError(
-            "no leg is as long as a window",
-            value=f"{longest:.3g} s",
-            allowed=f"{length_s or 0.0:.3g} s and more",
-            remedy="Choose shorter windows, or longer legs.",
-        )
+        _refuse(dropped, shortest_s)
     return windows, dropped
+
+
+def _refuse(dropped: Sequence[DroppedWindow], shortest_s: float) -> NoReturn:
+    """Raise `DataError` that says of each leg why it gives no window."""
+    raise DataError(
+        "no leg gives a window",
+        value="; ".join(str(item) for item in dropped[:MOST_NAMED]),
+        allowed=f"windows of {shortest_s:g} s and more with {FEWEST_SAMPLES} samples and more",
+        remedy="Take longer legs, or sensors with more samples.",
+    )
 
 
 def _window(number: int, leg: LegRecord, start: float, end: float, last: bool) -> Window:

@@ -279,10 +279,11 @@ def test_a_leg_without_a_sensor_is_left_out(twin: refine.Inputs, stream: str, wo
     assert "Symmetric: not fitted to the sensors, the card of synthesise stays" in warned(refined)
 
 
-def test_windows_longer_than_legs_are_named(twin: refine.Inputs) -> None:
+def test_a_leg_shorter_than_a_window_is_its_own(twin: refine.Inputs) -> None:
     refined = outputs(twin, estimator="output_error", window_s=60.0)
-    assert refined.model_card == {}
-    assert "No leg is as long as a window" in warned(refined)
+    (card,) = refined.model_card.values()
+    assert card.likelihood is not None
+    assert not card.likelihood.left_out
 
 
 def test_too_few_samples_are_named(twin: refine.Inputs) -> None:
@@ -321,7 +322,7 @@ def test_a_fit_that_does_not_converge_leaves_the_card_of_synthesise(
     assert refined.model_card == {}
     words = warned(refined)
     assert "did not converge in" in words
-    assert ("Free runs of 4 s miss the samples by" in words) == missed
+    assert ("Its free runs miss the samples by" in words) == missed
     assert ("Use stages.refine.estimator: filter_error" in words) == missed
 
 
