@@ -23,10 +23,15 @@ from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 FIGURE_VERDICTS = ("identified", "persistently exciting")
+MEASURED = (*FIGURE_VERDICTS, "weak", "inseparable")
+"""Verdicts on what a dive measures. Which of them it is depends on the value itself, so
+that the mean of dives that call it identified is too large: all are pooled.
+"""
 THRUSTER_VERDICTS = (*FIGURE_VERDICTS, "weak", "dead", "reversed")
 NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited")
 """Verdicts on what is no dive's own: repeated, it would count as many measurements."""
 FEWEST_DIVES = 2
+"""Of a figure: with a number, and that call it identified."""
 DAY_S = 86_400.0
 CONDITIONS = {
     "firmware": "firmware",
@@ -128,7 +133,10 @@ def vehicle_figures(coefficients: Sequence[Row], runs: Sequence[Row]) -> Iterato
 
 
 def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
-    """Yield drag at a common speed, then the other figures that two dives determine."""
+    """Yield drag at a common speed, then the other figures that two dives determine.
+
+    Two dives decide that a figure is shown; all dives that measure it count in it.
+    """
     logs = tuple(row["log"] for row in dives)
     place = {log: index for index, log in enumerate(logs)}
     drags = list(_drags(rows, dives, place))
@@ -137,9 +145,11 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
     units: dict[str, str] = {}
     cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
     watched: dict[str, bool] = {}
+    determined: Counter[str] = Counter()
     for row in rows:
         certain = finite(row["value"]) and finite(row["standard_error"])
-        verdicts = THRUSTER_VERDICTS if row["model"] == THRUSTERS else FIGURE_VERDICTS
+        of_thruster = row["model"] == THRUSTERS
+        verdicts = THRUSTER_VERDICTS if of_thruster else MEASURED
         if not certain or row["standard_error"] <= 0.0 or row["verdict"] not in verdicts:
             continue
         name = _name(row)
@@ -147,8 +157,9 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
         watched[name] = (row["axis"], row["term"]) not in within
         if units[name] == row["unit"]:
             cells[name][place[row["log"]]] = row["value"], row["standard_error"]
+            determined[name] += of_thruster or row["verdict"] in FIGURE_VERDICTS
     for name, items in cells.items():
-        if len(items) >= FEWEST_DIVES:
+        if determined[name] >= FEWEST_DIVES:
             values, errors = _columns(items, len(logs))
             yield DiveFigure(name, units[name], logs, values, errors, watched[name])
 

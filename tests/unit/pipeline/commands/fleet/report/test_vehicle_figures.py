@@ -1,0 +1,82 @@
+"""The figures of a vehicle over its dives: which dives count in them, and in what order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from auvid.data_schemas.schemas import schema
+from auvid.hydro.arrays import Array
+from auvid.pipeline.commands.fleet.fleet_folder import TABLES
+from auvid.pipeline.commands.fleet.report.vehicle_figures import VehicleFigures, vehicle_figures
+
+Row = dict[str, Any]
+IDENTIFIED_AT = 4.0
+"""Standard errors from which on a dive calls a coefficient identified."""
+
+
+def empty_row(table: str) -> Row:
+    fillings = {"string": "", "int64": 0, "float64": None, "bool": False}
+    columns = schema(TABLES[table]).columns
+    return {name: fillings[str(item.dtype)] for name, item in columns.items()}
+
+
+def dive(number: int, *, clock: bool = True, speed: float | None = None) -> Row:
+    """Return row `runs` of a dive, `number` days after the first."""
+    return empty_row("runs") | {
+        "log": f"dive{number}",
+        "file": f"dive{number:03d}",
+        "model": "diagonal",
+        "start_utc": f"2024-05-{number + 1:02d}T10:00:00Z" if clock else None,
+        "speed_surge": speed,
+    }
+
+
+def coefficient(log: str, term: str, value: float, error: float | None, verdict: str) -> Row:
+    return empty_row("coefficients") | {
+        "log": log,
+        "vehicle": "rov",
+        "model": "diagonal",
+        "axis": "X",
+        "term": term,
+        "unit": "N",
+        "value": value,
+        "standard_error": error,
+        "verdict": verdict,
+    }
+
+
+def of_one_term(values: Array, errors: Array, *, term: str = "v*r") -> VehicleFigures:
+    """Return the figures of dives that call a term identified from four errors on."""
+    clear = np.abs(values) >= IDENTIFIED_AT * errors
+    rows = [
+        coefficient(f"dive{number}", term, value, error, "identified" if sure else "weak")
+        for number, (value, error, sure) in enumerate(zip(values, errors, clear, strict=True))
+    ]
+    (rov,) = vehicle_figures(rows, [dive(number) for number in range(len(values))])
+    return rov
+
+
+def test_dives_that_call_a_figure_weak_count_in_its_mean() -> None:
+    random = np.random.default_rng(2)
+    errors = np.full(10, 0.25)
+    means = [
+        rov.pooled["X_v*r"].mean
+        for _ in range(12)
+        if (rov := of_one_term(1.0 + errors * random.standard_normal(10), errors)).pooled
+    ]
+    assert len(means) > 8
+    # .25 / sqrt(10 * 12), three of them; dives called identified alone give 1.2.
+    assert abs(float(np.mean(means)) - 1.0) < 0.07
+
+
+def test_a_coefficient_that_falls_is_a_change() -> None:
+    values = np.array([8.0, 8.1, 7.9, 8.05, 7.95, 2.0, 2.1, 1.9, 2.05, 1.95])
+    (alarm,) = of_one_term(values, np.ones(10)).alarms
+    assert alarm.first_dive == 5
+    assert alarm.share < -0.6
+
+
+def test_a_figure_that_one_dive_determines_is_not_shown() -> None:
+    assert of_one_term(np.array([5.0, 1.0, 1.2, 0.9]), np.ones(4)).figures == ()
