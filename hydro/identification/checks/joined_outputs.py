@@ -22,6 +22,8 @@ from auvid.hydro.arrays import Array
 STRENGTHS = (0.0, 0.5, 1.5)
 TURNS = np.radians([-135.0, -90.0, -60.0, -45.0, -30.0, 30.0, 45.0, 60.0, 90.0, 135.0])
 """Turns about the vertical of a velocity log, other explanations of a wrong answer."""
+LEAST_PUSH = 1e-9
+"""Of the push of single outputs: what is left of less has cancelled to rounding."""
 BETTER = 40.0
 """Least logarithm of the likelihood over the best other explanation, samples of half a
 second taken as independent. Right wiring has at most 1 in the logs that were tried.
@@ -118,6 +120,9 @@ class _AxisProducts:
     def shares(self, rows: Array) -> Array:
         """Return the share (k,) of each axis that an allocation (k, m) explains."""
         size = np.einsum("km,kmn,kn->k", rows, self.gram, rows)
+        # Pushes that cancel leave rounding, which explains nothing.
+        apart = np.einsum("km,kmm->k", rows**2, self.gram)
+        size = np.where(size > LEAST_PUSH * apart, size, np.inf)
         reach = np.maximum((rows * self.along).sum(axis=1), 0.0)
         explained = reach**2 / np.maximum(size, 1e-300) / self.spread
         return np.asarray(np.minimum(explained, 1.0 - 1e-12))

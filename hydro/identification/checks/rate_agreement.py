@@ -19,6 +19,8 @@ from auvid.hydro.identification.checks.signal_checks import (
 )
 
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
+ALIKE = 0.1
+"""Departure of a scale from 1 that is none."""
 SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
 """A jump of the attitude: more than this, and than so many times what 90 % of the
 intervals disagree by.
@@ -30,7 +32,8 @@ class RateAgreement:
     """Gyro against the rate of the attitude.
 
     `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro
-    read `lag_s` later; `scale` (3,): gyro per attitude rate of the same axis; `std`
+    read `lag_s` later; `scale` (3,): gyro per attitude rate of the same axis, near 1 where
+    noise in either record leaves that open; `std`
     (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs
     [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn after the
     attitude does. `jumps` intervals in which the attitude turned without the gyro, by
@@ -102,9 +105,14 @@ def rate_agreement(
     measured = mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Total least squares in one dimension keeps noise in either record from pulling
-        # the ratio down.
-        scale = np.sign(np.sum(centred * deviation, axis=0)) * deviation.std(axis=0) / energy
+        # Noise of the attitude pulls the slope on it down, noise of the gyro pushes the
+        # inverse slope on the gyro up: the truth lies between. Where that leaves a scale
+        # of 1 open, it is 1.
+        covered = np.mean(centred * deviation, axis=0)
+        low, high = np.abs(covered) / energy**2, deviation.var(axis=0) / np.abs(covered)
+        nearest = np.clip(1.0, low, high)
+        open_to_1 = np.abs(nearest - 1.0) < ALIKE
+        scale = np.sign(covered) * np.where(open_to_1, nearest, np.sqrt(low * high))
     bias = np.median(measured - expected, axis=0)
     return RateAgreement(
         _correlation(centred, measured),

@@ -22,7 +22,7 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
         return
     t_s, commands = log.t_s("actuators"), np.nan_to_num(log.values("actuators", names))
     moving = np.ptp(commands, axis=0) > 0.0
-    commands = commands[:, moving] / commands[:, moving].std(axis=0)
+    commands = commands[:, moving]  # gains are per unit: a coupled hull is no mixed command
     driven = [
         name.removeprefix("command_") for name, moves in zip(names, moving, strict=True) if moves
     ]

@@ -24,6 +24,8 @@ from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.number_format import significant
 
 LEAST_RESPONSE_HZ = 4.0
+RIGHTED = (3, 4)
+"""Axes that gravity and buoyancy turn back: roll and pitch."""
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
 """By how much more of the motion other axes must explain than the velocity's own."""
@@ -75,7 +77,12 @@ def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
         motion = body_motion(log, stream, name)
         if float(motion.std()) < SMALLEST_MOTION:
             continue
-        gains = response_gains(t_s, pushed[:, [axis]], log.t_s(stream), motion)
+        force = pushed[:, [axis]]
+        if axis in RIGHTED and log.has("attitude"):
+            # Below its resonance a hull that rights itself goes against a small thrust.
+            angle = log.column("attitude", ATTITUDE[axis - 3])
+            force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
+        gains = response_gains(t_s, force, log.t_s(stream), motion)
         if gains is not None:
             yield "uvwpqr"[axis], gains
 

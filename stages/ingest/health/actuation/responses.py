@@ -11,6 +11,7 @@ from auvid.hydro.identification.checks.response import Response, response_lag
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
+from auvid.stages.ingest.health.actuation.push_answers import push_responses
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 from auvid.stages.number_format import percent
 
@@ -23,6 +24,8 @@ than commands that are early.
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
 LEAST_EXPLAINED = 0.6
+DRIVES_SD = 6.0
+"""Gain of the outputs over its standard deviation from which on they drive a motion."""
 
 
 def responses(log: CheckedLog) -> dict[str, Response]:
@@ -67,6 +70,20 @@ def command_lead(answers: Mapping[str, Response]) -> tuple[str, Response] | None
     return (axis, best) if late else None
 
 
+def late_outputs(log: CheckedLog, answers: Mapping[str, Response]) -> tuple[str, Response] | None:
+    """Return the axis whose motion comes before the outputs, unless they drive it in time.
+
+    Outputs of an autopilot that holds a vehicle in waves follow the motion, and yet their
+    force accelerates it at its own time.
+    """
+    lead = command_lead(answers)
+    if lead is None:
+        return None
+    own = dict(push_responses(log)).get(lead[0])
+    drives = own is not None and own.gain[0] > DRIVES_SD * own.sd[0]
+    return None if drives else lead
+
+
 def _slow(log: CheckedLog, axis: str) -> bool:
     """Return whether drag and inertia explain by themselves how late a motion comes."""
     at, motion, _ = motions(log)[axis]
@@ -81,7 +98,7 @@ def _slow(log: CheckedLog, axis: str) -> bool:
 
 def response_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield how much later motion follows the outputs, per axis."""
-    lead = command_lead(answers)
+    lead = late_outputs(log, answers)
     if lead is not None:
         axis, best = lead
         yield finding(

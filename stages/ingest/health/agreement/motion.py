@@ -34,7 +34,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     turned_answers,
     weak_forces,
 )
-from auvid.stages.ingest.health.actuation.responses import command_lead
+from auvid.stages.ingest.health.actuation.responses import late_outputs
 from auvid.stages.ingest.health.finding import (
     ESTIMATED,
     CheckedLog,
@@ -102,7 +102,7 @@ class Evidence:
 
 def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
-    response = {} if command_lead(answers) else dict(push_responses(log))
+    response = {} if late_outputs(log, answers) else dict(push_responses(log))
     coarse = list(_coarse(log))
     if coarse:
         yield from coarse

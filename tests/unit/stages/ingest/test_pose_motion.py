@@ -200,6 +200,14 @@ def test_a_clock_that_drifts_is_named_with_its_rate(rate: float) -> None:
     assert not of(ingested(*tank_poses(noisy(tank_run(3, duration_s=240.0), 3))), "pose_clock")
 
 
+def test_an_axis_that_is_hardly_commanded_is_not_mixed() -> None:
+    """Small corrections aside and in heave, into which a coupled hull takes a part of surge."""
+    run = noisy(tank_run(1), 1)
+    for name in ("cmd3", "cmd1"):
+        run[name] = 0.05 * run[name]
+    assert not of(ingested(*tank_poses(run)), "commands_mixed")
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_commands_that_a_frame_mixed_are_named(seed: int) -> None:
     run = noisy(tank_run(seed), seed)

@@ -47,6 +47,18 @@ def test_gyro_agrees_with_a_tumbling_attitude_through_the_singularity_and_wraps(
     assert found.jumps == 0
 
 
+@pytest.mark.parametrize(("scale", "within"), [(1.0, 0.05), (2.0, 0.25), (57.3, 0.25)])
+def test_noise_of_an_attitude_is_no_scale_of_the_gyro(scale: float, within: float) -> None:
+    """2 mrad of noise at 20 Hz: the standard deviations alone say .8 for an exact gyro."""
+    t, at = np.arange(0.0, 200.0, 0.05), np.arange(0.0, 200.0, 0.02)
+    swing = 0.1 * np.sin(0.5 * np.outer(t, [1.0, 1.3, 1.7]))
+    rate = 0.1 * 0.5 * np.array([1.0, 1.3, 1.7]) * np.cos(0.5 * np.outer(at, [1.0, 1.3, 1.7]))
+    noisy = swing + np.random.default_rng(1).normal(0.0, 2e-3, swing.shape)
+    found = rate_agreement(t, noisy, at, scale * rate)
+    assert found is not None
+    assert found.scale[1:] == pytest.approx([scale] * 2, rel=within)
+
+
 @pytest.mark.parametrize("lag_s", [-0.3, 0.0, LAG_S])
 def test_lag_of_a_late_gyro(lag_s: float) -> None:
     t, at = np.arange(0.0, 60.0, 0.1), np.arange(0.0, 60.0, 0.04)
