@@ -67,7 +67,7 @@ def selection() -> Iterator[str]:
                 values += errors * random.standard_normal(shape)
                 clear = np.abs(values) >= T_LIMIT * errors
                 mean, inside = holds(values, errors, 1.0)
-                shown = clear.sum(axis=-1) >= 2
+                printed = clear.sum(axis=-1) >= 2
                 some = [
                     (float(each[0][0]), bool(each[1][0]))
                     for y, s, kept in zip(values, errors, clear, strict=True)
@@ -78,7 +78,7 @@ def selection() -> Iterator[str]:
                     f"{dives} dives, {ratio:g} errors, scatter {tau}: identified ones"
                     f" {np.mean([m for m, _ in some]) if some else np.nan:.2f},"
                     f" {share([x for _, x in some])}; all where shown"
-                    f" {mean[shown].mean():.3f}, {share(inside[shown])}; shown {shown.mean():.2f}"
+                    f" {mean[printed].mean():.3f}, {share(inside[printed])}; shown {printed.mean():.2f}"
                 )
 
 

@@ -121,8 +121,8 @@ class _AxisProducts:
         """Return the share (k,) of each axis that an allocation (k, m) explains."""
         size = np.einsum("km,kmn,kn->k", rows, self.gram, rows)
         # Pushes that cancel leave rounding, which explains nothing.
-        apart = np.einsum("km,kmm->k", rows**2, self.gram)
-        size = np.where(size > LEAST_PUSH * apart, size, np.inf)
+        single = np.einsum("km,kmm->k", rows**2, self.gram)
+        size = np.where(size > LEAST_PUSH * single, size, np.inf)
         reach = np.maximum((rows * self.along).sum(axis=1), 0.0)
         explained = reach**2 / np.maximum(size, 1e-300) / self.spread
         return np.asarray(np.minimum(explained, 1.0 - 1e-12))

@@ -71,7 +71,7 @@ def command_lead(answers: Mapping[str, Response]) -> tuple[str, Response] | None
 
 
 def late_outputs(log: CheckedLog, answers: Mapping[str, Response]) -> tuple[str, Response] | None:
-    """Return the axis whose motion comes before the outputs, unless they drive it in time.
+    """Return the axis whose motion comes before the outputs, unless they drive it.
 
     Outputs of an autopilot that holds a vehicle in waves follow the motion, and yet their
     force accelerates it at its own time.
