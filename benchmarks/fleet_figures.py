@@ -78,7 +78,8 @@ def selection() -> Iterator[str]:
                     f"{dives} dives, {ratio:g} errors, scatter {tau}: identified ones"
                     f" {np.mean([m for m, _ in some]) if some else np.nan:.2f},"
                     f" {share([x for _, x in some])}; all where shown"
-                    f" {mean[printed].mean():.3f}, {share(inside[printed])}; shown {printed.mean():.2f}"
+                    f" {mean[printed].mean():.3f}, {share(inside[printed])};"
+                    f" shown {printed.mean():.2f}"
                 )
 
 
