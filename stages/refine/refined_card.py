@@ -30,10 +30,10 @@ from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     INSEPARABLE,
     NOT_EXCITED,
-    T_LIMIT,
     VIF_LIMIT,
     WEAK,
     TermStatus,
+    clear_of_zero,
     strongest,
 )
 from auvid.stages.refine.fitting import SensorFit
@@ -188,6 +188,8 @@ def _term(
         free = float(fit.problem.physical(fit.estimate.theta)[i])
         if not fixed and abs(value - free) > CHANGED * error:
             update["free_value"] = free
+        if word == IDENTIFIED and not clear_of_zero(value, error, item.assumed_shifts.values()):
+            update["verdict"] = WEAK
     return item.model_copy(update=update)
 
 
@@ -240,7 +242,7 @@ def _inertia(
 
 
 def _clear(value: float, error: float) -> TermStatus:
-    return IDENTIFIED if abs(value) >= T_LIMIT * error else WEAK
+    return IDENTIFIED if clear_of_zero(value, error) else WEAK
 
 
 def _correlation(covariance: Array, i: int, j: int) -> float:

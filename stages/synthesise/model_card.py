@@ -151,7 +151,9 @@ def _axis_entry(
     prior, `after` with `wide`. figures: assumed figure -> shifts (k,) by one standard
     deviation.
     """
-    verdicts, determined = judge_with_motion(fit, motion, covariance=covariance, turns=turns)
+    verdicts, determined = judge_with_motion(
+        fit, motion, covariance=covariance, turns=turns, figures=figures
+    )
     errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
     summed = {term for item in determined for term in item.weights}
     terms = []

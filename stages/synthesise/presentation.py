@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard
+from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.stages.model_use import coverage_words
 from auvid.stages.presentation import (
     NOISE_95,
@@ -100,6 +100,8 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
             verdict = f"inseparable from {', '.join(partners)}" if partners else item.verdict
             if item.turns_without:
                 verdict += f"; its sign turns without {', '.join(item.turns_without)}"
+            if sign_by_figures(item):
+                verdict += "; clear by noise, but its sign rests on assumed figures"
             row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
             if card.spreads:
                 error = item.standard_error or 0.0
@@ -115,6 +117,14 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     listed["coefficients_of"] = card.name
     blocks = fold(title, [listed])
     return blocks + fold(f"{card.title}: what stands behind it", _remarks(card))
+
+
+def sign_by_figures(item: TermCard) -> bool:
+    """Return whether a weak term is clear by noise alone."""
+    if item.verdict != WEAK or item.value is None or not item.standard_error:
+        return False
+    noise = item.value, item.standard_error
+    return clear_of_zero(*noise) and not clear_of_zero(*noise, item.assumed_shifts.values())
 
 
 def _method(card: ModelCard) -> str:

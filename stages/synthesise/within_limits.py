@@ -61,6 +61,7 @@ from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     T_LIMIT,
     WEAK,
+    clear_of_zero,
     strongest,
 )
 from auvid.hydro.identification.selection.ranking import error_ratios
@@ -372,7 +373,8 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         # The wider one: least squares also counts errors of the velocities.
         wider = max(error, item.standard_error or 0.0)
         update |= {"value": value, "standard_error": wider}
-        if status.status == IDENTIFIED and abs(value) < T_LIMIT * wider:
+        shifts = item.assumed_shifts.values()
+        if status.status == IDENTIFIED and not clear_of_zero(value, wider, shifts):
             # The data alone were clear, of a value that the limits moved.
             update["verdict"] = WEAK
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:

@@ -25,9 +25,9 @@ from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     INSEPARABLE,
     PARTNER_SHARE,
-    T_LIMIT,
     VIF_LIMIT,
     WEAK,
+    clear_of_zero,
 )
 
 STILL = 1e-9
@@ -153,7 +153,7 @@ def estimate_statuses(
             out.append(EstimateStatus(FROM_PRIOR))
         elif i in verdicts:
             out.append(EstimateStatus(verdicts[i]))
-        elif abs(values[i]) >= T_LIMIT * errors[i]:
+        elif clear_of_zero(float(values[i]), float(errors[i])):
             out.append(EstimateStatus(IDENTIFIED))
         elif inflation[i] > VIF_LIMIT:
             weights = np.where(moving == i, 0.0, np.abs(unit[moving == i][0]))

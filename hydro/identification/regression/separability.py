@@ -70,12 +70,13 @@ def judge_with_motion(
     *,
     covariance: Array,
     turns: Mapping[str, Sequence[str]] | None = None,
+    figures: Mapping[str, Array] | None = None,
 ) -> tuple[dict[str, Verdict], tuple[Combination, ...]]:
     """Return the verdict on every term, and the combinations that are determined.
 
     Combinations stand for coefficients that are not, those of the rank included.
     covariance (k, k): of the solution, in the order of `fit.terms`, best from
-    `CoefficientScores`. turns: of `verdicts.sign_turns`. Inseparability is mutual: a
+    `CoefficientScores`. turns, figures: of `verdicts.judge`. Inseparability is mutual: a
     term is inseparable only from terms that are themselves not told from zero or not
     from it; otherwise it is weak.
     Dependent columns that rest on nothing but unexcited motion are not excited, and so
@@ -88,6 +89,7 @@ def judge_with_motion(
             floors=motion_floors(fit.terms, motion),
             standard_errors=errors,
             turns=turns,
+            figures=figures,
         ),
         fit,
     )

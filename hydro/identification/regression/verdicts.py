@@ -7,9 +7,9 @@ Rules, in this order:
    only combinations are determined.
 2. *not excited*: the column is zero, or its RMS lies below the floor that the caller
    gives for it (`excitation.term_floors`).
-3. *identified*: |coefficient| is at least `T_LIMIT` standard errors, and no leg turns
-   its sign by being left out (`sign_turns`). Give coloured standard errors about the
-   truth; white ones say too much.
+3. *identified*: the coefficient is clear of zero (`clear_of_zero`: by noise, and with
+   the assumed figures of the vehicle), and no leg turns its sign by being left out
+   (`sign_turns`). Give coloured standard errors about the truth; white ones say too much.
 4. Otherwise, when the variance inflation exceeds `VIF_LIMIT`: *inseparable* from the
    terms that its column nearly depends on: together they may be well determined, apart
    they are not.
@@ -18,7 +18,7 @@ Rules, in this order:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -26,6 +26,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.regression.least_squares import AxisFit
 
 S = TypeVar("S", bound=str)
@@ -98,13 +100,15 @@ def judge(
     floors: Mapping[str, float] | None = None,
     standard_errors: ArrayLike | None = None,
     turns: Mapping[str, Sequence[str]] | None = None,
+    figures: Mapping[str, Array] | None = None,
 ) -> dict[str, Verdict]:
     """Return the verdict on every term of a fit, by term.
 
     floors: RMS from which on a term counts as excited (term -> SI value; missing: 0).
     standard_errors (k,): in the order of `fit.terms`, best from `CoefficientScores`;
-    None takes the white ones. turns: of `sign_turns`. Raises `DataError` when the
-    number of standard errors is wrong.
+    None takes the white ones. turns: of `sign_turns`. figures: assumed figure -> shifts
+    (k,) by one standard deviation of it. Raises `DataError` when the number of standard
+    errors is wrong.
     """
     errors = (
         fit.standard_errors
@@ -125,7 +129,8 @@ def judge(
         t_ratio = (
             value / error if error > 0 else (np.inf if value > 0 and error == 0 else float("nan"))
         )
-        clear = t_ratio >= T_LIMIT and term not in (turns or {})
+        shifts = (float(shift[index]) for shift in (figures or {}).values())
+        clear = clear_of_zero(value, error, shifts) and term not in (turns or {})
         status, partners = _rule(fit, index, groups, rms < floor or rms == 0, clear)
         verdicts[term] = Verdict(
             term=term,
@@ -137,6 +142,31 @@ def judge(
             share=value * rms / fit.j0 if fit.j0 > 0 else float("nan"),
         )
     return verdicts
+
+
+def clear_of_zero(
+    value: float,
+    standard_error: float,
+    shifts: Iterable[float] = (),
+    *,
+    quantile: float = NORMAL_95,
+) -> bool:
+    """Return whether a value may be called identified beside the interval that is printed.
+
+    |value| >= T_LIMIT s by noise, since terms are chosen among many, and
+    |value| > quantile sqrt(s^2 + sum of shifts^2): the 95 % interval by noise and assumed
+    figures together keeps the sign. shifts: what one standard deviation of each assumed
+    figure moves the value by; quantile: of the interval (Student's where s has few degrees
+    of freedom).
+
+    >>> clear_of_zero(-5.0, 1.0), clear_of_zero(-5.0, 1.0, [2.0, 2.0])
+    (True, False)
+    >>> clear_of_zero(3.0, 1.0), clear_of_zero(5.0, 1.0, quantile=12.7)
+    (False, False)
+    """
+    total = float(np.sqrt(standard_error**2 + sum(shift**2 for shift in shifts)))
+    size = abs(value)
+    return bool(size > 0.0 and size >= T_LIMIT * standard_error and size > quantile * total)
 
 
 def strongest(status: S, method: str) -> S | TermStatus:

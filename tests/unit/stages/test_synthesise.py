@@ -51,6 +51,7 @@ from auvid.stages.columns import (
     named,
 )
 from auvid.stages.synthesise import error_choice, training
+from auvid.stages.synthesise.presentation import sign_by_figures
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from tests.support.motions import (
     ratio_of,
@@ -762,6 +763,22 @@ def test_a_value_that_a_prior_or_a_bound_holds_has_no_shifts_of_the_data_alone(w
     fitted = term_within_limits(item, 0, cast(ConstrainedFit, fit), status)
     assert fitted.verdict == word
     assert fitted.assumed_shifts == ({"thrust": 1.3} if word == "weak" else {})
+
+
+def test_a_weak_term_whose_sign_rests_on_assumed_figures_says_so() -> None:
+    item = TermCard.model_validate(
+        {"term": "p*|p|", "unit": "N*m*s^2/rad^2", "value": -1.0, "standard_error": 0.2}
+        | {"verdict": "identified", "assumed_shifts": {"inertia": 0.6}}
+    )
+    one = np.array([-1.0])
+    fit = SimpleNamespace(
+        values=one, free=one, standard_errors=np.array([0.1]), free_covariance=np.array([[0.01]])
+    )
+    status = CoefficientStatus("identified", "identified", 0.0, ())
+    fitted = term_within_limits(item, 0, cast(ConstrainedFit, fit), status)
+    assert fitted.verdict == "weak"
+    assert sign_by_figures(fitted)
+    assert not sign_by_figures(fitted.model_copy(update={"standard_error": 0.3}))
 
 
 def test_only_methods_that_were_measured_state_their_coverage() -> None:

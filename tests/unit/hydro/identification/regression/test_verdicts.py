@@ -25,6 +25,7 @@ from auvid.hydro.identification.regression.least_squares import (
 from auvid.hydro.identification.regression.separability import judge_with_motion, motion_floors
 from auvid.hydro.identification.regression.verdicts import (
     T_LIMIT,
+    clear_of_zero,
     discovery_limit,
     judge,
     sign_turns,
@@ -78,6 +79,26 @@ def test_larger_standard_errors_turn_identified_into_weak(nu: np.ndarray) -> Non
     assert judge(fit, standard_errors=[3.0])["v"].status == "weak"
     with pytest.raises(DataError, match="one standard error per term"):
         judge(fit, standard_errors=[1.0, 2.0])
+
+
+def test_a_sign_that_rests_on_an_assumed_figure_is_weak(nu: np.ndarray) -> None:
+    """Clear by noise, but a mass off by one deviation moves it by its own size."""
+    fit = fit_of(nu, ("v",), 5.0 * nu[1] + np.random.default_rng(3).standard_normal(4000))
+    for shift, word in ((2.0, "identified"), (3.0, "weak")):
+        assert judge(fit, figures={"mass": np.array([shift])})["v"].status == word
+    assert judge(fit, figures={"mass": np.array([2.0]), "arm": np.array([2.0])})["v"].status == (
+        "weak"
+    ), "assumed figures err independently"
+
+
+def test_what_is_clear_of_zero() -> None:
+    assert clear_of_zero(-4.0, 1.0)
+    assert not clear_of_zero(3.9, 1.0)
+    assert clear_of_zero(4.0, 0.0, [2.0])
+    assert not clear_of_zero(4.0, 0.5, [2.0])
+    assert not clear_of_zero(6.0, 1.0, quantile=12.7), "few degrees of freedom"
+    assert not clear_of_zero(0.0, 0.0)
+    assert not clear_of_zero(5.0, float("nan"))
 
 
 def test_nearly_dependent_terms_are_inseparable_when_neither_is_clear() -> None:
