@@ -151,7 +151,7 @@ def clear_of_zero(
     *,
     quantile: float = NORMAL_95,
 ) -> bool:
-    """Return whether a value may be called identified beside the interval that is printed.
+    """Return whether a value may be called identified beside its printed interval.
 
     |value| >= T_LIMIT s by noise, since terms are chosen among many, and
     |value| > quantile sqrt(s^2 + sum of shifts^2): the 95 % interval by noise and assumed
