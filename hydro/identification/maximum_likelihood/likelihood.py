@@ -196,11 +196,9 @@ class Likelihood:
         part: DirectionPart,
     ) -> WindowRun:
         # Imported here, since numba takes a second.
-        from auvid.hydro.identification.maximum_likelihood.compiled_window import (
-            Noise,
-            run_window,
-            sensor_places,
-        )
+        from auvid.hydro.identification.maximum_likelihood.window_loop.layout import Noise
+        from auvid.hydro.identification.maximum_likelihood.window_loop.loop import run_window
+        from auvid.hydro.identification.maximum_likelihood.window_loop.sensors import sensor_places
 
         window = self.windows[number]
         inputs, along = inputs_along

@@ -32,7 +32,7 @@ from auvid.hydro.identification.maximum_likelihood.records import (
 )
 from auvid.hydro.identification.maximum_likelihood.windows import cut_windows
 
-ROOT = Path(__file__).parents[5]
+ROOT = Path(__file__).parents[6]
 VT690 = vehicle_from_document(read_yaml((ROOT / "vehicles/vt690.yaml").read_text(encoding="utf-8")))
 TRUTH = {
     "X": {"u": -9.0, "v*v": 3.0},

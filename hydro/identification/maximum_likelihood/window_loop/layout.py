@@ -1,0 +1,20 @@
+"""Sizes and places of states, outputs and parameters in the loop, and its noise."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from auvid.hydro.arrays import Array
+
+MOTION, FORCE, MEASURED, BIASES = 10, 6, 13, 6
+VISCOUS, INERTIA, LAG = 0, 1, 2
+"""Kinds of parameters: a coefficient of a viscous term or constant (axis, column of the
+tables), an entry of the mass matrix (row, column), the lag of the actuators."""
+
+
+class Noise(NamedTuple):
+    """Variances (13,) of samples; variance (6,) and rate 1/T (6,) of the force."""
+
+    sensor: Array
+    force: Array
+    decay: Array
