@@ -17,6 +17,9 @@ from auvid.hydro.dynamics.equations_of_motion import Control
 
 Span = tuple[float, float]
 
+OF_FIXES, OF_POSES = "fixes of ", "pose of "
+"""How the sources of streams begin that are made from positions."""
+
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")
 VELOCITY_SD = ("u_sd_m_s", "v_sd_m_s", "w_sd_m_s", "p_sd_rad_s", "q_sd_rad_s", "r_sd_rad_s")

@@ -25,10 +25,12 @@ from auvid.data_schemas.records.motion import (
 from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.installation import (
+    CERTAIN,
     SENSORS,
     InstallationFaults,
     InstallationSums,
     LegSensors,
+    departure_verdict,
     installation_faults,
     installation_sums,
 )
@@ -56,14 +58,10 @@ SPREAD = {**dict.fromkeys(ARM, 0.3), **dict.fromkeys(ANGLES, 0.035), "lag": 0.1}
 """
 CONVENTIONS = {"specific_force": (1.0, 1.0), "inertial": (1.0, 0.0), "derivative": (0.0, 0.0)}
 """Convention -> share of omega x v, and of gravity, that the reading holds."""
-CERTAIN = 3.0
-"""Standard errors beyond which a departure counts."""
 CERTAIN_SCALE = 6.0
 """That of a scale: set when its standard error was half of its error; of 42 clean twins
 none is now beyond 1.8 (0025).
 """
-POWER = 1.645
-"""Normal quantile of 95 %: how often a departure of twice the limit is seen."""
 ANOTHER_CONVENTION = 0.5
 """A share of gravity or omega x v that is off by more is that of another convention."""
 
@@ -230,8 +228,8 @@ def _figures(
     for name, value, sd in zip(faults.names, faults.value, faults.sd, strict=True):
         limit, written = limits[name], file_values.get(name)
         certain = CERTAIN_SCALE if name in SCALES else CERTAIN
-        departs = abs(value) > max(certain * sd, limit)
-        clear = (certain + POWER) * sd <= 2.0 * limit
+        verdict = departure_verdict(float(value), float(sd), limit, certain=certain)
+        departs = verdict == "departs"
         figures.append(
             InstallationFigure(
                 name=name.replace("_", " "),
@@ -239,7 +237,7 @@ def _figures(
                 departure=float(value),
                 standard_error=float(sd) if np.isfinite(sd) else None,
                 limit=limit,
-                verdict="departs" if departs else ("agrees" if clear else "not observable"),
+                verdict=verdict,
                 file_value=written,
                 corrected=None if written is None or not departs else written + float(value),
             )

@@ -86,6 +86,12 @@ class Params:
         False,
         meaning="fit dead band and curve of commands where that is better on what is held out",
     )
+    marker_arm: str = param(
+        "1",
+        "file",
+        meaning="where the markers of poses sit: as the vehicle file says, or as all legs show",
+        allowed=("file", "estimated"),
+    )
     newtons_from: str = param(
         "1",
         "pull",
@@ -124,6 +130,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,
         together=params.together,
+        move_markers=params.marker_arm == "estimated",
         newtons_from="mass" if params.newtons_from == "mass" else "pull",
     )
     fits = fit_all(legs, inputs.vehicle, options)

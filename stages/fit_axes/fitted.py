@@ -9,6 +9,7 @@ from typing import Literal, TypedDict
 import numpy as np
 
 from auvid.data_schemas.records.models import VelocityRange
+from auvid.data_schemas.records.motion import InstallationFigure
 from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.judgement import STRAIGHT, ShapeVerdict
@@ -193,6 +194,25 @@ class Together:
 
 
 @dataclass(frozen=True)
+class Markers:
+    """Arm of the markers, by vehicle file and legs; `used`: the legs' is in the motion."""
+
+    figures: tuple[InstallationFigure, ...]
+    stated: bool
+    used: bool
+
+    @property
+    def departure(self) -> Array:
+        """Return what departs (3,) [m]; 0 where the vehicle file is not contradicted."""
+        return np.array([i.departure if i.verdict == "departs" else 0.0 for i in self.figures])
+
+    @property
+    def departs(self) -> bool:
+        """Return whether any of the three departs."""
+        return any(item.verdict == "departs" for item in self.figures)
+
+
+@dataclass(frozen=True)
 class AxisFits:
     """All that the logs say of the six axes; force in full commands where `normalised`.
 
@@ -207,6 +227,7 @@ class AxisFits:
     force: str
     legs: tuple[str, ...]
     together: Together | None = None
+    markers: Markers | None = None
 
     @property
     def commands(self) -> CommandForces:

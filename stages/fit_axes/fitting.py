@@ -39,6 +39,7 @@ from auvid.stages.fit_axes.flight import (
     judged,
     pushed,
 )
+from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
 
@@ -56,6 +57,9 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     """
     first = next(iter(legs.values())).windows
     _check_units(legs)
+    markers = markers_of(legs, vehicle, use=options.move_markers)
+    if markers is not None and markers.used:
+        legs = at_origin(legs, markers.departure)
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs
@@ -88,7 +92,8 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         there = {item.axis for item in kept}
         together = replace(together, axes=tuple(a for a in together.axes if a in there))
     return AxisFits(
-        fitted=kept,
+        fitted=tuple(doubted(item, markers) for item in kept),
+        markers=markers,
         lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,
         full_force=commands.full_force,

@@ -48,6 +48,7 @@ class FitOptions:
     relative standard deviation inertia_sd; of the others, it is free. together: whether
     axes are fitted together, `better`: where that moves better on what was held out.
     newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
+    move_markers: whether velocities of poses are corrected by the arm that the legs show.
     """
 
     axes: Collection[str] = ()
@@ -59,6 +60,7 @@ class FitOptions:
     surge_in_heave: bool = False
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
+    move_markers: bool = False
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
+from auvid.stages.fit_axes.markers import markers_words
 from auvid.stages.model_use import axes_listed
 from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -48,6 +49,9 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     ]
     if fits.together is not None:
         blocks.append(remark(together_words(fits.together)))
+    if fits.markers is not None:
+        wrong = fits.markers.departs and not fits.markers.used
+        blocks.append(remark(markers_words(fits.markers), "warning" if wrong else "note"))
     warnings = [words for item in fits.fitted for words in item.warnings]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
     blocks += _fit_tables(fits)

@@ -17,8 +17,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.fixes import COARSE, FixTrack, fix_track
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
-from auvid.stages.ingest.streams.common import OF_FIXES, Columns, to_body_at
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_FIXES, POSITION, named
+from auvid.stages.ingest.streams.common import Columns, to_body_at
 from auvid.stages.ingest.streams.mapping import Stream
 
 FIX = ("north_m", "east_m")

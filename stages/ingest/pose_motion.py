@@ -20,8 +20,8 @@ from auvid.hydro.identification.signals.pose.frames import (
     quaternion_product,
 )
 from auvid.hydro.identification.signals.pose.track import PoseTrack, pose_track
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
-from auvid.stages.ingest.streams.common import OF_POSES, Columns
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, POSITION, named
+from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
 
 AT_ORIGIN = MountedSensor(np.zeros(3), np.eye(3), 0.0)

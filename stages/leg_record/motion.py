@@ -23,6 +23,8 @@ PAUSE_STEPS = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
 OVERSAMPLED = 1.5
 """A sensor faster than this many times the clock is averaged between its times."""
+VELOCITY_LOG, POSES, FIXES = "velocity log", "poses", "position fixes"
+"""What measures u, v, w: a sensor, or the slope of places."""
 LETTER = dict(zip(VELOCITIES, "XYZKMN", strict=True))
 
 
@@ -124,7 +126,7 @@ def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> LegMotion:
     if velocity is not None:
         body = on_clock(velocity, t_s, max_gap_s)
         for at, axis in enumerate("uvw"):
-            rate[axis], by[LETTER[axis]] = body[:, at], "velocity log"
+            rate[axis], by[LETTER[axis]] = body[:, at], VELOCITY_LOG
     depth = enough(streams.samples("depth", ("depth_m",), vehicle.depth_sensor.lag_s))
     depth_m = None
     if depth is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,9 +23,17 @@ from auvid.hydro.identification.selection.axis_windows import (
     windows_of_axis,
 )
 from auvid.hydro.identification.signals.resampling import uniform_clock
-from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, VELOCITY
+from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, OF_FIXES, OF_POSES, VELOCITY
 from auvid.stages.leg_record.force import LegDrive, actuator_table, drive_of
-from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, step_s
+from auvid.stages.leg_record.motion import (
+    FIXES,
+    POSES,
+    VELOCITY_LOG,
+    LegMotion,
+    enough,
+    motion_of,
+    step_s,
+)
 from auvid.stages.leg_streams import Streams, disarmed_between
 
 SURFACE_M = {axis: 0.4 if axis == "Z" else 0.25 for axis in AXES}
@@ -92,7 +100,7 @@ def leg_record(
     """
     options = options or RecordOptions()
     t_s, rate_hz = _clock(streams, leg, options.rate_hz)
-    motion = motion_of(streams, t_s, options.max_gap_s)
+    motion = _of_places(motion_of(streams, t_s, options.max_gap_s), info)
     drive = drive_of(
         streams,
         info,
@@ -144,6 +152,17 @@ def leg_record(
     return RecordedLeg(
         record, drive, rate_hz, speeds, (*motion.notes, *drive.notes), tuple(warnings)
     )
+
+
+def _of_places(motion: LegMotion, info: LogInfo) -> LegMotion:
+    """Return a motion that says where its velocity is the slope of poses or fixes."""
+    stream = info.streams.get("velocity")
+    source = "" if stream is None else stream.source
+    words = POSES if source.startswith(OF_POSES) else FIXES if source.startswith(OF_FIXES) else None
+    if words is None:
+        return motion
+    by = {axis: words if own == VELOCITY_LOG else own for axis, own in motion.by.items()}
+    return replace(motion, by=by)
 
 
 def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:

@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +61,10 @@ PLACES = 9
 """The first faults are those of place and scale; the last three belong to the
 accelerometer.
 """
+CERTAIN = 3.0
+"""Standard errors beyond which a departure counts."""
+POWER = 1.645
+"""Normal quantile of 95 %: how often a departure of twice the limit is seen."""
 LEAST_NOISE = 0.25
 """Least share of a noise variance that is left when innovations are smaller."""
 START_VARIANCES = (1.0, 0.25, 0.25, 0.25)
@@ -264,6 +269,24 @@ def _process(
 def _nearest_step(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     right = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
     return np.asarray(np.where(times - t[right - 1] < t[right] - times, right - 1, right))
+
+
+DepartureVerdict = Literal["agrees", "departs", "not observable"]
+
+
+def departure_verdict(
+    value: float, sd: float, limit: float, *, certain: float = CERTAIN
+) -> DepartureVerdict:
+    """Return whether a figure departs from the vehicle file by what counts.
+
+    Not observable: a departure of twice the limit would not be seen for certain.
+
+    >>> departure_verdict(0.10, 0.02, 0.05), departure_verdict(0.01, 0.03, 0.05)
+    ('departs', 'not observable')
+    """
+    if abs(value) > max(certain * sd, limit):
+        return "departs"
+    return "agrees" if (certain + POWER) * sd <= 2.0 * limit else "not observable"
 
 
 @dataclass(frozen=True)

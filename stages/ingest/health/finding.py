@@ -17,8 +17,7 @@ from auvid.data_schemas.tables import column, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
-from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY
-from auvid.stages.ingest.streams.common import OF_POSES
+from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY, OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]

@@ -22,8 +22,6 @@ from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 
 Columns = dict[str, npt.NDArray[Any]]
 
-OF_FIXES, OF_POSES = "fixes of ", "pose of "
-"""How the sources of streams begin that are made from positions."""
 PWM_OUTPUTS = range(1, 17)
 DOWNWARD = 25  # MAV_SENSOR_ROTATION_PITCH_270
 NO_SENSOR = "the navigation filter had no velocity or position sensor"

@@ -11,7 +11,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.identification.checks.motion_checks import AxisGains, angles_at, response_gains
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
@@ -20,7 +20,6 @@ from auvid.stages.ingest.health.finding import (
     listed,
     mounting_remedy,
 )
-from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.number_format import significant
 
 LEAST_RESPONSE_HZ = 4.0

@@ -21,7 +21,15 @@ from auvid.hydro.identification.checks.motion_checks import (
     velocity_lag,
 )
 from auvid.hydro.identification.checks.response import Response
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, SPEEDS
+from auvid.stages.columns import (
+    ATTITUDE,
+    GYRO,
+    LINEAR_VELOCITY,
+    OF_FIXES,
+    OF_POSES,
+    POSITION,
+    SPEEDS,
+)
 from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise
 from auvid.stages.ingest.health.actuation.outputs import activity
@@ -43,7 +51,6 @@ from auvid.stages.ingest.health.finding import (
     limit,
     listed,
 )
-from auvid.stages.ingest.streams.common import OF_FIXES, OF_POSES
 from auvid.stages.number_format import percent, significant
 
 LEAST_EXPLAINED = 0.6

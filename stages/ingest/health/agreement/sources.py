@@ -14,7 +14,7 @@ from auvid.hydro.identification.checks.signal_checks import (
     attitude_difference,
     following,
 )
-from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, SPEEDS
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_POSES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     ESTIMATED,
     CheckedLog,
@@ -24,7 +24,6 @@ from auvid.stages.ingest.health.finding import (
     listed,
     mounting_remedy,
 )
-from auvid.stages.ingest.streams.common import OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 from auvid.stages.number_format import significant
 

@@ -1,0 +1,130 @@
+"""Where the markers of poses sit, by all legs together, and what departs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from auvid.data_schemas.records.motion import InstallationFigure
+from auvid.hydro.arrays import VELOCITIES, Array, cross
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.windows import stretches
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
+from auvid.hydro.identification.signals.installation import departure_verdict
+from auvid.hydro.identification.signals.pose.marker_arm import TurningLeg, marker_arm
+from auvid.stages.fit_axes.fitted import FittedAxis, Markers
+from auvid.stages.fit_axes.flight import LegData
+from auvid.stages.leg_record.motion import POSES
+
+LIMITS_M = (0.02, 0.02, 0.05)
+"""A departure counts beyond these and three standard errors: down, the centre of the added
+mass is no better known."""
+NAMES = ("arm forward", "arm right", "arm down")
+REACHES = ("YN", "XN", "XY")
+"""Axes whose fits a wrong arm forward, right and down reaches."""
+
+
+def markers_of(legs: Mapping[str, LegData], vehicle: Vehicle, *, use: bool) -> Markers | None:
+    """Return where the markers sit; None where no velocity is of poses."""
+    turning = [part for leg in legs.values() if _of_poses(leg) for part in _turning(leg)]
+    if not turning:
+        return None
+    arm = marker_arm(turning, vehicle.mass_matrix)
+    in_file = np.zeros(3) if vehicle.markers is None else vehicle.markers.arm_m
+    figures = []
+    for at, name in enumerate(NAMES):
+        value, sd = float(arm.departure[at]), float(arm.standard_error[at])
+        verdict = departure_verdict(value, sd, LIMITS_M[at])
+        written = float(in_file[at])
+        figures.append(
+            InstallationFigure(
+                name=name,
+                unit="m",
+                departure=value,
+                standard_error=sd if np.isfinite(sd) else None,
+                limit=LIMITS_M[at],
+                verdict=verdict,
+                file_value=written,
+                corrected=written + value if verdict == "departs" else None,
+            )
+        )
+    return Markers(tuple(figures), vehicle.markers is not None, use)
+
+
+def at_origin(legs: Mapping[str, LegData], departure: Array) -> dict[str, LegData]:
+    """Return legs whose velocity of poses is that of the origin: v - omega x departure."""
+    out = {}
+    for key, leg in legs.items():
+        rate = leg.record.rate
+        if _of_poses(leg):
+            omega = np.column_stack([rate[name] for name in VELOCITIES[3:]])
+            moved = cross(omega, np.broadcast_to(departure, omega.shape))
+            own = {name: rate[name] - moved[:, at] for at, name in enumerate(VELOCITIES[:3])}
+            leg = replace(leg, record=replace(leg.record, rate={**rate, **own}))
+        out[key] = leg
+    return out
+
+
+def doubted(item: FittedAxis, markers: Markers | None) -> FittedAxis:
+    """Return an axis with no verdict above weak where a wrong arm reaches its motion."""
+    if markers is None or markers.used:
+        return item
+    reached = {
+        axis
+        for figure, axes in zip(markers.figures, REACHES, strict=True)
+        for axis in axes
+        if figure.verdict == "departs"
+    }
+    if item.axis not in reached:
+        return item
+    verdicts = {
+        name: WEAK if word == IDENTIFIED else word for name, word in item.equation.verdicts.items()
+    }
+    return replace(item, equation=replace(item.equation, verdicts=verdicts))
+
+
+def markers_words(markers: Markers) -> str:
+    """Return what the legs say of the markers, in sentences."""
+    if not markers.departs:
+        unseen = [item.name for item in markers.figures if item.verdict == "not observable"]
+        if not unseen:
+            return "Markers sit where the vehicle file says, as far as these legs tell."
+        file = "" if markers.stated else "; the vehicle file states none (0 is taken)"
+        return (
+            f"Where the markers sit ({', '.join(unseen)}) is not observable: the vehicle turns too"
+            f" little{file}."
+        )
+    parts = [
+        f"{item.name.removeprefix('arm ')} {item.corrected:.3f} m (vehicle file"
+        f" {item.file_value:.3f}, standard error {item.standard_error:.3f})"
+        for item in markers.figures
+        if item.corrected is not None
+    ]
+    head = f"Markers sit off the place that the vehicle file states: {', '.join(parts)}."
+    if markers.used:
+        return f"{head} Velocities are corrected by that."
+    return (
+        f"{head} Turning is taken for motion ahead and aside, and what follows from that is weak at"
+        " best. Write it as sensors.pose.arm of the vehicle file, or set"
+        " stages.fit_axes.marker_arm: estimated."
+    )
+
+
+def _of_poses(leg: LegData) -> bool:
+    return POSES in leg.windows.measured_by.values()
+
+
+def _turning(leg: LegData) -> list[TurningLeg]:
+    """Return unbroken motion within the windows of any axis."""
+    record = leg.record
+    nu = np.column_stack([record.rate[name] for name in VELOCITIES])
+    force = np.column_stack([record.force[axis] for axis in "XYZ"])
+    inside = np.zeros(len(nu), dtype=np.bool_)
+    for windows in record.windows.values():
+        for first, end in windows:
+            inside[first:end] = True
+    inside &= np.isfinite(nu).all(axis=1) & np.isfinite(force).all(axis=1)
+    step_s = float(record.t_s[1] - record.t_s[0])
+    return [TurningLeg(step_s, nu[a:b], force[a:b]) for a, b in stretches(inside)]
