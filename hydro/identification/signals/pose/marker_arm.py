@@ -96,7 +96,7 @@ def _estimate(blocks: Sequence[Rows]) -> tuple[Array, Array]:
     weights = np.ones(3)
     for _ in range(2):
         parts = [_normal(block, weights) for block in blocks]
-        value, seen = _solved(np.sum(parts, axis=0))
+        value, moving = _solved(np.sum(parts, axis=0))
         by = np.append(-value, 1.0)
         squares = [
             float(np.mean(np.concatenate([block[row] @ by for block in blocks]) ** 2))
@@ -107,7 +107,7 @@ def _estimate(blocks: Sequence[Rows]) -> tuple[Array, Array]:
     moved = np.array([_solved(total - part)[0] - value for part in parts])[:, :3]
     spread = (count - 1) / count * np.sum(moved**2, axis=0)
     wide = float(stdtrit(count - 1, 0.975)) / NORMAL_95
-    return value[:3], np.where(seen[:3], wide * np.sqrt(spread), np.inf)
+    return value[:3], np.where(moving[:3], wide * np.sqrt(spread), np.inf)
 
 
 def _normal(block: Rows, weights: Array) -> Array:
@@ -120,11 +120,11 @@ def _normal(block: Rows, weights: Array) -> Array:
 def _solved(products: Array) -> tuple[Array, Mask]:
     """Return the solution (k,) of normal equations, and which columns move at all."""
     size = np.sqrt(np.diag(products)[:-1])
-    seen = size > 0.0
-    size = np.where(seen, size, 1.0)
+    moving = size > 0.0
+    size = np.where(moving, size, 1.0)
     matrix = products[:-1, :-1] / np.outer(size, size)
     inverse = np.linalg.pinv(matrix, rcond=1e-10, hermitian=True)
-    return inverse @ (products[:-1, -1] / size) / size, seen
+    return inverse @ (products[:-1, -1] / size) / size, moving
 
 
 def _all_blocks(legs: Sequence[TurningLeg], mass_matrix: Array) -> list[Rows]:
