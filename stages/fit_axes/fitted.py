@@ -195,7 +195,7 @@ class Together:
 
 @dataclass(frozen=True)
 class Markers:
-    """Arm of the markers, by vehicle file and legs; `used`: the legs' is in the motion."""
+    """Arm of the markers by file and legs; `used`: the motion has that of the legs."""
 
     figures: tuple[InstallationFigure, ...]
     stated: bool
@@ -203,7 +203,7 @@ class Markers:
 
     @property
     def departure(self) -> Array:
-        """Return what departs (3,) [m]; 0 where the vehicle file is not contradicted."""
+        """Return what departs (3,) [m]; 0 where legs agree with the vehicle file."""
         return np.array([i.departure if i.verdict == "departs" else 0.0 for i in self.figures])
 
     @property

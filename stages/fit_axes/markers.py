@@ -54,7 +54,7 @@ def markers_of(legs: Mapping[str, LegData], vehicle: Vehicle, *, use: bool) -> M
 
 
 def at_origin(legs: Mapping[str, LegData], departure: Array) -> dict[str, LegData]:
-    """Return legs whose velocity of poses is that of the origin: v - omega x departure."""
+    """Return legs whose velocity of poses is v - omega x departure."""
     out = {}
     for key, leg in legs.items():
         rate = leg.record.rate
@@ -68,7 +68,7 @@ def at_origin(legs: Mapping[str, LegData], departure: Array) -> dict[str, LegDat
 
 
 def doubted(item: FittedAxis, markers: Markers | None) -> FittedAxis:
-    """Return an axis with no verdict above weak where a wrong arm reaches its motion."""
+    """Return an axis, at best weak where a wrong arm reaches its motion."""
     if markers is None or markers.used:
         return item
     reached = {

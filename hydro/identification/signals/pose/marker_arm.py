@@ -47,7 +47,7 @@ Rows = tuple[Array, Array, Array]
 
 @dataclass(frozen=True)
 class TurningLeg:
-    """Unbroken motion at steps of step_s [s]: nu (n, 6), force ahead, aside, down (n, 3)."""
+    """Motion nu (n, 6) without a gap, at steps step_s [s]; force (n, 3) on u, v, w."""
 
     step_s: float
     nu: Array
@@ -111,7 +111,7 @@ def _estimate(blocks: Sequence[Rows]) -> tuple[Array, Array]:
 
 
 def _normal(block: Rows, weights: Array) -> Array:
-    """Return the products (k + 1, k + 1) of all columns and the target, rows weighted."""
+    """Return products (k + 1, k + 1) of columns and target, rows weighted."""
     return np.asarray(
         np.sum([w * rows.T @ rows for w, rows in zip(weights, block, strict=True)], axis=0)
     )
@@ -132,7 +132,7 @@ def _all_blocks(legs: Sequence[TurningLeg], mass_matrix: Array) -> list[Rows]:
 
 
 def _blocks(leg: TurningLeg, mass_matrix: Array) -> list[Rows]:
-    """Return rows of surge, sway and heave, block by block: columns, then the target."""
+    """Return rows of surge, sway and heave, block by block."""
     half = max(2, round(0.5 * BUMP_S / leg.step_s))
     if len(leg.nu) < 2 * half + 2:
         return []
