@@ -17,6 +17,7 @@ from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
+from auvid.stages.ingest.health.actuation.unrelated_commands import unrelated_commands
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.motion import motion_findings
@@ -98,8 +99,7 @@ def check_health(
     excited = excitation(log)
     uses = capabilities(log, excited)
     measured = [item for check in CHECKS for item in check(log)]
-    answers = responses(log)
-    measured += [item for check in OF_ANSWERS for item in check(log, answers)]
+    measured += _of_commands(log)
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -116,6 +116,19 @@ def check_health(
         "excitation": excited,
         "notes": list(info.notes),
     }
+
+
+def _of_commands(log: CheckedLog) -> list[Finding]:
+    """Return the findings of motion and commands.
+
+    Commands of another motion say nothing of this one, so its checks go without them.
+    """
+    unrelated = list(unrelated_commands(log))
+    if unrelated:
+        tables = {name: table for name, table in log.tables.items() if name != "actuators"}
+        log = replace(log, tables=tables)
+    answers = responses(log)
+    return [*unrelated, *(item for check in OF_ANSWERS for item in check(log, answers))]
 
 
 CHECKS = (

@@ -418,6 +418,16 @@ def _pounds(log: Log) -> None:
     log.vehicle = vehicle_from_document(document)
 
 
+@spoils("commands_unrelated")
+def _of_another_dive(log: Log) -> None:
+    """Outputs that a pilot held for a second each on another day."""
+    rng = np.random.default_rng(9)
+    count = log.t_s("actuators").size
+    for number in range(1, 9):
+        levels = np.repeat(rng.uniform(1300.0, 1700.0, count // 10 + 1), 10)[:count]
+        log.streams["actuators"][f"pwm_{number}_us"] = levels
+
+
 @spoils("response_sign")
 def _backward(log: Log) -> None:
     """Thrusters push aft where the vehicle speeds up."""

@@ -188,6 +188,13 @@ def frozen(case: Case) -> None:
         values[name] = np.where(np.arange(900) > 500, values[name][500], values[name])
 
 
+def other_dive(case: Case) -> None:
+    """The commands are those of another dive: these, the last first."""
+    for name in PULSES if len(case.files) == 1 else tuple(f"pwm_{n}_us" for n in range(1, 9)):
+        values, column = case.values(name)
+        values[column] = values[column][::-1].copy()
+
+
 def other_clock(case: Case) -> None:
     case.files["velocity.csv"]["time_s"] = case.files["velocity.csv"]["time_s"] + 1.7e6
 
@@ -469,6 +476,8 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "in pounds twice",
     ),
     "velocity in whole m/s": (data(np.round, *SPEED), "velocity_coarse", "steps of 1 m/s"),
+    "commands of another dive": (other_dive, "commands_unrelated", "nothing to do with"),
+    "commands 8 s late": (late(8.0, *PULSES), "commands_unrelated", "8 s earlier"),
     "pressure in mbar read as cm": (
         data(lambda z: (1013.25 + 100.5 * z) / 100.0, "depth_m"),
         "depth_zero_unseen",
@@ -520,9 +529,14 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "velocity_axes",
         "turned by",
     ),
+    "commands of another dive, eight thrusters": (
+        other_dive,
+        "commands_unrelated",
+        "nothing to do with",
+    ),
     "yaw and its rate both turned": (sign("psi_rad", GYRO[2]), "response_sign", "Yaw"),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-4:]
+WHOLE_DIVE = tuple(DIVE_CASES)[-5:]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",
