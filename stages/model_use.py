@@ -19,7 +19,12 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, MAY_IDENTIFY, SHORT_OF
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    MAY_IDENTIFY,
+    NOT_EXCITED,
+    SHORT_OF,
+)
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
@@ -53,13 +58,13 @@ def usable_for(
     """Return what a model is usable for: forces, simulation and control, by axis.
 
     constant: axis -> J/J0 of the mean training force by itself. An axis counts for forces
-    where its error is clearly below that and below the force. It is simulated where its
-    free runs err less than a plain guess (`free_run_ratios`) and its own drive does not
-    tip the model over, and under attitude hold where it does, but no free run is lost: the
-    autopilot that flew them held roll and pitch. These two are simulated where no drive
-    tips it over and their damping rests on data or a prior. A controller is designed on no
-    axis of a model whose roll or pitch runs are worse than a guess: it would act through
-    tilts that the model gets wrong.
+    where its error is clearly below that and below the force. It is simulated where the
+    training legs excite its damping, its free runs err less than a plain guess
+    (`free_run_ratios`) and its own drive does not tip the model over, and under attitude
+    hold where it does, but no free run is lost: the autopilot that flew them held roll and
+    pitch. These two are simulated where no drive tips it over and their damping rests on
+    data or a prior. A controller is designed on no axis of a model whose roll or pitch
+    runs are worse than a guess: it would act through tilts that the model gets wrong.
     """
 
     def below(value: float | None, limit: float) -> bool:
@@ -72,7 +77,9 @@ def usable_for(
         if below(merits[axis].validation, min(1.0, SMALLER * constant.get(axis, math.inf)))
     ]
     holds = model.runs > 0 and not model.faults
-    runs = [axis for axis in forces if holds and below(merits[axis].free_run, 1.0)]
+    runs = [
+        axis for axis in forces if holds and below(merits[axis].free_run, 1.0) and damps(card, axis)
+    ]
     simulation = [
         axis
         for axis in runs
@@ -242,6 +249,11 @@ def damping_of(card: ModelCard, axis: str) -> str:
     """Return what damping along an axis is: identified, from the prior or unknown."""
     verdicts = _damping_verdicts(card, axis)
     return next((best for best in (IDENTIFIED, FROM_PRIOR) if best in verdicts), UNKNOWN)
+
+
+def damps(card: ModelCard, axis: str) -> bool:
+    """Return whether the damping of an axis is more than terms that nothing excites."""
+    return _damping_verdicts(card, axis) != {NOT_EXCITED}
 
 
 def damping_verdict(card: ModelCard, axis: str) -> str:

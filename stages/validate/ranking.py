@@ -199,7 +199,7 @@ def _choice(
     candidates = [
         RankedModel(
             item.name,
-            item.terms,
+            sum(_fitted(cards[item.name], axis) for axis in cards[item.name].axes),
             np.array(
                 [v for part in cards[item.name].held_out.values() if (v := part[ALL]) is not None]
             ),
@@ -217,10 +217,8 @@ def _choice(
         words = words.replace("the best", cards[chosen.best].title, 1)
     passing = sum(item.is_sound for item in candidates)
     if 0 < passing < len(candidates):
-        words += (
-            f"; of {len(candidates)} models that predict the force {passing}"
-            f" pass{'es' * (passing == 1)} physics"
-        )
+        words += f"; of {len(candidates)} models that predict the force"
+        words += " it alone passes physics" if passing == 1 else f" {passing} pass physics"
     elif not passing:
         words += "; none of the models that predict the force passes physics"
     name, place = chosen.name, {item.name: item for item in better}
@@ -274,15 +272,20 @@ def _information(
         if row is None or part is None:
             values[axis] = math.nan
             continue
-        terms = part.rank - sum(item.verdict == AT_BOUND for item in part.terms)
-        terms += sum(item.name.startswith(axis) for item in card.inertia)
         values[axis] = bic(
             row["sse"],
-            terms,
+            _fitted(card, axis),
             n_samples=row["samples"],
             samples_per_one=samples_per_one.get(axis, 1.0),
         )
     return {ALL: sum(values.values()), **values}
+
+
+def _fitted(card: ModelCard, axis: str) -> int:
+    """Return how many numbers of an axis the data set, with constant and inertia."""
+    part = card.axes[axis]
+    at_bound = sum(item.verdict == AT_BOUND for item in part.terms)
+    return part.rank - at_bound + sum(item.name.startswith(axis) for item in card.inertia)
 
 
 def _counts(card: ModelCard, axis: str) -> dict[str, int]:

@@ -79,20 +79,25 @@ def choose(candidates: Sequence[RankedModel]) -> Choice | None:
         best = min(judged, key=_mean)
         near = [item for item in judged if _within_one_error(item, best)]
         chosen = min(near, key=lambda item: (item.terms, _mean(item)))
-        words = f"within one standard error of the best over {legs} legs, each left out in turn"
-        return Choice(chosen.name, best.name, f"the simplest {words}")
+        words = f"the best over {legs} legs, each left out in turn"
+        if chosen is best:
+            words += " (no simpler model is within one standard error of it)"
+        else:
+            words = f"the simplest within one standard error of {words}"
+        return Choice(chosen.name, best.name, words)
     judged = [item for item in sound if np.isfinite(item.information)]
     if not judged:
         return None
     best = min(judged, key=lambda item: item.information)
     near = [item for item in judged if item.information - best.information <= CLEAR_DIFFERENCE]
     chosen = min(near, key=lambda item: (item.terms, item.information))
-    return Choice(
-        chosen.name,
-        best.name,
-        f"the simplest with a BIC within {CLEAR_DIFFERENCE:g} of the least: one training leg"
-        " leaves none to leave out",
+    words = (
+        f"the one of least BIC (no simpler model is within {CLEAR_DIFFERENCE:g} of it)"
+        if chosen is best
+        else f"the simplest with a BIC within {CLEAR_DIFFERENCE:g} of the least"
     )
+    words += ": one training leg leaves none to leave out"
+    return Choice(chosen.name, best.name, words)
 
 
 def _mean(item: RankedModel) -> float:

@@ -24,6 +24,7 @@ from auvid.stages.model_use import (
     TILTS,
     axes_listed,
     damping_of,
+    damps,
     failing_axes,
     listed,
     lost_tilts,
@@ -126,11 +127,13 @@ def _uses(
         reason = "; ".join(chosen.faults)
     elif not usable.simulation and not usable.under_attitude_hold:
         reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than {GUESS}"
+        reason += _unexcited_damping(usable.forces, card)
     else:
         reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting {GUESS}"
         steadied = usable.under_attitude_hold
         rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
         reason += f", {axes_listed(rest)} not" if rest else ""
+        reason += _unexcited_damping([axis for axis in rest if axis in usable.forces], card)
         reason += (
             f"; {axes_listed(steadied)} where an autopilot holds roll and pitch" if steadied else ""
         )
@@ -151,7 +154,7 @@ def _uses(
         if axis not in usable.control
     ]
     if lost := lost_tilts(chosen):
-        times = listed([f"{error:.2g}" for error in lost.values()])
+        times = listed([f"{error:.{0 if error >= 10 else 1}f}" for error in lost.values()])
         words = f"its {axes_listed(tuple(lost))} runs err {times} times as much as {GUESS}"
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     parts = []
@@ -164,6 +167,11 @@ def _uses(
     words = f"{', '.join(parts)}: where the training legs went"
     uses.append(Use("Within", "", true_minus(words)))
     return tuple(uses)
+
+
+def _unexcited_damping(axes: Sequence[str], card: ModelCard) -> str:
+    still = [axis for axis in axes if not damps(card, axis)]
+    return f" ({axes_listed(still)}: damping not excited)" if still else ""
 
 
 def _some(axes: Sequence[str]) -> str:

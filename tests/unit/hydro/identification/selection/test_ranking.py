@@ -106,7 +106,9 @@ def test_a_simple_model_is_taken_within_one_error_and_not_beyond():
     near = candidate("near", [0.34, 0.30, 0.31, 0.29], terms=5)
     worse = candidate("worse", [0.34, 0.36, 0.32, 0.33], terms=5)
     assert choose([best, near]).name == "near"
+    assert choose([best, near]).rule.startswith("the simplest within one standard error of the")
     assert choose([best, worse]).name == "best"
+    assert choose([best, worse]).rule.startswith("the best over 4 legs"), "it is not the simplest"
 
 
 def test_a_model_that_breaks_physics_is_taken_only_where_all_do():

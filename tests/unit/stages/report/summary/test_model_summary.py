@@ -56,7 +56,7 @@ def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) ->
     first_screen = summary_of(run)
     assert first_screen.recommended == "coe"
     assert first_screen.headline.startswith("Coe: use it to predict forces")
-    assert first_screen.rule.startswith("Chosen as the simplest")
+    assert first_screen.rule.startswith("Chosen as the one of least BIC (no simpler model")
     assert [use.label for use in first_screen.uses] == [
         "Forces",
         "Simulation",
@@ -177,13 +177,23 @@ def test_simulation_is_promised_only_where_free_runs_hold_and_help(
 ) -> None:
     for axis in ("all", *AXES):
         set_ratio(run, "validation", {"coe": 0.2}, axis)
-    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "KM")
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "ZKM")
     run.free_run = free_runs("coe", lost=lost, error=error)
     first_screen = summary_of(run)
     (use,) = (use for use in first_screen.uses if use.label == "Simulation")
     assert use.axes == ("all axes" if "surge" in axes else axes)
     assert words in use.reason
     assert ("not to simulate" in first_screen.headline) is (axes == "no axis")
+
+
+def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "KM")
+    run.free_run = free_runs("coe", lost=0, error=0.1)
+    (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")
+    assert use.axes == "surge, sway, roll, pitch and yaw"
+    assert use.reason.endswith("heave not (heave: damping not excited)")
 
 
 @pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
@@ -203,7 +213,7 @@ def test_a_model_that_does_not_hold_roll_is_said_to_tip_over(
 @pytest.mark.parametrize(
     ("column", "axes", "words"),
     [
-        ("phi_rms_rad", "no axis", "its roll runs err 3 times as much as no change or no motion"),
+        ("phi_rms_rad", "no axis", "its roll runs err 3.0 times as much as no change or no motion"),
         ("v_rms_m_s", "surge, heave, roll, pitch and yaw", "damping identified"),
     ],
 )
