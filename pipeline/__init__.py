@@ -1,8 +1,10 @@
 """Campaigns, runner, store of artefacts, execution engines and the command line.
 
 One BLAS thread, here and in every worker: more threads would change the last digits of
-a result with the machine. The variables work only if they are set before numpy is
-loaded, so they are set where this floor is entered.
+a result with the machine. Arrow takes its memory from the system, which has it back at
+once: a pool of its own keeps the columns of one table while the next is read. The
+variables work only if they are set before the libraries are loaded, so they are set
+where this floor is entered.
 """
 
 import os
@@ -15,3 +17,4 @@ for _name in (
     "NUMEXPR_NUM_THREADS",
 ):
     os.environ[_name] = "1"
+os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")

@@ -83,6 +83,7 @@ def _run(task: Task) -> Record:
             _check_unchanged(task)  # half a file gives strange faults
             raise
     _check_unchanged(task)
+    give_back()
     written: list[Path] = []
     try:
         outputs = {port.name: _write(task, port, results, written) for port in task.outputs}

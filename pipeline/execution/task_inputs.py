@@ -6,6 +6,7 @@ Sources are small and picklable; they are opened by the process that runs the it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from auvid.data_schemas.documents import written
 from auvid.data_schemas.errors import DataError, LogError, PipelineError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import Campaign, LogFile
+from auvid.pipeline.execution.memory import give_back
 from auvid.pipeline.graph import Port
 from auvid.pipeline.store import artefacts
 from auvid.pipeline.store.atomic_files import contents, readable
@@ -22,6 +24,9 @@ from auvid.pipeline.store.file_hashes import hash_value
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import Collection, RawFile, RawLog
 from auvid.stages.simulate.csv_writer import column_maps
+
+LONG_FILE_BYTES = 8_000_000
+"""Before a longer file is loaded, memory of what was loaded earlier is given back."""
 
 
 class Source(Protocol):
@@ -77,6 +82,9 @@ class Artefact:
         return self.hash
 
     def load(self) -> Any:
+        with suppress(OSError):  # the loading says what is wrong
+            if self.path.stat().st_size > LONG_FILE_BYTES:
+                give_back()
         return artefacts.load(self.path, self.schema, self.hash)
 
 

@@ -219,9 +219,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 value=ALL,
             )
 
-    def judged() -> Iterator[tuple[str, str, pa.Table, Array, dict[str, Array]]]:
+    def judged() -> Iterator[tuple[str, str, pa.Table, Array, Mapping[str, Array]]]:
         for key, residual in inputs.residual.items():
             predicted = _forces(inputs, models, key, residual)
+            if segments[key].use == "validation":  # its plots show all models
+                predicted = dict(predicted)
             yield key, str(segments[key].use), residual, forces(residual, "tau_bar"), predicted
 
     def groups(key: str, model: str) -> tuple[Group, Group]:
@@ -330,9 +332,12 @@ def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -
 
 def _forces(
     inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
-) -> dict[str, Array]:
+) -> Mapping[str, Array]:
+    """Return the force (n, 6) of each model on a segment, worked out when it is asked for."""
     fused = _fused(inputs, models, key)
-    return {name: model.force(residual, fused) for name, model in models.items()}
+    return Collection(
+        {name: partial(model.force, residual, fused) for name, model in models.items()}
+    )
 
 
 def _fused(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table | None:

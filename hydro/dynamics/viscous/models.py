@@ -21,6 +21,8 @@ from auvid.hydro.dynamics.viscous.basis import basis, basis_term_names, needs_pr
 
 Coefficients = Mapping[str, Mapping[str, float]]
 """Axis -> term -> coefficient in SI."""
+PIECE = 1 << 14
+"""Samples of which all terms of a model are in memory at once."""
 
 _ORDER = {name: index for index, name in enumerate(basis_term_names())}
 _ETA = "({})*(eta-1)"
@@ -230,4 +232,12 @@ class IdentifiedModel:
 
     def force(self, nu: ArrayLike, eta_ratio: ArrayLike | None = None) -> Array:
         """tau_nu: (..., 6), (...) -> (..., 6) [N, N m]."""
-        return np.asarray(self.regressor(nu, eta_ratio) @ self.matrix.T)
+        nu = np.asarray(nu, dtype=np.float64)
+        if nu.ndim != 2 or len(nu) <= PIECE:
+            return np.asarray(self.regressor(nu, eta_ratio) @ self.matrix.T)
+        ratio = None if eta_ratio is None else np.broadcast_to(eta_ratio, len(nu))
+        force = np.empty((len(nu), 6))
+        for rows in (slice(start, start + PIECE) for start in range(0, len(nu), PIECE)):
+            part = None if ratio is None else ratio[rows]
+            np.matmul(self.regressor(nu[rows], part), self.matrix.T, out=force[rows])
+        return force

@@ -102,10 +102,11 @@ def test_help_loads_nothing_heavy() -> None:
     assert not loaded & {"numpy", "scipy", "pandas", "pyarrow", "rerun", "dvc", "numba"}
 
 
-def test_one_blas_thread_is_set_before_numpy() -> None:
+def test_blas_threads_and_the_memory_of_arrow_are_set_before_either_is_loaded() -> None:
     program = (
         "import auvid.pipeline, sys, os; print('numpy' in sys.modules,"
-        " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])"
+        " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS']);"
+        "import pyarrow; print(pyarrow.default_memory_pool().backend_name)"
     )
     said = subprocess.run(
         [sys.executable, "-c", program],
@@ -114,7 +115,7 @@ def test_one_blas_thread_is_set_before_numpy() -> None:
         check=True,
         env={"OMP_NUM_THREADS": "8"},
     ).stdout
-    assert said.split() == ["False", "1", "1"]
+    assert said.split() == ["False", "1", "1", "system"]
 
 
 @pytest.mark.parametrize(

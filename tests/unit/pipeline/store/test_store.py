@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 from auvid.data_schemas.errors import DataError, PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
-from auvid.pipeline.store import pipes
-from auvid.pipeline.store.artefacts import encode, load, to_json, to_plain
+from auvid.pipeline.store import artefacts, pipes
+from auvid.pipeline.store.artefacts import encode, in_pieces, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import (
     TEMPORARY,
     contents,
@@ -380,6 +380,20 @@ def test_what_is_saved_comes_out_in_pieces_while_it_is_written() -> None:
     first = next(pieces)
     assert sum(sizes) < 1_000_000  # the pipe holds the writer back
     assert len(first) + sum(map(len, pieces)) == 4_000_000
+
+
+def test_a_long_table_is_written_while_it_is_encoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipes, "PIECE_BYTES", 300)
+    table = depth_table()
+    content = encode(table, "depth", file="x")
+    assert list(in_pieces(table, "depth", file="x")) == [content]
+    monkeypatch.setattr(artefacts, "LONG_TABLE_BYTES", 0)
+    pieces = list(in_pieces(table, "depth", file="x"))
+    assert len(pieces) > 1
+    assert b"".join(pieces) == content
+    wrong = table.append_column("odd", table.column(0))
+    with pytest.raises(SchemaError, match="unknown column"):
+        list(in_pieces(wrong, "depth", file="x"))
 
 
 @pytest.mark.parametrize("opens", [True, False])
