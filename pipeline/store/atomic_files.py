@@ -24,6 +24,10 @@ NAMED_FILES = 5
 LARGEST_IN_MEMORY = 1 << 30
 FILES_READ: set[Path] = set()
 """Documents and logs that this process has read, or has looked for."""
+SYSTEM_REFUSALS: list[OSError] = []
+"""What the system refused this process, in order: disk, memory, permission. It says nothing
+of a log or a campaign, so what comes of it is no result to keep.
+"""
 SPACE = "Free some space and run again: what was finished is kept."
 OWNER = "Check who owns the folder."
 DISK = "The disk or its connection has a fault: see the system's log, then run again."
@@ -39,17 +43,24 @@ REMEDIES = {
     errno.ENAMETOOLONG: "Shorten the name.",
     errno.EMFILE: "Too many files are open: raise the limit (ulimit -n).",
     errno.ENFILE: "Too many files are open on this machine.",
+    errno.ENOMEM: "Free some memory and run again: what was finished is kept.",
 }
 """Refusals of the system that no change of auvid can mend, with what helps."""
 
 
 def refusal(fault: OSError, words: str, file: object = None) -> PipelineError:
     """Return what the system refused as a fault with file and remedy."""
+    _remember(fault)
     return PipelineError(
         f"{words}: {fault.strerror or fault}",
         file=fault.filename if file is None else file,
         remedy=REMEDIES.get(fault.errno or 0),
     )
+
+
+def _remember(fault: OSError) -> None:
+    if fault.errno in REMEDIES:
+        SYSTEM_REFUSALS.append(fault)
 
 
 @contextmanager
@@ -200,10 +211,12 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
             f"{what} is not there", file=file, value=str(path), remedy=_neighbours(path)
         ) from fault
     except PermissionError as fault:
+        _remember(fault)
         raise PipelineError(
             f"{what} cannot be read: no permission", file=file, value=str(path)
         ) from fault
     except OSError as fault:
+        _remember(fault)
         raise PipelineError(
             f"{what} cannot be read: {fault.strerror or fault}", file=file, value=str(path)
         ) from fault

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from typing import TypeVar
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.pipeline.commands.fleet.discovery import Discovery, FleetLog, discover
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
-from auvid.pipeline.commands.fleet.fleet_tables import FleetRow, write_tables
+from auvid.pipeline.commands.fleet.fleet_tables import FleetRow, GrowingTables
 from auvid.pipeline.commands.fleet.log_work import (
     MARK,
     document_path,
@@ -40,7 +40,7 @@ from auvid.pipeline.terminal import path_from_here, plain, table
 STATES = ("done", "partly", "refused")
 DIED = (
     "the process that worked on it died twice, the second time with no other log beside it,"
-    " perhaps for lack of memory"
+    " perhaps for lack of memory; the next auvid fleet run tries it again"
 )
 LISTED = 20
 COMPARED = ".compared.json"
@@ -91,25 +91,33 @@ def _run_fleet(
         logs = {log.id: log for log in disk.logs}
         unique = [log for log in disk.logs if not log.copy_of]
         tasks = {log.id: survey_task(log, fleet) for log in unique}
-        surveys, surveyed = _bring(LogSurvey, "survey", tasks, logs, engine, force=force)
+        surveyed = _bring("survey", tasks, logs, engine, force=force)
+        surveys = {log: _document(LogSurvey, task) for log, task in tasks.items()}
         names = {log.id: log.files[0].name for log in disk.logs}
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
         same = _same_dives(fleet, list(surveys.values()))
         reasons |= refusals(same, names)
         tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
-        results, ran = _bring(FleetRun, "run", tasks, logs, engine, force=force)
+        ran = _bring("run", tasks, logs, engine, force=force)
         better = {pair.other: pair.better for pair in same}
         rows = []
+        tables = GrowingTables()
         for log in disk.logs:
             survey = surveys[log.copy_of or log.id]
-            reason = reasons.get(log.id, "")
             if log.copy_of:
                 reason = f"the same content as {logs[log.copy_of].paths[0]}"
-            result = results.get(log.id) or unfinished(log.id, "", one_line(reason))
+            else:
+                reason = reasons.get(log.id, "")
+            if log.id in tasks:
+                result = _document(FleetRun, tasks[log.id])
+            else:
+                result = unfinished(log.id, "", one_line(reason))
             used = log.copy_of or better.get(log.id, "")
-            rows.append(FleetRow(log.id, log.paths, used, survey, result))
+            row = FleetRow(log.id, log.paths, used, survey, result)
+            tables.add(row)
+            rows.append(row.outline)
         _write_index(fleet, target, disk, rows)
-        write_tables(fleet, rows)
+        tables.write(fleet)
     return FleetOutcome(tuple(rows), surveyed, ran, disk.others)
 
 
@@ -130,57 +138,52 @@ def _same_dives(fleet: FleetFolder, surveys: Sequence[LogSurvey]) -> list[SameDi
 
 
 def _bring(
-    kind: type[D],
     name: str,
     tasks: Mapping[str, Task],
     logs: Mapping[str, FleetLog],
     engine: Engine,
     *,
     force: bool,
-) -> tuple[dict[str, D], int]:
-    """Return the documents of all tasks by log, and how many had to be made.
+) -> int:
+    """Make the documents of tasks that are not there, and return how many those were.
 
     A document is fresh that bears the key of its task. It is written by the process
-    that made it, so that nothing of it is lost with this one.
+    that made it, so that nothing of it is lost with this one, nor stays in it.
     """
-    documents: dict[str, D] = {}
-    stale = []
-    for log, task in tasks.items():
-        fresh = None if force else _fresh(kind, task)
-        if fresh is None:
-            stale.append(task)
-        else:
-            documents[log] = fresh
+    stale = [task for task in tasks.values() if force or not _is_fresh(task)]
     with show_progress() as progress:
         progress.stage(name, todo=len(stale), total=len(tasks), level="log")
-        for task in _finished(stale, engine, logs, progress):
-            documents[task.item] = kind.model_validate_json(document_path(task).read_bytes())
+        _make(stale, engine, logs, progress)
         progress.finish(failed=0)
-    return {log: documents[log] for log in tasks}, len(stale)
+    return len(stale)
 
 
-def _fresh(kind: type[D], task: Task) -> D | None:
-    """Return the document of a task if it is fresh."""
-    path = document_path(task)
-    if not path.is_file():
-        return None
+def _is_fresh(task: Task) -> bool:
+    """Return whether a task has its document, and no process died on making it again."""
+    if _mark(task).exists():
+        return False
     try:
-        document = kind.model_validate_json(path.read_bytes())
-    except ValueError:
-        return None
-    return document if document.key == task.key else None
+        document = json.loads(document_path(task).read_bytes())
+    except (OSError, ValueError):
+        return False
+    return bool(document["key"] == task.key)
 
 
-def _finished(
+def _document(kind: type[D], task: Task) -> D:
+    return kind.model_validate_json(document_path(task).read_bytes())
+
+
+def _make(
     tasks: Sequence[Task], engine: Engine, logs: Mapping[str, FleetLog], progress: Progress
-) -> Iterator[Task]:
-    """Run tasks and yield each that has its document.
+) -> None:
+    """Run tasks until each has its document.
 
     Where a process dies, the logs that it held run alone, the others go on.
     """
     by_item = {task.item: task for task in tasks}
     suspects = [task for task in tasks if _mark(task).exists()]  # an earlier call died on them
-    waiting = [task for task in tasks if task not in suspects]
+    alone = {task.item for task in suspects}
+    waiting = [task for task in tasks if task.item not in alone]
     while waiting:
         lost = []
         for outcome in engine.map(waiting):
@@ -190,17 +193,14 @@ def _finished(
                 continue
             _settle(task, outcome, logs[task.item])
             progress.item(task.item)
-            yield task
         suspects += [task for task in lost if _mark(task).exists()]
         again = [task for task in lost if not _mark(task).exists()]
         if len(again) == len(waiting):  # no process stays alive, not even one without a log
             suspects, again = [*suspects, *again], []
         waiting = again
     for task in suspects:
-        _mark(task).unlink(missing_ok=True)
         _settle(task, _run_alone(task), logs[task.item])
         progress.item(task.item)
-        yield task
 
 
 def _mark(task: Task) -> Path:
@@ -213,14 +213,13 @@ def _run_alone(task: Task) -> Outcome:
         try:
             return pool.submit(execute, task).result()
         except BrokenProcessPool:
-            _mark(task).unlink(missing_ok=True)
             return Outcome(task.item, crash=DIED)
 
 
 def _settle(task: Task, outcome: Outcome, log: FleetLog) -> None:
     """Write the document of a task that failed in the place of its own.
 
-    That of a fault of auvid has no key: it is tried again by the next call.
+    It is tried again by the next call: nothing of the log itself ends a task so.
     """
     if outcome.record is not None:
         return
@@ -229,8 +228,6 @@ def _settle(task: Task, outcome: Outcome, log: FleetLog) -> None:
         reason = f"a fault of auvid: {outcome.crash}"
     (port,) = task.outputs
     document = failed(task, log, reason)
-    if outcome.trace:
-        document = document.model_copy(update={"key": ""})
     write_atomically(document_path(task), encode(document, port.schema, file=log.id))
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pyarrow as pa
@@ -22,6 +22,8 @@ from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS
 
 Rows = list[dict[str, Any]]
+MOST_LINES = 10_000
+"""Of a table that wait as Python objects."""
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 
 
@@ -40,14 +42,44 @@ class FleetRow:
         """Done, partly or refused."""
         return self.result.state
 
+    @property
+    def outline(self) -> FleetRow:
+        """Return the row without what only the tables need, most of its size."""
+        survey = self.survey.model_copy(update={"motion": None, "findings": []})
+        result = self.result.model_copy(update={"verdicts": [], "coefficients": []})
+        return replace(self, survey=survey, result=result)
 
-def write_tables(fleet: FleetFolder, rows: Sequence[FleetRow]) -> None:
-    """Write the four tables of a fleet."""
-    for name, make in MAKERS.items():
-        lines = [line for row in rows for line in make(row)]
-        columns = schema(TABLES[name]).columns
-        table = make_table(TABLES[name], {key: [line[key] for line in lines] for key in columns})
-        write_atomically(fleet.table(name), encode(table, TABLES[name], file=name))
+
+class GrowingTables:
+    """The tables of a fleet, which take its logs one after another.
+
+    Rows become Arrow as they come: as Python objects those of a thousand dives would take
+    gigabytes.
+    """
+
+    def __init__(self) -> None:
+        self._lines: dict[str, Rows] = {name: [] for name in TABLES}
+        self._parts: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
+
+    def add(self, row: FleetRow) -> None:
+        """Add the rows of a log."""
+        for name, make in MAKERS.items():
+            self._lines[name] += make(row)
+            if len(self._lines[name]) >= MOST_LINES:
+                self._to_arrow(name)
+
+    def write(self, fleet: FleetFolder) -> None:
+        """Write the four tables of a fleet."""
+        for name, parts in self._parts.items():
+            self._to_arrow(name)
+            table = pa.concat_tables(parts)
+            write_atomically(fleet.table(name), encode(table, TABLES[name], file=name))
+
+    def _to_arrow(self, name: str) -> None:
+        lines, columns = self._lines[name], schema(TABLES[name]).columns
+        cells = {key: [line[key] for line in lines] for key in columns}
+        self._parts[name].append(make_table(TABLES[name], cells))
+        self._lines[name] = []
 
 
 def read_table(fleet: FleetFolder, name: str) -> pa.Table:

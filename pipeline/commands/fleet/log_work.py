@@ -12,13 +12,13 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey, MotionTrace
 from auvid.data_schemas.records.logs import FindingRecord
@@ -33,20 +33,21 @@ from auvid.pipeline.commands.new.log_survey import survey
 from auvid.pipeline.commands.new.refusal import NoCampaignError, unreadable
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.run.run_command import execute
+from auvid.pipeline.execution.code_stamp import source_hash
 from auvid.pipeline.execution.task import Task
 from auvid.pipeline.execution.task_inputs import Value
 from auvid.pipeline.graph import Port
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import SYSTEM_REFUSALS, writable, write_atomically
 from auvid.pipeline.store.file_hashes import hash_file, hash_value
 from auvid.stages.base import Stage
 
-FORMAT = 3
-"""It goes up when documents of an earlier auvid must be made again."""
+AGAIN = ""
+"""Key of a document that is no result to keep: the next call makes it anew."""
 GROWING = "still growing: it changed while it was read; the next auvid fleet run takes it"
 MARK = "at_work"
 """File that stands in the folder of a log while a process works on it."""
-WRITTEN = "written.json"
-"""File in the folder of a log: hashes of its campaign as auvid wrote it, to know edits by."""
+WRITTEN = ".written.json"
+"""File of a campaign: hashes of its texts as auvid wrote them, to know edits by."""
 TRACE_STEP_S, MOST_STEPS = 0.5, 2000
 FIRST_YEAR = 2000
 """A clock before this was never set."""
@@ -85,7 +86,7 @@ def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
             "hash": log.hash,
             "files": log.paths,
             "vehicle": hash_of_file(log.vehicle),
-            "auvid": (auvid.__version__, FORMAT),
+            "auvid": _code(),
         }
     )
     return _task(SURVEY, "survey", "log_survey", log, fleet, key)
@@ -95,8 +96,14 @@ def run_task(log: FleetLog, fleet: FleetFolder) -> Task:
     """Return the task that runs the campaign of a log; edits of its files count."""
     defaults = hash_file(fleet.root / "params.yaml")
     document = {"texts": _texts(fleet.campaign(log.id)), "defaults": defaults, "hash": log.hash}
-    key = hash_value({**document, "auvid": (auvid.__version__, FORMAT)})
+    key = hash_value({**document, "auvid": _code()})
     return _task(RUN, "result", "fleet_run", log, fleet, key)
+
+
+@cache
+def _code() -> str:
+    """Return the hash of auvid's own files: each of them may change a result."""
+    return source_hash()
 
 
 def _task(
@@ -146,38 +153,68 @@ def refused_survey(log: FleetLog, key: str, reason: str) -> LogSurvey:
 
 
 def _survey(inputs: Inputs, _: Params) -> SurveyOutputs:
-    log = inputs.log
+    log, before = inputs.log, len(SYSTEM_REFUSALS)
     with _holding(inputs):
         if log.fault or not log.unchanged:
-            return SurveyOutputs(refused_survey(log, inputs.key, log.fault or GROWING))
-        document = _surveyed(inputs)
+            return SurveyOutputs(refused_survey(log, AGAIN, log.fault or GROWING))
+        try:
+            document = _surveyed(inputs)
+        except PipelineError as fault:
+            document = refused_survey(log, inputs.key, str(fault))
         if not log.unchanged:
-            return SurveyOutputs(refused_survey(log, inputs.key, GROWING))
-        return SurveyOutputs(document)
+            return SurveyOutputs(refused_survey(log, AGAIN, GROWING))
+    return SurveyOutputs(document.model_copy(update={"key": _kept(inputs, before)}))
 
 
 def _surveyed(inputs: Inputs) -> LogSurvey:
-    log, folder = inputs.log, inputs.fleet.campaign(inputs.log.id)
+    log = inputs.log
     surveyed = survey(log.files)
     page = surveyed[0].page
     if page.health is None:
         return refused_survey(log, inputs.key, unreadable(surveyed[0].name, page).reason)
-    record = inputs.fleet.logs / log.id / WRITTEN
-    edited = _edited(folder, record)
-    shutil.rmtree(folder, ignore_errors=True)
     try:
-        campaign = write_campaign(folder, surveyed, vehicle=log.vehicle, link=True)
-        write_atomically(record, json.dumps(_texts(folder)).encode())
+        with _new_campaign(inputs.fleet.campaign(log.id)) as folder:
+            campaign = write_campaign(folder, surveyed, vehicle=log.vehicle, link=True)
     except NoCampaignError as fault:
         refusal = fault.refusals[0]
         routes = [one_line(words) for words in refusal.routes]
         return _described(inputs, page, one_line(refusal.reason), routes=routes)
     except PipelineError as fault:
         return _described(inputs, page, one_line(fault))
-    finally:
-        for name, content in edited.items():
-            write_atomically(folder / name, content)
     return _described(inputs, campaign.page, "", campaign)
+
+
+@contextmanager
+def _new_campaign(folder: Path) -> Iterator[Path]:
+    """Give an empty folder that takes the place of a campaign; files of the user stay.
+
+    The campaign of before is whole until then, whenever a process dies. Where none is
+    written it goes, but for what the user wrote or changed.
+    """
+    before, fresh = (folder.with_name(f".{folder.name}.{word}") for word in ("before", "new"))
+    with writable(folder):
+        if before.is_dir() and not folder.is_dir():
+            before.rename(folder)  # an earlier process died here
+        for leftover in (before, fresh):
+            shutil.rmtree(leftover, ignore_errors=True)
+        fresh.mkdir(parents=True)
+    try:
+        try:
+            yield fresh
+        finally:
+            write_atomically(fresh / WRITTEN, json.dumps(_texts(fresh)).encode())
+            kept = _of_user(folder)
+            with writable(folder):
+                for name in kept:
+                    (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copy2(folder / name, fresh / name)
+                if folder.is_dir():
+                    folder.rename(before)
+                if kept or len(list(fresh.iterdir())) > 1:
+                    fresh.rename(folder)
+                shutil.rmtree(before, ignore_errors=True)
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
 
 
 def _texts(folder: Path) -> dict[str, str]:
@@ -187,14 +224,17 @@ def _texts(folder: Path) -> dict[str, str]:
     }
 
 
-def _edited(folder: Path, record: Path) -> dict[str, bytes]:
-    """Return the texts of a campaign that are not as they were written."""
+def _of_user(folder: Path) -> list[str]:
+    """Return the files of a campaign that are not as auvid wrote them."""
+    record = folder / WRITTEN
     written = json.loads(record.read_bytes()) if record.is_file() else {}
-    return {
-        name: (folder / name).read_bytes()
-        for name, digest in _texts(folder).items()
-        if written.get(name) != digest
-    }
+    files = [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
+    return [
+        name
+        for path in sorted(files)
+        if (name := str(path.relative_to(folder))) != WRITTEN
+        and written.get(name) != hash_file(path)
+    ]
 
 
 def _described(
@@ -316,17 +356,28 @@ def _rounded(values: npt.NDArray[np.float64]) -> list[float | None]:
 
 
 def _run(inputs: Inputs, _: Params) -> RunOutputs:
+    log, reason, before = inputs.log, "", len(SYSTEM_REFUSALS)
     with _holding(inputs):
-        folder = inputs.fleet.campaign(inputs.log.id)
-        opened = open_run(str(folder), inputs.fleet.workspace)
-        reason = ""
+        try:
+            opened = open_run(str(inputs.fleet.campaign(log.id)), inputs.fleet.workspace)
+        except PipelineError as fault:
+            return RunOutputs(unfinished(log.id, _kept(inputs, before), str(fault)))
         try:
             execute(opened, opened.graph.stages, quiet=True)
         except PipelineError as fault:
             reason = one_line(str(fault).partition("\nauvid check")[0])
-        if not inputs.log.unchanged:
-            return RunOutputs(unfinished(inputs.log.id, inputs.key, GROWING))
-        return RunOutputs(results_of(opened, inputs.fleet.root, inputs.key, reason))
+        if not log.unchanged:
+            return RunOutputs(unfinished(log.id, AGAIN, GROWING))
+        key = _kept(inputs, before)
+        return RunOutputs(results_of(opened, inputs.fleet.root, key, reason))
+
+
+def _kept(inputs: Inputs, before: int) -> str:
+    """Return the key of a document: none where the system refused something meanwhile.
+
+    before: how many refusals there were.
+    """
+    return inputs.key if len(SYSTEM_REFUSALS) == before else AGAIN
 
 
 def unfinished(log: str, key: str, reason: str) -> FleetRun:
@@ -358,10 +409,10 @@ RUN = _item("run", "run the campaign of a log", RunOutputs, _run)
 
 
 def failed(task: Task, log: FleetLog, reason: str) -> LogSurvey | FleetRun:
-    """Return the document of a task that could not give its own."""
+    """Return the document of a task that could not give its own: it is tried again."""
     if task.stage.name == SURVEY.name:
-        return refused_survey(log, task.key, reason)
-    return unfinished(log.id, task.key, reason)
+        return refused_survey(log, AGAIN, reason)
+    return unfinished(log.id, AGAIN, reason)
 
 
 def document_path(task: Task) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -17,8 +18,11 @@ from auvid.pipeline.commands.fleet.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
 from auvid.pipeline.commands.fleet.report.fleet_page import write_page
+from auvid.pipeline.commands.new import log_survey
 from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task import Outcome, Task, execute
+from auvid.pipeline.store.atomic_files import readable, writable
 from tests.support.small_logs import DATA
 
 LARGEST_PAGE = 5_000_000
@@ -164,6 +168,83 @@ def test_a_log_that_grows_while_it_is_read_is_refused(
     monkeypatch.setattr(log_work, "survey", growing)
     outcome = run_fleet(tmp_path, tmp_path / "fleet")
     assert outcome.rows[0].result.reason.startswith("still growing")
+
+
+def test_a_full_disk_is_no_result_to_keep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "disk").mkdir()
+    shutil.copy(CSV, tmp_path / "disk" / "dive.csv")
+
+    def full(run: Run, stages: object, *, quiet: bool) -> None:
+        with writable(run.folder / "ingest"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(log_work, "execute", full)
+        (row,) = run_fleet(tmp_path / "disk", tmp_path / "fleet").rows
+    assert "No space left" in row.result.reason
+    again = run_fleet(tmp_path / "disk", tmp_path / "fleet")
+    assert (again.surveyed, again.ran) == (0, 1)
+    assert "No space left" not in again.rows[0].result.reason
+
+
+def test_a_log_that_cannot_be_read_is_read_by_the_next_call(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "disk").mkdir()
+    shutil.copy(CSV, tmp_path / "disk" / "dive.csv")
+
+    def refusing(*_: object, **__: object) -> None:
+        with readable(CSV, file=CSV, what="log"):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(log_survey, "contents", refusing)
+        (row,) = run_fleet(tmp_path / "disk", tmp_path / "fleet").rows
+    assert "no permission" in row.result.reason
+    assert run_fleet(tmp_path / "disk", tmp_path / "fleet").surveyed == 1
+
+
+def test_a_log_that_kills_its_process_is_tried_again_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "b.BIN").write_bytes(b"b" * 1000)
+
+    def die(task: Task) -> Outcome:
+        return Outcome(task.item, crash=fleet_run.DIED)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(fleet_run, "_run_alone", die)
+        run_fleet(tmp_path, tmp_path / "fleet", engine=Dying("b-"))
+    monkeypatch.setattr(fleet_run, "_run_alone", execute)
+    again = run_fleet(tmp_path, tmp_path / "fleet", engine=Dying("nothing"))
+    assert again.surveyed == 1
+    assert "no reader recognises" in again.rows[0].result.reason
+
+
+def test_states_of_another_code_are_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.BIN").write_bytes(b"a" * 1000)
+    run_fleet(tmp_path, tmp_path / "fleet")
+    monkeypatch.setattr(log_work, "_code", lambda: "another")
+    assert run_fleet(tmp_path, tmp_path / "fleet").surveyed == 1
+
+
+def test_edits_outlive_a_survey_that_dies(tmp_path: Path) -> None:
+    folder = tmp_path / "campaigns" / "dive"
+    with log_work._new_campaign(folder) as fresh:
+        (fresh / "vehicle.yaml").write_text("name: a")
+        (fresh / "campaign.yaml").write_text("kind: axes")
+    (folder / "vehicle.yaml").write_text("name: b")
+    (folder / "notes.txt").write_text("calm sea")
+    folder.rename(folder.with_name(".dive.before"))  # where a process died
+    with log_work._new_campaign(folder) as fresh:
+        (fresh / "vehicle.yaml").write_text("name: c")
+        (fresh / "campaign.yaml").write_text("kind: bench")
+    assert (folder / "vehicle.yaml").read_text() == "name: b"
+    assert (folder / "campaign.yaml").read_text() == "kind: bench"
+    assert (folder / "notes.txt").read_text() == "calm sea"
+    assert [path.name for path in folder.parent.iterdir()] == ["dive"]
 
 
 def test_edits_of_a_campaign_outlive_a_survey(tmp_path: Path) -> None:
