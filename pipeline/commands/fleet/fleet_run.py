@@ -182,8 +182,8 @@ def _make(
     """
     by_item = {task.item: task for task in tasks}
     suspects = [task for task in tasks if _mark(task).exists()]  # an earlier call died on them
-    alone = {task.item for task in suspects}
-    waiting = [task for task in tasks if task.item not in alone]
+    suspected = {task.item for task in suspects}
+    waiting = [task for task in tasks if task.item not in suspected]
     while waiting:
         lost = []
         for outcome in engine.map(waiting):
