@@ -102,6 +102,12 @@ def fleet_report(
     open_it: Annotated[
         bool, typer.Option("--open", help="Open the report in the browser.")
     ] = False,
+    by_name: Annotated[
+        bool,
+        typer.Option(
+            "--by-name", help="Names of files are in order of time, where logs have no clock."
+        ),
+    ] = False,
 ) -> None:
     """Write the page of a fleet, and print its path and those of its tables.
 
@@ -112,7 +118,7 @@ def fleet_report(
     from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 
     place = open_fleet(folder)
-    write_page(place)
+    write_page(place, by_name=by_name)
     print(place.page)
     answer({"report": place.page, "tables": {name: place.table(name) for name in TABLES}})
     if open_it:

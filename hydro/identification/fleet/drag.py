@@ -72,7 +72,8 @@ def drag_at_speed(
         return None
     g = np.array([speed * (1.0 if terms[i] == damping[0] else abs(speed)) for i in at])
     sd: Array = np.sqrt(np.diag(part))
-    trade = float(part[0, 1] / (sd[0] * sd[1])) if len(at) == 2 else float("nan")
+    both = len(at) == 2 and bool(sd.all())
+    trade = float(part[0, 1] / (sd[0] * sd[1])) if both else float("nan")
     return DragAtSpeed(speed, float(-g @ own), float(np.sqrt(g @ part @ g)), trade)
 
 

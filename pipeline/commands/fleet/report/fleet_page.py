@@ -11,11 +11,15 @@ import numpy as np
 from markupsafe import Markup
 
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.fleet.alarms import ChangeAlarm
+from auvid.hydro.identification.fleet.alarms import FEWEST_BEFORE, ChangeAlarm
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
-from auvid.pipeline.commands.fleet.report.vehicle_figures import VehicleFigures, vehicle_figures
+from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    VehicleFigures,
+    in_time,
+    vehicle_figures,
+)
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
 from auvid.stages.number_format import estimate, significant, term, true_minus
@@ -35,17 +39,23 @@ MOST_CELLS = 20_000
 Row = dict[str, Any]
 
 
-def write_page(fleet: FleetFolder) -> None:
-    """Write the report of a fleet from its tables."""
+def write_page(fleet: FleetFolder, *, by_name: bool = False) -> None:
+    """Write the report of a fleet from its tables.
+
+    by_name: names of files are in order of time.
+    """
     tables = {name: read_table(fleet, name).to_pylist() for name in TABLES}
     index = json.loads(fleet.index.read_text(encoding="utf-8"))
-    write_atomically(fleet.page, fleet_page(str(index["disk"]), tables))
+    write_atomically(fleet.page, fleet_page(str(index["disk"]), tables, by_name=by_name))
 
 
-def fleet_page(title: str, tables: Mapping[str, Sequence[Row]]) -> bytes:
-    """Return the page of a fleet as HTML; `tables`: rows of the four tables."""
-    runs = sorted(tables["runs"], key=_time)
-    vehicles = list(vehicle_figures(tables["coefficients"], runs))
+def fleet_page(title: str, tables: Mapping[str, Sequence[Row]], *, by_name: bool = False) -> bytes:
+    """Return the page of a fleet as HTML; `tables`: rows of the four tables.
+
+    by_name: names of files are in order of time.
+    """
+    runs = sorted(tables["runs"], key=in_time(by_name))
+    vehicles = vehicle_figures(tables["coefficients"], runs, by_name=by_name)
     names = {row["log"]: _name(row) for row in runs}
     documents = {
         "usable": _usable_section(runs, order=1),
@@ -72,10 +82,6 @@ def fleet_page(title: str, tables: Mapping[str, Sequence[Row]]) -> bytes:
 def _hours(runs: Sequence[Row]) -> float:
     """Return the hours of all dives, one of two recorders each."""
     return float(sum(row["duration_s"] for row in runs if not row["same_as"])) / 3600.0
-
-
-def _time(row: Row) -> tuple[bool, str, str]:
-    return row["start_utc"] is None, row["start_utc"] or "", row["file"]
 
 
 def _name(row: Row) -> str:
@@ -420,11 +426,22 @@ def _changes_section(
     if dives:
         heads = ["vehicle", "dive", "figure", "value", "expected", "deviation", "what is different"]
         blocks.append(table("Outlying dives", heads, dives))
-    return section(
-        "Changes and outlying dives",
-        blocks or [text("No figure changed, and no dive departs from the others.")],
-        order=order,
-    )
+    if not blocks:
+        blocks.append(text("No figure changed, and no dive departs from the others."))
+    blocks += [text(words) for words in _order_unknown(vehicles)]
+    return section("Changes and outlying dives", blocks, order=order)
+
+
+def _order_unknown(vehicles: Sequence[VehicleFigures]) -> Iterator[str]:
+    """Yield what is not watched for want of a clock."""
+    for each in vehicles:
+        count, dives = each.order_unknown, len(each.dives)
+        if count and dives > FEWEST_BEFORE:
+            yield (
+                f"{each.vehicle}: order unknown of {count} of {dives} dives, which have no clock:"
+                " no change and no trend is sought in them (--by-name if the names of their"
+                " files are in order of time)."
+            )
 
 
 def _time_section(runs: Sequence[Row], findings: Sequence[Row], *, order: int) -> Document:

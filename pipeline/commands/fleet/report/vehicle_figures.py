@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
@@ -16,7 +16,7 @@ from auvid.hydro.identification.fleet.drag import drag_at_speed, drag_terms
 from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
 from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
 from auvid.hydro.identification.fleet.trend import FEWEST_DIVES as FEWEST_OF_TREND
-from auvid.hydro.identification.fleet.trend import Trend, trend
+from auvid.hydro.identification.fleet.trend import Trend, clear_trends, trend
 from auvid.pipeline.commands.fleet.fleet_tables import finite
 from auvid.pipeline.commands.fleet.run_results import INSTALLATION, THRUSTERS
 from auvid.stages.number_format import significant
@@ -28,6 +28,8 @@ MEASURED = (*FIGURE_VERDICTS, "weak", "inseparable")
 that the mean of dives that call it identified is too large: all are pooled.
 """
 THRUSTER_VERDICTS = (*FIGURE_VERDICTS, "weak", "dead", "reversed")
+AT_BOUND = "at its bound"
+"""Verdict on a term that is taken as it is: it has no error of its own."""
 NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited")
 """Verdicts on what is no dive's own: repeated, it would count as many measurements."""
 FEWEST_DIVES = 2
@@ -47,8 +49,8 @@ Row = dict[str, Any]
 class DiveFigure:
     """One figure of one vehicle over its dives in order of time.
 
-    `values`, `errors` (k,): nan where a dive has none. `dives`: their logs. `watched`:
-    whether changes and outlying dives are sought in it.
+    `values`, `errors` (k,): nan where a dive has none. `dives`: their logs, those without a
+    place in time last. `watched`: whether changes and outlying dives are sought in it.
     """
 
     name: str
@@ -63,8 +65,9 @@ class DiveFigure:
 class VehicleFigures:
     """What the dives of one vehicle agree on, and what changed.
 
-    `trends`: the clear ones, of figures without a change. `weak`: row of each thruster
-    and dive where it gives less than those like it.
+    `trends`: the clear ones of all vehicles, of figures without a change. `weak`: row of
+    each thruster and dive where it gives less than those like it. `order_unknown`: dives
+    without a place in time, in which no change and no trend is sought.
     """
 
     vehicle: str
@@ -75,6 +78,7 @@ class VehicleFigures:
     alarms: tuple[ChangeAlarm, ...]
     trends: Mapping[str, Trend]
     weak: tuple[Row, ...]
+    order_unknown: int = 0
 
     @property
     def dives(self) -> tuple[str, ...]:
@@ -87,49 +91,83 @@ class VehicleFigures:
         return 3 * (len(self.alarms) + len(self.weak)) + len(self.trends) + len(self.outlying)
 
 
-def vehicle_figures(coefficients: Sequence[Row], runs: Sequence[Row]) -> Iterator[VehicleFigures]:
-    """Yield the figures of each vehicle, of the model that most of its dives take.
+def vehicle_figures(
+    coefficients: Sequence[Row], runs: Sequence[Row], *, by_name: bool = False
+) -> list[VehicleFigures]:
+    """Return the figures of each vehicle, of the model that most of its dives take.
 
-    `runs`: in order of time.
+    Dives are in order of their clocks. A name of a file is no time: one without a clock
+    has no place, unless the user says that names are in order (`by_name`).
     """
     by_log = {row["log"]: row for row in runs}
     by_vehicle: dict[str, list[Row]] = defaultdict(list)
     for row in coefficients:
         by_vehicle[row["vehicle"]].append(row)
+    vehicles = []
     for vehicle, rows in sorted(by_vehicle.items()):
         models = Counter(by_log[log]["model"] for log in {row["log"] for row in rows})
         models.pop("", None)
         model = min(models, key=lambda name: (-models[name], name)) if models else ""
         chosen = [row for row in rows if row["model"] == model or not row["axis"]]
         logs = {row["log"] for row in chosen}
-        dives = [row for row in runs if row["log"] in logs]
-        figures = tuple(_figures(chosen, dives))
-        series = {item.name: (item.values, item.errors) for item in figures}
-        watched = {
-            item.name: series[item.name]
-            for item in figures
-            if item.watched and np.isfinite(item.values).sum() > FEWEST_DIVES
-        }
-        days = [_day(row) for row in dives]
-        alarms = change_alarms(watched) if watched else ()
-        changed = {alarm.figure for alarm in alarms}
-        trends = {
-            name: _trend(days, *pair) for name, pair in watched.items() if name not in changed
-        }
-        yield VehicleFigures(
-            vehicle,
-            model,
-            figures,
-            {name: pool(*pair) for name, pair in series.items()},
-            outlying_dives(watched, _conditions(dives)) if watched else (),
-            alarms,
-            {name: item for name, item in trends.items() if item is not None and item.clear},
-            tuple(
-                row
-                for row in rows
-                if row["model"] == THRUSTERS and row["verdict"] not in FIGURE_VERDICTS
-            ),
-        )
+        dives = sorted((row for row in runs if row["log"] in logs), key=in_time(by_name))
+        vehicles.append(_of_vehicle(vehicle, model, chosen, dives, by_name=by_name))
+    clear = clear_trends(
+        {(each.vehicle, name): item for each in vehicles for name, item in each.trends.items()}
+    )
+    return [
+        replace(each, trends={
+            name: item for name, item in each.trends.items() if (each.vehicle, name) in clear
+        })
+        for each in vehicles
+    ]  # fmt: skip
+
+
+def in_time(by_name: bool) -> Callable[[Row], tuple[bool, str, str]]:
+    """Return the key by which rows `runs` are in order: by clock, or by name of the file."""
+
+    def key(row: Row) -> tuple[bool, str, str]:
+        clock = "" if by_name else row["start_utc"] or ""
+        return not (clock or by_name), clock, row["file"]
+
+    return key
+
+
+def _of_vehicle(
+    vehicle: str, model: str, rows: Sequence[Row], dives: Sequence[Row], *, by_name: bool
+) -> VehicleFigures:
+    """Return the figures of a vehicle; `trends`: all, clear or not."""
+    figures = tuple(_figures(rows, dives))
+    series = {item.name: (item.values, item.errors) for item in figures}
+    watched = {
+        item.name: series[item.name]
+        for item in figures
+        if item.watched and np.isfinite(item.values).sum() > FEWEST_DIVES
+    }
+    placed = np.array([by_name or row["start_utc"] is not None for row in dives])
+    in_order = {
+        name: (np.where(placed, values, np.nan), errors)
+        for name, (values, errors) in watched.items()
+    }
+    alarms = change_alarms(in_order) if in_order else ()
+    changed = {alarm.figure for alarm in alarms}
+    days = [_day(row) for row in dives]
+    trends = {name: _trend(days, *pair) for name, pair in watched.items() if name not in changed}
+    return VehicleFigures(
+        vehicle,
+        model,
+        figures,
+        {name: pool(*pair) for name, pair in series.items()},
+        outlying_dives(watched, _conditions(dives)) if watched else (),
+        alarms,
+        {name: item for name, item in trends.items() if item is not None},
+        tuple(
+            row
+            for row in rows
+            if row["model"] == THRUSTERS and row["verdict"] not in FIGURE_VERDICTS
+        ),
+        int((~placed).sum()),
+    )
 
 
 def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
@@ -197,9 +235,9 @@ def _drags(
         for log, terms in parts.items():
             if any(row["verdict"] in NOT_MEASURED for row in terms):
                 continue
-            sd = np.array([np.nan if (e := row["standard_error"]) is None else e for row in terms])
+            sd = np.array([_error(row) for row in terms])
             covariance = np.diag(sd**2)
-            if len(terms) == 2:
+            if len(terms) == 2 and sd.all():
                 share = terms[0]["correlation"]
                 covariance[0, 1] = covariance[1, 0] = (
                     np.nan if share is None else share
@@ -219,6 +257,13 @@ def _drags(
             values, errors = _columns(cells, len(place))
             logs = tuple(place)
             yield axis, DiveFigure(name, "N m" if moment else "N", logs, values, errors)
+
+
+def _error(row: Row) -> float:
+    """Return the standard error of a term: 0 at its bound, nan where there is none."""
+    if row["verdict"] == AT_BOUND:
+        return 0.0
+    return float("nan") if row["standard_error"] is None else float(row["standard_error"])
 
 
 def _columns(cells: Mapping[int, tuple[float, float]], count: int) -> tuple[Array, Array]:

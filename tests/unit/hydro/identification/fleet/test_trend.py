@@ -8,12 +8,17 @@ from numpy.testing import assert_allclose
 from scipy.stats import linregress, t
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.identification.fleet.trend import slopes, trend
+from auvid.hydro.identification.fleet import trend as module
+from auvid.hydro.identification.fleet.trend import Trend, clear_trends, trend
 
 TIMES = np.array([0.0, 3.0, 5.0, 11.0, 20.0, 24.0, 30.0])
 
 
-def test_without_errors_of_fits_it_is_the_least_squares_line() -> None:
+def test_without_errors_of_fits_and_correlation_it_is_the_least_squares_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "CORRELATIONS", (0.0,))
+    monkeypatch.setattr(module, "EVERY", 1)
     values = 10.0 + 0.2 * TIMES + np.random.default_rng(0).standard_normal(7)
     result, line = trend(TIMES, values, np.full(7, 1e-5)), linregress(TIMES, values)
     assert result is not None
@@ -22,22 +27,50 @@ def test_without_errors_of_fits_it_is_the_least_squares_line() -> None:
     assert_allclose(result.slope, line.slope, rtol=1e-6)
     assert_allclose(result.interval, (line.slope - half, line.slope + half), atol=0.01 * half)
     assert_allclose(result.middle, values.mean(), rtol=1e-6)
-    assert result.clear
+    assert_allclose(result.p, line.pvalue, atol=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("fleets", "bound"),
-    [(600, 0.037), pytest.param(3000, 0.028, marks=pytest.mark.release)],
+    ("fleets", "bound"), [(40, 0.154), pytest.param(1000, 0.071, marks=pytest.mark.release)]
 )
-def test_fleets_without_a_trend_rarely_have_one(fleets: int, bound: float) -> None:
+def test_dives_that_drift_slowly_rarely_have_a_trend(fleets: int, bound: float) -> None:
     random = np.random.default_rng(1)
-    errors = np.exp(0.4 * random.standard_normal((fleets, 7)))
-    for tau in (0.0, 1.0, 5.0):
-        noise = random.standard_normal((2, fleets, 7))
-        line = slopes(TIMES, tau * noise[0] + errors * noise[1], errors)
-        clear = (line.mean_quantile(0.01) > 0.0) | (line.mean_quantile(0.99) < 0.0)
-        # .02, and three standard errors of so many fleets.
-        assert clear.mean() < bound
+    times = np.arange(12.0)
+    apart = np.abs(np.subtract.outer(times, times))
+    for rho in (0.0, 0.5):
+        slow = np.linalg.cholesky(np.power(rho, apart) if rho else np.eye(12))
+        errors = 0.4 * np.exp(0.4 * random.standard_normal((fleets, 12)))
+        values = random.standard_normal((fleets, 12)) @ slow.T
+        values += errors * random.standard_normal((fleets, 12))
+        small = [
+            (line := trend(times, *pair)) is not None and line.p < 0.05
+            for pair in zip(values, errors, strict=True)
+        ]
+        # .05, and three standard errors of so many fleets.
+        assert np.mean(small) < bound
+
+
+def test_of_many_figures_without_a_trend_few_fleets_have_one() -> None:
+    random = np.random.default_rng(2)
+    clear = [
+        bool(
+            clear_trends({place: Trend(9, 1.0, (0.0, 2.0), 1.0, p) for place, p in enumerate(row)})
+        )
+        for row in random.uniform(size=(400, 40))
+    ]
+    # .05, and three standard errors of so many fleets; 1 in 2 at .02 each.
+    assert np.mean(clear) < 0.083
+
+
+def test_a_clear_trend_is_seen_and_many_dives_are_averaged() -> None:
+    random = np.random.default_rng(3)
+    for dives in (12, 400):
+        times = np.sort(random.uniform(0.0, 100.0, dives))
+        values = 10.0 + 0.05 * times + 0.5 * random.standard_normal(dives)
+        result = trend(times, values, np.full(dives, 0.1))
+        assert result is not None
+        assert (result.dives, result.p < 0.05) == (dives, True)
+        assert result.interval[0] < 0.05 < result.interval[1]
 
 
 def test_dives_without_a_number_do_not_count() -> None:

@@ -80,3 +80,33 @@ def test_a_coefficient_that_falls_is_a_change() -> None:
 
 def test_a_figure_that_one_dive_determines_is_not_shown() -> None:
     assert of_one_term(np.array([5.0, 1.0, 1.2, 0.9]), np.ones(4)).figures == ()
+
+
+def test_names_of_files_are_no_time() -> None:
+    values = np.array([8.0, 8.1, 7.9, 8.05, 7.95, 2.0, 2.1, 1.9, 2.05, 1.95])
+    rows = [
+        coefficient(f"dive{number}", "v*r", value, 1.0, "identified")
+        for number, value in enumerate(values)
+    ]
+    runs = [dive(number, clock=False) for number in range(10)]
+    (rov,) = vehicle_figures(rows, runs)
+    assert (rov.alarms, rov.order_unknown) == ((), 10)
+    (rov,) = vehicle_figures(rows, runs, by_name=True)
+    assert [alarm.first_dive for alarm in rov.alarms] == [5]
+    assert rov.order_unknown == 0
+
+
+def test_a_term_at_its_bound_drops_no_drag() -> None:
+    runs = [dive(number, speed=0.5) for number in range(3)]
+    rows = [
+        coefficient(f"dive{number}", term, value, error, verdict)
+        for number in range(3)
+        for term, value, error, verdict in (
+            ("u", 0.0, None, "at its bound"),
+            ("u*|u|", -40.0, 2.0, "identified"),
+        )
+    ]
+    (rov,) = vehicle_figures(rows, runs)
+    (drag,) = (item for item in rov.figures if item.name.startswith("drag"))
+    np.testing.assert_allclose(drag.values, 10.0)
+    np.testing.assert_allclose(drag.errors, 0.5)
