@@ -159,7 +159,7 @@ def _bring(
 
 
 def _is_fresh(task: Task) -> bool:
-    """Return whether a task has its document, and no process died on making it again."""
+    """Return whether a task has its document, and no process died on it since."""
     if _mark(task).exists():
         return False
     try:

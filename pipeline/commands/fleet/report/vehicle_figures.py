@@ -124,7 +124,7 @@ def vehicle_figures(
 
 
 def in_time(by_name: bool) -> Callable[[Row], tuple[bool, str, str]]:
-    """Return the key by which rows `runs` are in order: by clock, or by name of the file."""
+    """Return the key by which runs are in order: by clock, or by name of the file."""
 
     def key(row: Row) -> tuple[bool, str, str]:
         clock = "" if by_name else row["start_utc"] or ""

@@ -79,7 +79,21 @@ def test_few_dives_have_no_alarm() -> None:
 def test_limits_grow_with_the_number_of_figures() -> None:
     limits = [alarm_limit(0.05 / count) for count in (1, 2, 5, 50, 500)]
     assert np.all(np.diff(limits) > 0.0)
-    assert limits[0] == 1.93
+    assert limits[0] == 2.04
+
+
+def test_limits_grow_with_the_number_of_dives() -> None:
+    limits = [alarm_limit(0.05, dives) for dives in (4, 10, 20, 30, 100, 1000)]
+    assert limits[0] == limits[1]
+    assert np.all(np.diff(limits[1:]) > 0.5)
+
+
+def test_long_fleets_without_a_change_stay_quiet() -> None:
+    random = np.random.default_rng(11)
+    values, errors = random.standard_normal((60, 30)), np.full((60, 30), 0.5)
+    odds = [change_odds(values[:, :k], errors[:, :k]).max(axis=-1) for k in range(4, 31, 2)]
+    # .05, and three standard errors of so many fleets; the limit of ten dives: a third.
+    assert np.mean(np.max(odds, axis=0) > alarm_limit(0.05, 30)) < 0.135
 
 
 @pytest.mark.parametrize(
