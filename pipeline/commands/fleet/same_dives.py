@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -26,6 +27,10 @@ LEAST_S = 20.0
 MOST_STD_S = 1.0
 STEP_S = 0.5
 PADDING = 2
+LEAST_TURNING_RAD_S = 0.02
+"""Standard deviation of the yaw rate over steps of half a second: less is a heading that is
+held, and its noise.
+"""
 LEAST_ENERGY = 1e-3
 """Share of a log's turning below which nothing turned."""
 UTC = "%Y-%m-%dT%H:%M:%SZ"
@@ -126,19 +131,37 @@ def _candidates(logs: Sequence[LogSurvey], fresh: Collection[str]) -> list[tuple
     """Return the pairs with a fresh log that may be of one dive.
 
     Those by the clock, and those of other formats of which one has no clock; where both
-    turn, only those whose yaw rates look alike. All are compared at once: correlation at
-    every shift is a product of spectra, over the root of the energies of both where they
-    overlap.
+    turn, only those whose yaw rates look alike, and of two without a clock that hold their
+    heading those whose depth rates do.
     """
     by_clock = {frozenset(pair) for pair in _by_clock(logs) if pair[0] in fresh or pair[1] in fresh}
-    with_yaw = [log for log in logs if log.motion is not None and any(log.motion.yaw_rate_rad_s)]
-    turning = {log.id for log in with_yaw}
-    pairs = [(a, b) for a, b in sorted(map(sorted, by_clock)) if not turning.issuperset((a, b))]
-    if len(with_yaw) < 2:
-        return pairs
-    uniform = {log.id: _uniform(log.motion) for log in with_yaw if log.motion is not None}
-    with_yaw.sort(key=lambda log: (uniform[log.id].size, log.id))
-    signals = [uniform[log.id] for log in with_yaw]
+    turning = {log.id: rates for log in logs if (rates := _yaw_rates(log)).size}
+    held = {
+        log.id: rates
+        for log in logs
+        if log.id not in turning and (rates := _depth_rates(log)).any()
+    }
+    pairs = [(a, b) for a, b in sorted(map(sorted, by_clock)) if not {a, b} <= turning.keys()]
+    pairs += _alike([log for log in logs if log.id in turning], turning, fresh, by_clock)
+    pairs += _alike([log for log in logs if log.id in held], held, fresh, set())
+    return pairs
+
+
+def _alike(
+    logs: Sequence[LogSurvey],
+    uniform: Mapping[str, Array],
+    fresh: Collection[str],
+    by_clock: Collection[frozenset[str]],
+) -> list[tuple[str, str]]:
+    """Return the pairs by the clock, or without one, whose signals look alike.
+
+    All are compared at once: correlation at every shift is a product of spectra, over the
+    root of the energies of both where they overlap.
+    """
+    if len(logs) < 2:
+        return []
+    logs = sorted(logs, key=lambda log: (uniform[log.id].size, log.id))
+    signals = [uniform[log.id] for log in logs]
     longest = signals[-1].size
     length = PADDING * longest
     spectra = np.stack([np.fft.rfft(signal, length) for signal in signals])
@@ -148,16 +171,17 @@ def _candidates(logs: Sequence[LogSurvey], fresh: Collection[str]) -> list[tuple
         row[1 : signal.size + 1] = row[length + 1 : length + signal.size + 1] = signal**2
     np.cumsum(energy, axis=1, out=energy)
     shifts, sizes = np.arange(length), np.array([signal.size for signal in signals])
-    for place, log in enumerate(with_yaw):
+    pairs: list[tuple[str, str]] = []
+    for place, log in enumerate(logs):
         others = [
             index
-            for index in range(place + 1, len(with_yaw))
-            if (log.id in fresh or with_yaw[index].id in fresh)
+            for index in range(place + 1, len(logs))
+            if (log.id in fresh or logs[index].id in fresh)
             and (
-                frozenset((log.id, with_yaw[index].id)) in by_clock
+                frozenset((log.id, logs[index].id)) in by_clock
                 or (
-                    with_yaw[index].formats != log.formats
-                    and (log.start_utc is None or with_yaw[index].start_utc is None)
+                    logs[index].formats != log.formats
+                    and (log.start_utc is None or logs[index].start_utc is None)
                 )
             )
         ]
@@ -174,15 +198,34 @@ def _candidates(logs: Sequence[LogSurvey], fresh: Collection[str]) -> list[tuple
         half = own * OVERLAP
         outside = (shifts < length - half) & (shifts > sizes[others, None] - half)
         peaks = np.where(outside, 0.0, scores).max(axis=1)
-        pairs += [
-            (log.id, with_yaw[others[index]].id) for index in np.flatnonzero(peaks >= PROMISING)
-        ]
+        pairs += [(log.id, logs[others[index]].id) for index in np.flatnonzero(peaks >= PROMISING)]
     return pairs
 
 
-def _uniform(motion: MotionTrace) -> Array:
-    """Return the yaw rate at `STEP_S`, of unit norm, 0 where there is none."""
-    values = np.array([item or 0.0 for item in motion.yaw_rate_rad_s], dtype=np.float64)
+def _yaw_rates(log: LogSurvey) -> Array:
+    """Return the yaw rate of a log at `STEP_S`, empty where it holds its heading."""
+    motion = log.motion
+    if motion is None or not motion.yaw_rate_rad_s or not _turns(motion):
+        return np.empty(0)
+    return _uniform(motion, np.array([item or 0.0 for item in motion.yaw_rate_rad_s]))
+
+
+def _turns(motion: MotionTrace) -> bool:
+    """Return whether the yaw rate of a log is more than noise of its heading."""
+    rates = [item for item in motion.yaw_rate_rad_s if item is not None]
+    return bool(rates) and float(np.std(rates)) > LEAST_TURNING_RAD_S
+
+
+def _depth_rates(log: LogSurvey) -> Array:
+    motion = log.motion
+    if motion is None or len(motion.depth_m) < 2:
+        return np.empty(0)
+    depth = np.array([np.nan if item is None else item for item in motion.depth_m])
+    return _uniform(motion, np.nan_to_num(np.diff(depth)))
+
+
+def _uniform(motion: MotionTrace, values: Array) -> Array:
+    """Return rates of a log at `STEP_S`, of unit norm, 0 where there are none."""
     times = motion.step_s * np.arange(values.size)
     signal: Array = np.interp(np.arange(0.0, times[-1] + STEP_S, STEP_S), times, values)
     signal = signal - signal.mean()
@@ -193,7 +236,8 @@ def _agreement(first: LogSurvey, second: LogSurvey) -> str:
     """Return in words how two logs agree; empty where they do not.
 
     By the yaw rate, or by the depth where the yaw rate, if both turn, puts them at the same
-    time: among half a million pairs of dives of a minute some depths look alike.
+    time: among half a million pairs of dives of a minute some depths look alike. Without
+    turns and clock it takes the depth rate, since any two dives go down and come up.
     """
     one, two = first.motion, second.motion
     assert one is not None
@@ -201,11 +245,15 @@ def _agreement(first: LogSurvey, second: LogSurvey) -> str:
     starts = _start_s(first), _start_s(second)
     clock_s = None if None in starts else float(starts[1]) - float(starts[0])  # type: ignore[arg-type]
     shorter = min(first.duration_s, second.duration_s)
+    depths = ("depth", one.depth_m, two.depth_m)
+    if _turns(one) and _turns(two):
+        series = [("yaw rate", one.yaw_rate_rad_s, two.yaw_rate_rad_s), depths]
+    elif clock_s is None:
+        series = [("depth rate", _steps(one.depth_m), _steps(two.depth_m))]
+    else:
+        series = [depths]
     by_yaw: float | None = None
-    for name, own, other in (
-        ("yaw rate", one.yaw_rate_rad_s, two.yaw_rate_rad_s),
-        ("depth", one.depth_m, two.depth_m),
-    ):
+    for name, own, other in series:
         samples = _samples(one, own), _samples(two, other)
         try:
             offset = clock_offset(
@@ -219,6 +267,11 @@ def _agreement(first: LogSurvey, second: LogSurvey) -> str:
             clock = "" if clock_s is None else ", and by its clock"
             return f"{name} correlates by {offset.correlation:.2f}{clock}"
     return ""
+
+
+def _steps(values: Sequence[float | None]) -> list[float | None]:
+    """Return the differences of neighbours; None where one has no number."""
+    return [None if None in pair else pair[1] - pair[0] for pair in pairwise(values)]  # type: ignore[operator]
 
 
 def _samples(motion: MotionTrace, values: Sequence[float | None]) -> tuple[Array, Array]:

@@ -111,3 +111,32 @@ def test_depths_that_look_alike_are_no_dive_where_the_turns_are_others() -> None
         for name, item in (("a", one), ("b", motion(1, noise_seed=3)))
     ]
     assert len(same_dives(straight)) == 1, "nothing turns, so the depth says it"
+
+
+def holding(trace: MotionTrace, noise_seed: int) -> MotionTrace:
+    """Return a motion with its heading held: noise of the compass is left of its yaw rate."""
+    noise = np.random.default_rng(noise_seed).normal(0.0, 0.004, len(trace.yaw_rate_rad_s))
+    return trace.model_copy(update={"yaw_rate_rad_s": noise.tolist()})
+
+
+@pytest.mark.parametrize("start", [None, "2026-01-07T10:00:00Z"])
+def test_two_recorders_of_a_dive_with_its_heading_held_are_one(start: str | None) -> None:
+    logs = [
+        log("bin", holding(motion(1, noise_seed=2), 6), form="DataFlash", start=start),
+        log(
+            "tlog", holding(motion(1, noise_seed=3, shift_s=20.0), 7), form="telemetry", start=start
+        ),
+        log("other", holding(motion(4, noise_seed=5), 8), form="telemetry", start=start),
+    ]
+    assert [(pair.better, pair.other) for pair in same_dives(logs)] == [("bin", "tlog")]
+
+
+def test_dives_that_go_down_and_come_up_alike_are_two() -> None:
+    down_and_up = np.interp(np.arange(400), [0, 60, 340, 400], [0.0, 12.0, 12.0, 0.0])
+    logs = []
+    for place, form in enumerate(("DataFlash", "telemetry")):
+        trace = holding(motion(1, noise_seed=2), place)
+        heave = 0.5 * np.array(motion(9 + place, noise_seed=place).depth_m)
+        depth = (down_and_up + heave).tolist()
+        logs.append(log(form, trace.model_copy(update={"depth_m": depth}), form=form))
+    assert same_dives(logs) == []
