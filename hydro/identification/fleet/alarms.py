@@ -28,6 +28,10 @@ FEWEST_BEFORE = 3
 """Dives before a change: two have no scatter to compare it with."""
 SIZE = 1.0
 """r: the size of a change that is looked for, in scatters of one dive."""
+GRID = 60
+"""Values of tau: the odds are sums over them."""
+MOST_DIVES, LATER = 60, 5
+"""The last dives that are looked at, after each one of them; later after each fifth."""
 FALSE_ALARMS = 0.05
 """Probability of an alarm in all dives there are without a change, all figures together."""
 LIMITS = {0.1: 1.67, 0.05: 2.04, 0.02: 2.42, 0.01: 2.64, 0.005: 2.91, 0.002: 3.28, 0.001: 3.49}
@@ -69,7 +73,7 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
     errors (..., k) in order of time, k 4 or more.
     """
     y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
-    scatter = between_dives(y, s)
+    scatter = between_dives(y, s, grid=GRID)
     difference, variance = _contrast(scatter, y, s)
     wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
     prior = variance + wide[..., None]
@@ -94,6 +98,7 @@ def change_alarms(
         limit = alarm_limit(false_alarms / len(figures), len(dives))
         start, end = 0, FEWEST_BEFORE + 1
         while end <= len(dives):
+            start = max(start, end - MOST_DIVES)
             level = dives[start:end]
             odds = change_odds(y[level], s[level])
             if odds.max() > limit:
@@ -101,7 +106,8 @@ def change_alarms(
                 alarms.append(_alarm(name, y, s, level, first, float(odds.max()), limit))
                 start += first
                 end = max(end, start + FEWEST_BEFORE)
-            end += 1
+            later = end >= MOST_DIVES and end + LATER <= len(dives)
+            end += LATER if later else 1
     return tuple(sorted(alarms, key=lambda alarm: (alarm.dive, alarm.figure)))
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, Interval
 from auvid.hydro.identification.fleet.scatter import between_dives
 
@@ -15,6 +16,8 @@ LEVEL = 0.05
 """Probability that a fleet without an outlying dive has one named, all its dives and all
 figures looked at together.
 """
+HOPELESS = 100.0
+"""A figure is left where its farthest dive is so many times too probable to be named."""
 BEYOND = 0.5
 """A condition differs when it lies outside the range of the other dives by more than so
 much of that range.
@@ -62,48 +65,64 @@ def outlying_dives(
     voltage, water density, depth, tether, temperature, firmware. A dive is left out, the
     others give the distribution of what it should show; the smallest p of all dives and
     figures is compared with level / (number of looks), the next with one look less
-    (Holm 1979). Fewer than four dives with a figure are not looked at.
+    (Holm 1979), looks that are hopeless left out. Fewer than four dives with a figure are
+    not looked at.
     """
-    from scipy.special import ndtri
-
-    looks = []
+    series = {}
     for name, (values, errors) in figures.items():
         y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
         dives = np.flatnonzero(np.isfinite(y) & np.isfinite(s))
-        if len(dives) <= FEWEST_DIVES:
-            continue
-        for dive in dives:
-            others = dives[dives != dive]
-            scatter = between_dives(y[others], s[others])
-            # The tail that it lies in, without loss of digits in the upper one.
-            below = float(scatter.next_dive_share(y[dive], s[dive]))
-            mirrored = between_dives(-y[others], s[others])
-            above = float(mirrored.next_dive_share(-y[dive], s[dive]))
-            tail = min(below, above)
-            low, high = (
-                float(scatter.next_dive_quantile(share, s[dive]))
-                for share in (0.5 * level, 1.0 - 0.5 * level)
-            )
-            looks.append(
-                OutlyingDive(
-                    dive=int(dive),
-                    figure=name,
-                    value=float(y[dive]),
-                    standard_error=float(s[dive]),
-                    expected=(low, high),
-                    deviation=float(-ndtri(tail) if above < below else ndtri(tail)),
-                    p=2.0 * tail,
-                    differences=(),
-                )
-            )
+        if len(dives) > FEWEST_DIVES:
+            series[name] = y, s, dives
+    count = sum(len(dives) for *_, dives in series.values())
+    looks = []
+    for name, (y, s, dives) in series.items():
+        for dive in _farthest_first(y, s, dives):
+            looks.append(_look(name, y, s, dives, dive, level))
+            if looks[-1].p > min(level, HOPELESS * level / count):
+                break
     outlying = []
     for rank, look in enumerate(sorted(looks, key=lambda item: item.p)):
-        if look.p > level / (len(looks) - rank):
+        if look.p > level / (count - rank):
             break
         outlying.append(look)
     return tuple(
         OutlyingDive(**{**vars(item), "differences": differences(conditions or {}, item.dive)})
         for item in outlying
+    )
+
+
+def _farthest_first(y: Array, s: Array, dives: Ints) -> list[int]:
+    """Return dives by distance from the middle one, over error and usual distance."""
+    away = np.abs(y[dives] - np.median(y[dives]))
+    order = np.argsort(-away / np.sqrt(s[dives] ** 2 + np.median(away) ** 2), kind="stable")
+    return [int(dive) for dive in dives[order]]
+
+
+def _look(name: str, y: Array, s: Array, dives: Ints, dive: int, level: float) -> OutlyingDive:
+    """Return how a dive departs from the others, whether much or little."""
+    from scipy.special import ndtri
+
+    others = dives[dives != dive]
+    scatter = between_dives(y[others], s[others])
+    # The tail that it lies in, without loss of digits in the upper one.
+    below = float(scatter.next_dive_share(y[dive], s[dive]))
+    mirrored = between_dives(-y[others], s[others])
+    above = float(mirrored.next_dive_share(-y[dive], s[dive]))
+    tail = min(below, above)
+    low, high = (
+        float(scatter.next_dive_quantile(share, s[dive]))
+        for share in (0.5 * level, 1.0 - 0.5 * level)
+    )
+    return OutlyingDive(
+        dive=dive,
+        figure=name,
+        value=float(y[dive]),
+        standard_error=float(s[dive]),
+        expected=(low, high),
+        deviation=float(-ndtri(tail) if above < below else ndtri(tail)),
+        p=2.0 * tail,
+        differences=(),
     )
 
 

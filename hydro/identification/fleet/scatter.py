@@ -97,8 +97,11 @@ class BetweenDives:
         return np.asarray(np.sqrt(self.mean_variance + self.tau**2 + own**2))
 
 
-def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
+def between_dives(values: ArrayLike, errors: ArrayLike, *, grid: int = GRID) -> BetweenDives:
     """Return the scatter between dives of values and standard errors (..., k).
+
+    `grid`: values of tau.
+
 
     With w_i = 1 / (s_i^2 + tau^2), mu = sum w y / sum w, Q = sum w (y - mu)^2:
         2 log L = sum log w - log sum w - Q,   weight ~ L / (s + tau) d tau.
@@ -113,7 +116,7 @@ def between_dives(values: ArrayLike, errors: ArrayLike) -> BetweenDives:
     typical = typical_error(s)
     spread = np.maximum(typical, np.std(y, axis=-1, ddof=1))
     low, high = np.log(LEAST_TAU * typical), np.log(MOST_TAU * spread)
-    tau = np.exp(low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, GRID))
+    tau = np.exp(low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, grid))
     weight = 1.0 / (s[..., None, :] ** 2 + tau[..., None] ** 2)
     total = weight.sum(axis=-1)
     mean = (weight * y[..., None, :]).sum(axis=-1) / total

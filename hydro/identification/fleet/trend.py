@@ -26,7 +26,7 @@ from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives
 
 FEWEST_DIVES = 5
 """Fewer dives say no trend: a line through four leaves two for their scatter."""
-MOST_DIVES = 60
+MOST_DIVES = 40
 """More are averaged in groups of neighbours."""
 LEVEL = 0.95
 """Of the interval of the slope."""
@@ -34,8 +34,8 @@ FALSE_TRENDS = 0.05
 """Share of the trends called clear that are none (Benjamini and Hochberg 1995)."""
 CORRELATIONS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9)
 """rho, each as probable as the others."""
-EVERY = 4
-"""Of the grid of tau."""
+GRID = 40
+"""Values of tau."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def slopes(times: Array, values: Array, errors: Array) -> BetweenDives:
     """
     plain = np.polynomial.polynomial.polyfit(times, values, 1)
     # The grid: of the values about the plain line.
-    tau = between_dives(values - plain[0] - plain[1] * times, errors).tau[::EVERY]
+    tau = between_dives(values - plain[0] - plain[1] * times, errors, grid=GRID).tau
     steps = np.abs(np.subtract.outer(np.arange(len(times)), np.arange(len(times))))
     design = np.stack([np.ones_like(times), times, values], axis=-1)
     parts = []

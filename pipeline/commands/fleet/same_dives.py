@@ -136,14 +136,14 @@ def _candidates(logs: Sequence[LogSurvey], fresh: Collection[str]) -> list[tuple
     """
     by_clock = {frozenset(pair) for pair in _by_clock(logs) if pair[0] in fresh or pair[1] in fresh}
     turning = {log.id: rates for log in logs if (rates := _yaw_rates(log)).size}
-    held = {
+    steady = {
         log.id: rates
         for log in logs
         if log.id not in turning and (rates := _depth_rates(log)).any()
     }
     pairs = [(a, b) for a, b in sorted(map(sorted, by_clock)) if not {a, b} <= turning.keys()]
     pairs += _alike([log for log in logs if log.id in turning], turning, fresh, by_clock)
-    pairs += _alike([log for log in logs if log.id in held], held, fresh, set())
+    pairs += _alike([log for log in logs if log.id in steady], steady, fresh, set())
     return pairs
 
 

@@ -8,16 +8,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 from markupsafe import Markup
 
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.fleet.alarms import FEWEST_BEFORE, ChangeAlarm
-from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
+from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     VehicleFigures,
     in_time,
+    main_models,
     vehicle_figures,
 )
 from auvid.pipeline.store.atomic_files import write_atomically
@@ -44,13 +47,18 @@ def write_page(fleet: FleetFolder, *, by_name: bool = False) -> None:
 
     by_name: names of files are in order of time.
     """
-    tables = {name: read_table(fleet, name).to_pylist() for name in TABLES}
+    tables = {name: read_table(fleet, name).to_pylist() for name in ("runs", "findings")}
+    main = [f"{vehicle}/{model}" for vehicle, model in main_models(tables["runs"]).items()]
+    every = read_table(fleet, "coefficients")
+    named = pc.binary_join_element_wise(every["vehicle"], every["model"], "/")
+    drawn = pc.or_(pc.is_in(named, pa.array(main, pa.string())), pc.equal(every["axis"], ""))
+    tables["coefficients"] = every.filter(drawn).to_pylist()
     index = json.loads(fleet.index.read_text(encoding="utf-8"))
     write_atomically(fleet.page, fleet_page(str(index["disk"]), tables, by_name=by_name))
 
 
 def fleet_page(title: str, tables: Mapping[str, Sequence[Row]], *, by_name: bool = False) -> bytes:
-    """Return the page of a fleet as HTML; `tables`: rows of the four tables.
+    """Return the page of a fleet as HTML, from rows of runs, findings, coefficients.
 
     by_name: names of files are in order of time.
     """

@@ -99,15 +99,13 @@ def vehicle_figures(
     Dives are in order of their clocks. A name of a file is no time: one without a clock
     has no place, unless the user says that names are in order (`by_name`).
     """
-    by_log = {row["log"]: row for row in runs}
     by_vehicle: dict[str, list[Row]] = defaultdict(list)
     for row in coefficients:
         by_vehicle[row["vehicle"]].append(row)
+    main = main_models(runs)
     vehicles = []
     for vehicle, rows in sorted(by_vehicle.items()):
-        models = Counter(by_log[log]["model"] for log in {row["log"] for row in rows})
-        models.pop("", None)
-        model = min(models, key=lambda name: (-models[name], name)) if models else ""
+        model = main.get(vehicle, "")
         chosen = [row for row in rows if row["model"] == model or not row["axis"]]
         logs = {row["log"] for row in chosen}
         dives = sorted((row for row in runs if row["log"] in logs), key=in_time(by_name))
@@ -121,6 +119,18 @@ def vehicle_figures(
         })
         for each in vehicles
     ]  # fmt: skip
+
+
+def main_models(runs: Sequence[Row]) -> dict[str, str]:
+    """Return vehicle -> the model that most of its dives take."""
+    models: dict[str, Counter[str]] = defaultdict(Counter)
+    for row in runs:
+        if row["model"]:
+            models[row["vehicle"]][row["model"]] += 1
+    return {
+        vehicle: min(counts, key=lambda name: (-counts[name], name))
+        for vehicle, counts in models.items()
+    }
 
 
 def in_time(by_name: bool) -> Callable[[Row], tuple[bool, str, str]]:
@@ -144,7 +154,7 @@ def _of_vehicle(
         for item in figures
         if item.watched and np.isfinite(item.values).sum() > FEWEST_DIVES
     }
-    placed = np.array([by_name or row["start_utc"] is not None for row in dives])
+    placed = np.array([by_name or row["start_utc"] is not None for row in dives], dtype=bool)
     in_order = {
         name: (np.where(placed, values, np.nan), errors)
         for name, (values, errors) in watched.items()

@@ -123,3 +123,12 @@ def test_a_fifth_more_is_found_within_five_dives() -> None:
     values[:, 5:] *= 1.2
     odds = [change_odds(values[:, :k], errors[:, :k]).max(axis=-1) for k in range(4, 11)]
     assert np.mean(np.max(odds, axis=0) > alarm_limit(0.05)) > 0.9
+
+
+def test_a_change_after_many_dives_is_dated() -> None:
+    random = np.random.default_rng(12)
+    values = 10.0 + 0.3 * random.standard_normal(200)
+    values[150:] += 3.0
+    (alarm,) = change_alarms({"drag X": (values, np.full(200, 0.1))})
+    assert alarm.first_dive == 150
+    assert alarm.dive <= 155

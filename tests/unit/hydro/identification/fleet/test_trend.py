@@ -18,7 +18,7 @@ def test_without_errors_of_fits_and_correlation_it_is_the_least_squares_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(module, "CORRELATIONS", (0.0,))
-    monkeypatch.setattr(module, "EVERY", 1)
+    monkeypatch.setattr(module, "GRID", 160)
     values = 10.0 + 0.2 * TIMES + np.random.default_rng(0).standard_normal(7)
     result, line = trend(TIMES, values, np.full(7, 1e-5)), linregress(TIMES, values)
     assert result is not None

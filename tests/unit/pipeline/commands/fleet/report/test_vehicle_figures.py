@@ -26,6 +26,7 @@ def dive(number: int, *, clock: bool = True, speed: float | None = None) -> Row:
     """Return row `runs` of a dive, `number` days after the first."""
     return empty_row("runs") | {
         "log": f"dive{number}",
+        "vehicle": "rov",
         "file": f"dive{number:03d}",
         "model": "diagonal",
         "start_utc": f"2024-05-{number + 1:02d}T10:00:00Z" if clock else None,
