@@ -13,7 +13,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import LEAST_COASTS, CoastDecay, CoastRecord
 from auvid.hydro.identification.coasting.finding import CoastSearch
 from auvid.hydro.identification.coasting.thrust_scale import CommonScale, PoweredLeg, ThrustScale
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.stages.number_format import significant
 from auvid.stages.presentation import (
     Block,
@@ -71,7 +71,7 @@ class AxisCoasts:
         if self.decay is None:
             return "not excited"
         rate, error = self.decay.rate(self.decay.reference_speed)
-        return "identified" if rate > T_LIMIT * error else "weak"
+        return IDENTIFIED if clear_of_zero(rate, error) else WEAK
 
 
 def coast_rows(axes: Mapping[str, AxisCoasts]) -> dict[str, Any]:

@@ -16,12 +16,13 @@ from auvid.data_schemas.records.partial import (
     PartialFigures,
 )
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.hull_terms import HULL_TERMS, hull_terms
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.identification.glide.comparison import GlideComparison
 from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate, polar_of, slopes_of
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.verdicts import clear_of_zero
 from auvid.stages import few_axes
 from auvid.stages.columns import AXIS_UNITS
 from auvid.stages.glide.legs import GlideLegs
@@ -122,7 +123,7 @@ def _term(estimate: GlideEstimate, place: int, value: float, error: float) -> Te
     axis, term = HULL_TERMS[place]
     verdicts = [estimate.verdicts[name] for name in MADE_OF[axis, term]]
     verdict: Verdict = next(word for word in WORST if word in verdicts)
-    if verdict == "identified" and abs(value) <= T_LIMIT * error:
+    if verdict == "identified" and not clear_of_zero(value, error):
         verdict = "weak"  # a small angle is well known, and its product with a slope is near 0
     return TermCard(
         term=term,
@@ -146,7 +147,7 @@ def _partial(comparison: GlideComparison, glides: GlideLegs, vehicle: Vehicle) -
     )
     density = estimate.body.neutral_kg_m3
     mass = vehicle.mass_kg + density * estimate.value("trim")
-    half = density * estimate.half_95 * estimate.standard_error("trim")
+    half = density * NORMAL_95 * estimate.standard_error("trim")
     return PartialFigures(
         unit_of_mass=None,
         axes={"X": source, "Z": source},
@@ -166,7 +167,7 @@ def _coefficients(estimate: GlideEstimate) -> list[MassFreeFigure]:
     units: Mapping[str, str] = {"C_D0": "1", "C_D1": "1/rad^2", "C_L_alpha": "1/rad"}
     figures = []
     for name in UNKNOWNS[:4]:
-        value, half = estimate.value(name), estimate.half_95 * estimate.standard_error(name)
+        value, half = estimate.value(name), NORMAL_95 * estimate.standard_error(name)
         figures.append(
             MassFreeFigure(
                 axis="Z" if name in ("C_L_alpha", "alpha_0") else "X",

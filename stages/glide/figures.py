@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison
 from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.verdicts import clear_of_zero
 from auvid.stages.glide.glider import Glider
 from auvid.stages.glide.legs import GlideLegs
 from auvid.stages.number_format import significant
@@ -101,7 +102,7 @@ def _of_glide(
         elif name != "C_D" and not lift_is_free:
             verdict = "from the prior"
         else:
-            verdict = "identified" if abs(value) > T_LIMIT * error else "weak"
+            verdict = "identified" if clear_of_zero(value, error) else "weak"
         rows.append(
             _figure(
                 estimate,
@@ -146,7 +147,7 @@ def _figure(
     note: str,
     headline: bool,
 ) -> Figure:
-    half = estimate.half_95 * error
+    half = NORMAL_95 * error
     return figure(
         quantity,
         value,

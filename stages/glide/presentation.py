@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison
 from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
@@ -161,7 +162,7 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
 
 
 def _with_interval(estimate: GlideEstimate, value: float, error: float) -> str:
-    return f"{value:.3g} ± {significant(estimate.half_95 * error, 2)}"
+    return f"{value:.3g} ± {significant(NORMAL_95 * error, 2)}"
 
 
 def _figures_table(comparison: GlideComparison) -> Block:
@@ -178,11 +179,11 @@ def _figures_table(comparison: GlideComparison) -> Block:
             name,
             unit,
             factor * estimate.value(name),
-            factor * estimate.half_95 * estimate.standard_error(name),
-            factor * estimate.half_95 * noise,
+            factor * NORMAL_95 * estimate.standard_error(name),
+            factor * NORMAL_95 * noise,
         ]
         if bare is not None:
-            row += [factor * bare.value(name), factor * bare.half_95 * bare.standard_error(name)]
+            row += [factor * bare.value(name), factor * NORMAL_95 * bare.standard_error(name)]
         rows.append([*row, estimate.verdicts[name], MEANINGS[name]])
     note = (
         f"Student's t with {estimate.degrees} degrees of freedom. Residuals: depth rate"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from auvid.data_schemas.records.partial import (
     RightingMoment,
 )
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.identification.passive.held_out import (
@@ -31,7 +31,7 @@ from auvid.hydro.identification.passive.held_out import (
     fit_percent,
     swings_held_out,
 )
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.hydro.partial_model import apparent_inertia, unit_in
 from auvid.stages import few_axes
 from auvid.stages.columns import AXIS_UNITS
@@ -39,7 +39,6 @@ from auvid.stages.passive.figures import LETTERS, pooled
 from auvid.stages.passive.motions import SWINGS, PassiveMotions, apparent_mass
 
 NAME, TITLE = "passive", "Motion without thrust"
-HALF_95 = 1.96
 REMEDIES = {
     **dict.fromkeys("XY", "Tow the body along the axis with a force sensor, and let go."),
     "Z": "Let the body rise or sink, and log its depth.",
@@ -248,8 +247,8 @@ def _rms_of(pairs: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
     )
 
 
-def _verdict(value: float, error: float, *, weak: bool) -> Literal["identified", "weak"]:
-    return "identified" if not weak and abs(value) > T_LIMIT * error else "weak"
+def _verdict(value: float, error: float, *, weak: bool) -> Verdict:
+    return IDENTIFIED if not weak and clear_of_zero(value, error) else WEAK
 
 
 def _terms(item: PassiveAxis, unit: str | None, vehicle: Vehicle) -> tuple[list[TermCard], Array]:
@@ -328,7 +327,7 @@ def _shares(item: PassiveAxis) -> list[MassFreeFigure]:
                 "quantity": name,
                 "value": value,
                 "unit": unit,
-                "interval_95": [value - HALF_95 * error, value + HALF_95 * error],
+                "interval_95": [value - NORMAL_95 * error, value + NORMAL_95 * error],
                 "verdict": verdict,
             }
         )
@@ -354,7 +353,7 @@ def _righting(
             "axes": [row[0] for row in rows],
             "value": value,
             "unit": AXIS_UNITS["K"] if unit is None else unit_in("K", "constant", unit),
-            "interval_95": [value - HALF_95 * error, value + HALF_95 * error],
+            "interval_95": [value - NORMAL_95 * error, value + NORMAL_95 * error],
         }
     )
 

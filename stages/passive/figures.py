@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import CoastDecay
 from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowFit
+from auvid.hydro.identification.regression.standard_errors import widened_by
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.stages.passive.motions import PassiveMotions, apparent_mass
 from auvid.stages.presentation import Figure, figure
 
@@ -22,13 +25,7 @@ LETTERS = {
     "pitch": ("M", "q"),
     "yaw": ("N", "r"),
 }
-T_LIMIT = 3.0
-"""An estimate below so many standard errors is weak."""
 OF_FILE = "by the apparent mass of the vehicle file"
-
-
-DRIFT_95 = 2.57
-"""Student's factor of the mean of six blocks."""
 
 
 def passive_results(motions: PassiveMotions, vehicle: Vehicle) -> dict[str, Any]:
@@ -51,7 +48,6 @@ def passive_results(motions: PassiveMotions, vehicle: Vehicle) -> dict[str, Any]
                     spread,
                     "m/s",
                     note,
-                    half_95=DRIFT_95,
                     headline=True,
                 )
             )
@@ -65,18 +61,17 @@ def _row(
     unit: str,
     note: str,
     *,
-    half_95: float = 1.96,
     verdict: str = "",
     headline: bool = False,
 ) -> Figure:
-    half = half_95 * error
+    half = NORMAL_95 * error
     return figure(
         quantity,
         value,
         unit,
         error,
         interval=(value - half, value + half),
-        verdict=verdict or ("identified" if abs(value) > T_LIMIT * error else "weak"),
+        verdict=verdict or (IDENTIFIED if clear_of_zero(value, error) else WEAK),
         note=note,
         headline=headline,
     )
@@ -87,7 +82,6 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
     errors = np.sqrt(np.diag(fit.covariance))
     speed = float(np.sqrt(np.mean(fit.speeds**2)))
     drag, drag_error = fit.drag(speed)
-    half = fit.half_95
     rows = [
         _row(
             f"drag in {channel} at {speed:.2f} m/s",
@@ -95,7 +89,6 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
             drag_error,
             "N",
             f"by the tow force, {fit.forces_N.size} windows",
-            half_95=half,
             headline=True,
         )
     ]
@@ -110,7 +103,6 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
                     errors[at],
                     unit,
                     note,
-                    half_95=half,
                     verdict="" if both else "weak",
                 )
             )
@@ -122,7 +114,6 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
             errors[0],
             "kg",
             note,
-            half_95=half,
             verdict="" if fit.free[0] else "from the prior",
         )
     )
@@ -193,7 +184,8 @@ def _of_coasts(
 def pooled(swings: list[FreeSwing]) -> tuple[Array, Array]:
     """Return the mean of k, D_1, D_2 over swings (3,) and standard errors (3,).
 
-    Of several the scatter counts where it is larger than what each says of itself. D_1 and
+    Of several the scatter counts, by Student's t, where it is larger than what each says of
+    itself. D_1 and
     D_2 are those of `alike_damped`: linear damping of one swing is another figure than that
     of a swing whose damping is linear and quadratic.
     """
@@ -219,7 +211,8 @@ def _mean(swings: list[FreeSwing]) -> tuple[Array, Array]:
     count = len(swings)
     errors = np.sqrt(np.sum(own**2, axis=0)) / count
     if count > 1:
-        errors = np.maximum(errors, values.std(axis=0, ddof=1) / np.sqrt(count))
+        scatter = values.std(axis=0, ddof=1) / np.sqrt(count)
+        errors = np.maximum(errors, widened_by(count - 1) * scatter)
     return values.mean(axis=0), errors
 
 

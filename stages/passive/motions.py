@@ -23,6 +23,7 @@ from auvid.hydro.identification.coasting.decay import (
 from auvid.hydro.identification.passive.free_swing import FreeSwing, fit_free_swing
 from auvid.hydro.identification.passive.releases import fading, onsets, released, towed
 from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
+from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.stages.columns import ATTITUDE, GYRO, POSITION, VELOCITY, leg_window
 from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, on_clock, step_s
@@ -160,11 +161,14 @@ def read_leg(
 def position_slope(t_s: Array, position: Array) -> Array:
     """Return velocity north, east [m/s] and standard errors of a drift, (2, 2).
 
-    Slopes of position over time; errors by six blocks, since a drift meanders.
+    Slopes of position over time; errors by six blocks, since a drift meanders, as Student's t
+    makes 1.96 of them half of the 95 % interval.
     """
     blocks = np.array_split(np.arange(t_s.size), 6)
     slopes = np.array([np.polyfit(t_s[part], position[part, :2], 1)[0] for part in blocks])
-    return np.stack([slopes.mean(axis=0), slopes.std(axis=0, ddof=1) / np.sqrt(6.0)])
+    return np.stack(
+        [slopes.mean(axis=0), widened_by(5) * slopes.std(axis=0, ddof=1) / np.sqrt(6.0)]
+    )
 
 
 def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle) -> PassiveMotions:

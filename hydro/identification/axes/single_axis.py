@@ -16,6 +16,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive
 from auvid.hydro.identification.axes.held_out import (
     HeldOut,
@@ -61,6 +62,7 @@ from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
 from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
+from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
 CONSTANT_SD = {"u": 0.02, "v": 0.02, "w": 0.005, "p": 0.02, "q": 0.02, "r": 0.02}
@@ -250,9 +252,7 @@ def fit_axis(
 
 def interval_width(windows: int) -> float:
     """Return half a 95 % interval in standard errors: t, windows - 1 degrees."""
-    from scipy.stats import t
-
-    return float(t.ppf(0.975, max(windows - 1, 1)))
+    return NORMAL_95 * widened_by(windows - 1)
 
 
 @dataclass(frozen=True)

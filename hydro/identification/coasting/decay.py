@@ -18,6 +18,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.identification.regression.standard_errors import widened_by
 
 LEAST_COASTS = 3
 """With fewer nothing says how coasts differ."""
@@ -91,7 +92,8 @@ class CoastRecord:
 class CoastDecay:
     """Drag over mass `drag` (2,), d1 and d2, with covariance `covariance` (2, 2).
 
-    The covariance is that of how coasts differ, in no direction less than noise makes.
+    The covariance is that of how coasts differ, in no direction less than noise makes; 1.96
+    of its standard errors are half of the 95 % interval, by Student's t of so few coasts.
 
     `start_speed` (m,): x at the start of each coast; `sizes` (k,) of the shapes;
     `noise`: standard deviations of a sample, of the constant of a coast and of the
@@ -160,7 +162,7 @@ def fit_decay(
         used = np.delete(used, worst)
     return CoastDecay(
         fitted.drag,
-        fitted.covariance,
+        fitted.covariance * widened_by(used.size - 1) ** 2,
         fitted.start_speed,
         fitted.sizes,
         fitted.noise,

@@ -24,7 +24,8 @@ from auvid.hydro.dynamics.gliding.steady_glide import (
 )
 from auvid.hydro.identification.constrained.statuses import PRIOR_SHARE
 from auvid.hydro.identification.glide.bins import GlideRows, yos_of
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.hydro.identification.regression.standard_errors import widened_by
+from auvid.hydro.identification.regression.verdicts import clear_of_zero
 
 UNKNOWNS = ("C_D0", "C_D1", "C_L_alpha", "alpha_0", "trim", "mass")
 """Drag without lift, induced drag [1/rad^2], slope of the lift [1/rad], angle without
@@ -40,8 +41,6 @@ LEAST_SPEEDS = 10
 """So many rows with a speed, in two glides or more, free the lift."""
 FREED = 0.7
 """The record frees an unknown that it alone knows better than this share of the prior."""
-LEAST_ERROR = {"alpha_0": float(np.radians(0.5))}
-"""An unknown that may be zero: a standard error below this identifies it too."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,8 @@ class GlideEstimate:
 
     `free`: the unknowns that the record determines; the others are those of the vehicle
     file. `noise_covariance`: without the spread of the fixed ones. `residual_m_s`: RMS of
-    depth rate and of speed (nan without). `degrees`: degrees of freedom of intervals.
+    depth rate and of speed (nan without). 1.96 standard errors are half of a 95 % interval:
+    what the record says counts by Student's t with `degrees`, one less than its yos.
     """
 
     values: Array
@@ -76,13 +76,6 @@ class GlideEstimate:
     def polar(self) -> Polar:
         """Return drag and lift of the estimate."""
         return polar_of(self.values)
-
-    @property
-    def half_95(self) -> float:
-        """Return the standard errors from the middle of a 95 % interval to its ends."""
-        from scipy.stats import t as student
-
-        return float(student.ppf(0.975, self.degrees))
 
     def value(self, name: str) -> float:
         """Return the value of an unknown in SI."""
@@ -312,10 +305,11 @@ def _estimate(
     scale = np.linalg.norm(jacobian[:, inside], axis=0)
     answer = np.linalg.lstsq(jacobian[:, inside] / scale, jacobian[:, fixed] * spread, rcond=None)
     moves[inside] = -answer[0] / scale[:, None]
+    yos = int(np.unique(problem.yo).size)
+    noise *= widened_by(yos - 1) ** 2
     covariance = noise + moves @ moves.T
     split = problem.rows.t_s.size
     parts = [_rms(residual[:split]) * problem.noise[0], _rms(residual[split:]) * problem.noise[1]]
-    yos = int(np.unique(problem.yo).size)
     return GlideEstimate(
         values,
         covariance,
@@ -342,11 +336,11 @@ def _verdicts(
     verdicts: dict[str, GlideVerdict] = {}
     for index, name in enumerate(UNKNOWNS):
         error = float(np.sqrt(covariance[index, index]))
-        limit = max(abs(values[index]) / T_LIMIT, LEAST_ERROR.get(name, 0.0))
         if name not in free:
             verdicts[name] = "from the prior"
         else:
-            verdicts[name] = "identified" if error <= limit else "weak"
+            clear = clear_of_zero(float(values[index]), error)
+            verdicts[name] = "identified" if clear else "weak"
     if "C_D1" not in free and noise[0, 0] <= (1.0 - PRIOR_SHARE) * covariance[0, 0]:
         verdicts["C_D0"] = "from the prior"
     if "trim" not in free:

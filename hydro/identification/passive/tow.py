@@ -18,6 +18,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.standard_errors import widened_by
 
 WINDOW_S = 4.0
 ENDS_S = 0.4
@@ -43,9 +44,10 @@ class TowRecord:
 class TowFit:
     """Apparent mass, D_1, D_2 `values` (3,), covariance (3, 3), speeds of the windows.
 
+    1.96 standard errors are half of the 95 % interval, of Student's t by pairs of windows.
     `free`: which of the three the tows tell; a mass that is not free is the prior's.
-    `half_95`: Student's factor of a 95 % interval; `held_out`: share of the force's
-    scatter about its mean that a fit to the other half of the windows predicts.
+    `held_out`: share of the force's scatter about its mean that a fit to the other half of
+    the windows predicts.
     """
 
     values: Array
@@ -53,7 +55,6 @@ class TowFit:
     free: tuple[bool, bool, bool]
     speeds: Array
     forces_N: Array
-    half_95: float
     residual_N: float
     held_out: float
 
@@ -69,8 +70,6 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
     Covariance clustered by pairs of windows. Raises `DataError` for fewer than `LEAST_WINDOWS`
     windows that move, and for a force that pushes against the motion.
     """
-    from scipy.stats import t as student
-
     rows, target = _windows(tows)
     if target.size < LEAST_WINDOWS:
         raise DataError(
@@ -105,11 +104,10 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
     mass_is_free = bool(np.sqrt(covariance[0, 0]) < 0.7 * mass_sd_kg)
     return TowFit(
         values,
-        covariance,
+        covariance * widened_by(target.size // CLUSTER - used) ** 2,
         (mass_is_free, 1 in columns, 2 in columns),
         rows[:, 1],
         target,
-        float(student.ppf(0.975, max(target.size // CLUSTER - used, 1))),
         float(np.sqrt(np.mean(error**2))),
         1.0 - float(np.sum(missed**2)) / about if about > 0.0 else float("nan"),
     )

@@ -205,18 +205,29 @@ class LeftOutBlocks:
 
         Rows of nan where the data determine no single number.
         """
-        from scipy.special import stdtrit
-
         fit, kept = self.fit, list(self.fit.independent)
         covariance = np.full((len(fit.terms), len(fit.terms)), np.nan)
         if self.count > 1:
-            widened = (float(stdtrit(self.count - 1, 0.975)) / NORMAL_95) ** 2
+            widened = widened_by(self.count - 1) ** 2
             covariance[np.ix_(kept, kept)] = (
                 self.squares
                 * (widened * (self.count - 1) / self.count)
                 / np.outer(fit.column_norms[kept], fit.column_norms[kept])
             )
         return covariance
+
+
+def widened_by(degrees: int) -> float:
+    """Return the 97.5 % point of Student's t over the normal's, at least one degree.
+
+    1.96 standard errors that are multiplied by it are half of the 95 % interval.
+
+    >>> round(widened_by(2), 2), round(widened_by(100), 2)
+    (2.2, 1.01)
+    """
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(degrees, 1), 0.975)) / NORMAL_95
 
 
 def block_count(residual: Array) -> int:

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from auvid.hydro.identification.passive.free_swing import FreeSwing
-from auvid.stages.passive.figures import alike_damped, pooled
+from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
+from auvid.stages.passive.figures import alike_damped, passive_results, pooled
+from auvid.stages.passive.motions import PassiveMotions
+from tests.support.motions import shipped_vehicle
+from tests.support.towed_body import MASS_KG, towed_body
 
 
 def swing(damping: str, values: tuple[float, float, float], amplitude: float) -> FreeSwing:
@@ -21,7 +25,20 @@ def test_damping_is_the_mean_of_swings_with_the_same_terms() -> None:
     both = [swing("both", (6.0, 0.4, 0.3), 0.4), swing("both", (6.2, 0.42, 0.32), 0.4)]
     values, errors = pooled([*both, swing("linear", (5.8, 0.6, 0.0), 0.2)])
     assert values == pytest.approx([6.0, 0.41, 0.31])
-    assert errors[0] == pytest.approx(0.2 / np.sqrt(3.0))
+    assert errors[0] == pytest.approx(4.302653 / 1.959964 * 0.2 / np.sqrt(3.0))
+
+
+def test_nothing_is_identified_beside_an_interval_with_zero() -> None:
+    """Of six windows the interval has one degree of freedom."""
+    for seed in range(8):
+        body = towed_body(seed)
+        names = ("time_s", "u_m_s", "tow_force_n")
+        tows = [TowRecord(*(body[name][at : at + 280] for name in names)) for at in (0, 660)]
+        fit = fit_tow(tows, mass_kg=MASS_KG, mass_sd_kg=MASS_KG)
+        motions = PassiveMotions(tow_fits={"surge": fit})
+        for row in passive_results(motions, shipped_vehicle("bluerov2_heavy"))["rows"]:
+            if row["verdict"] == "identified":
+                assert np.prod(np.sign([row["low"], row["high"]])) > 0.0, row
 
 
 def test_of_as_many_the_larger_swings_are_taken() -> None:

@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask, cross
-from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.regression.standard_errors import widened_by
 
 BUMP_S = 2.0
 """Length of a bump: accelerations of about half a hertz count."""
@@ -91,8 +91,6 @@ def at_origin(leg: TurningLeg, departure: Array) -> TurningLeg:
 
 def _estimate(blocks: Sequence[Rows]) -> tuple[Array, Array]:
     """Return the departure (3,) that blocks show, and its standard error (3,)."""
-    from scipy.special import stdtrit
-
     weights = np.ones(3)
     for _ in range(2):
         parts = [_normal(block, weights) for block in blocks]
@@ -106,7 +104,7 @@ def _estimate(blocks: Sequence[Rows]) -> tuple[Array, Array]:
     count, total = len(blocks), np.sum(parts, axis=0)
     moved = np.array([_solved(total - part)[0] - value for part in parts])[:, :3]
     spread = (count - 1) / count * np.sum(moved**2, axis=0)
-    wide = float(stdtrit(count - 1, 0.975)) / NORMAL_95
+    wide = widened_by(count - 1)
     return value[:3], np.where(moving[:3], wide * np.sqrt(spread), np.inf)
 
 

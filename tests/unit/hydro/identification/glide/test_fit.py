@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
 from auvid.hydro.identification.glide.comparison import compare
 from auvid.hydro.identification.glide.fit import fit_glides
@@ -41,7 +42,7 @@ def test_intervals_reach_the_truth_under_waves_and_noise(speed: str) -> None:
         rows_of(record(flight(), 4, speed=speed)), body=BODY, prior=file_figures()
     )
     drag, error = estimate.at_pitch(-float(np.radians(22.0)))["C_D"]
-    assert abs(drag - TRUE_AT_22) < 1.5 * estimate.half_95 * error
+    assert abs(drag - TRUE_AT_22) < 1.5 * NORMAL_95 * error
     assert error < 0.1 * drag
     expected = "from the prior" if speed == "none" else "identified"
     assert estimate.verdicts["C_L_alpha"] == expected

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
 
@@ -33,10 +34,7 @@ def test_drag_and_mass_lie_in_their_intervals_in_most_of_thirty_tows() -> None:
     truth = np.array([MASS_KG, LINEAR, QUADRATIC])
     fits = [fitted(seed) for seed in range(30)]
     inside = np.mean(
-        [
-            np.abs(fit.values - truth) < fit.half_95 * np.sqrt(np.diag(fit.covariance))
-            for fit in fits
-        ],
+        [np.abs(fit.values - truth) < NORMAL_95 * np.sqrt(np.diag(fit.covariance)) for fit in fits],
         axis=0,
     )
     # 95 % intervals of 30 seeds: fewer than 24 of 30 inside has a chance below 0.2 %.
