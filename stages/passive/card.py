@@ -31,7 +31,12 @@ from auvid.hydro.identification.passive.held_out import (
     fit_percent,
     swings_held_out,
 )
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    WEAK,
+    TermStatus,
+    clear_of_zero,
+)
 from auvid.hydro.partial_model import apparent_inertia, unit_in
 from auvid.stages import few_axes
 from auvid.stages.columns import AXIS_UNITS
@@ -247,7 +252,7 @@ def _rms_of(pairs: Sequence[tuple[Array, Array]]) -> tuple[float, float]:
     )
 
 
-def _verdict(value: float, error: float, *, weak: bool) -> Verdict:
+def _verdict(value: float, error: float, *, weak: bool) -> TermStatus:
     return IDENTIFIED if not weak and clear_of_zero(value, error) else WEAK
 
 
