@@ -76,7 +76,9 @@ def fitted_together(
         if len(item) > 1
         and len(windows_of(records, [axis.equation.speed for axis in item])) >= FEWEST_WINDOWS
     ]
-    if options.together == "never" or not measured or not groups:
+    if options.together == "never" and len(singles) > 1:
+        return tuple(singles), Together(tuple(i.axis for i in singles), False, float("nan"), 0)
+    if not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
     axes = [item.axis for item in singles]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
@@ -190,6 +192,7 @@ def _single(
         records,
         axis,
         inertia=prior,
+        hull=np.array([apparent_inertia(vehicle, name) for name in AXES]),
         drive=ForceDrive(lag_s=options.lag_s),
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,

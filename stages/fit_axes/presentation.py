@@ -77,7 +77,7 @@ def together_words(item: Together) -> str:
         "on windows and legs that were held out the error together is"
         f" {item.error_ratio:.2f} times that one by one (geometric mean of {item.pairs} figures)"
         if np.isfinite(item.error_ratio)
-        else "nothing was held out to compare them on"
+        else "nothing was compared"
     )
     if item.chosen:
         return f"Fitted together, with Coriolis force by the ratios of inertia: {names}; {ratio}."

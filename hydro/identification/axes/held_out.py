@@ -21,6 +21,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     loop_rows,
     motion,
 )
+from auvid.hydro.identification.axes.structure import HULL
 from auvid.hydro.identification.axes.windows import (
     MotionWindow,
     depth_measures,
@@ -61,10 +62,11 @@ def percent_of(measured: Array, simulated: Array) -> float:
 def score(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> dict[str, float]:
     """Return the fit [%] on windows by velocity, each from its measured start.
 
-    The constant of a window is 0, its expected value.
+    The constant of a window is 0, its expected value, and no moment of the hull acts: the
+    model has none without speeds.
     """
     flown = replace(
-        pool,
+        pool.without(HULL),
         windows=tuple(windows),
         constant_sd=np.zeros_like(pool.constant_sd),
         drive=fit.drive,
@@ -184,7 +186,7 @@ def span_of(pool: Pool, leg: int) -> MotionWindow:
 
 def free_run(pool: Pool, fit: PoolFit, window: MotionWindow) -> Array:
     """Return states (n, 2k) over a window or a leg, from its measured start."""
-    flown = replace(pool, drive=fit.drive, free=())
+    flown = replace(pool.without(HULL), drive=fit.drive, free=())
     rows = loop_rows(flown, fit.drive)[window.leg]
     k = len(pool.structure.velocities)
     start = np.append(pool.prepared[window.leg].start[window.first], np.zeros(k))

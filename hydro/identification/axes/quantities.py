@@ -110,6 +110,8 @@ def normalised_quantities(
     def rest(v: Array) -> float:
         return float(-1.0 / v[0]) if v[0] < 0.0 else float("nan")
 
+    speed = float(f"{speed:.2g}")  # as its name has it
+
     def steady(v: Array) -> float:
         return steady_speed(*v[:3])
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,9 +39,11 @@ from auvid.hydro.identification.axes.judgement import (
     coefficient_block,
     doubts,
     heterogeneity,
+    hull_words,
     notes_of,
     rms_of,
     shape_of,
+    unmeasured,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -60,7 +63,7 @@ from auvid.hydro.identification.axes.quantities import (
 )
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.starting_values import starting_values
-from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
+from auvid.hydro.identification.axes.structure import FORCE, HULL, Structure, axis_terms
 from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
@@ -69,6 +72,11 @@ CONSTANT_SD = {"u": 0.02, "v": 0.02, "w": 0.005, "p": 0.02, "q": 0.02, "r": 0.02
 """Deviation of the constant of a window from that of all [m/s^2, rad/s^2]."""
 SURGE = "surge"
 """Input of heave: force ahead behind the lag of the surge speed."""
+UNMEASURED_DRAG = (0.5, 3.0)
+"""Linear and quadratic drag over mass [1/s, 1/m] of a hull whose speeds forces give: those of
+small vehicles. What they are off by, the coefficient of the term takes up."""
+HULL_SHARE, HULL_STEP_S = 0.3, 0.02
+"""Least deviation of that coefficient, in parts of mass over inertia; step of the speeds."""
 SURGE_LAG_S, SURGE_SHARE = 2.0, 0.3
 """Time constant of that speed; deviation of its term around 0, in parts of c."""
 ABSURD = 3.0
@@ -200,6 +208,7 @@ def fit_axis(
     drive: ForceDrive | None = None,
     constant_sd: float | None = None,
     surge: bool = False,
+    hull: Array | None = None,
     try_lag: bool = True,
     try_shape: bool = False,
     loss: Loss = "soft_l1",
@@ -208,19 +217,21 @@ def fit_axis(
     """Fit one axis to the windows of all legs.
 
     inertia: prior of 1 / c; None leaves it free, and commands have none. surge: a term of
-    the force ahead in heave, under a prior around 0. try_lag: whether the lag is fitted
-    where the data determine it. try_shape: the same of dead band and curve of commands.
-    Raises `DataError` with the reason where an axis is
-    refused.
+    the force ahead in heave, under a prior around 0. hull (6,): apparent inertia, by which
+    yaw in newtons has the moment of a hull whose speeds nobody measures. try_lag: whether
+    the lag is fitted where the data determine it. try_shape: the same of dead band and
+    curve of commands. Raises `DataError` with the reason where an axis is refused.
     """
     reason = refusal(records, axis)
     if reason:
         raise DataError(f"axis {axis}: {reason}", remedy="See the stretches that were left out.")
     velocity = VELOCITIES[AXES.index(axis)]
+    acts = velocity == "r" and not records[0].normalised and unmeasured(records)
+    moment = hull if acts else None
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         CONSTANT_SD[velocity] if constant_sd is None else constant_sd,
-        surge and velocity == "w", loss, window_s,
+        surge and velocity == "w", loss, window_s, moment,
     )  # fmt: skip
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
@@ -246,7 +257,10 @@ def fit_axis(
         axis, velocity, records[0].normalised,
         values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
         lag, shape, verdict, speed, width,
-        (*notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia)),
+        (
+            *notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia),
+            *hull_words(velocity, records, moment),
+        ),
     )  # fmt: skip
 
 
@@ -266,6 +280,7 @@ class _Setup:
     surge: bool
     loss: Loss
     window_s: float
+    hull: Array | None = None
 
     def pool(
         self,
@@ -284,6 +299,9 @@ class _Setup:
         if self.surge:
             inputs, extra = (self.axis, SURGE), {SURGE: (0.0, self.surge_sd)}
             columns = tuple({SURGE: surge_input(record)} for record in self.records)
+        if self.hull is not None:
+            inputs, extra = (self.axis, HULL), {HULL: self.hull_prior}
+            columns = tuple({HULL: column} for column in self.hull_columns)
         terms = axis_terms(
             self.axis, inputs=inputs, inverse=inverse, sides=sides,
             restoring=self.velocity in "pq", extra=extra,
@@ -296,6 +314,20 @@ class _Setup:
             constant_sd=np.array([self.constant_sd]), drive=self.drive, free=free,
             extra=columns, loss=self.loss,
         )  # fmt: skip
+
+    @cached_property
+    def hull_columns(self) -> tuple[Array, ...]:
+        """Return u v (n,) of each record."""
+        assert self.hull is not None
+        return tuple(hull_input(record, self.hull) for record in self.records)
+
+    @property
+    def hull_prior(self) -> tuple[float, float]:
+        """Return mean and deviation of the coefficient of u v: (m_1 - m_2) / m_6."""
+        assert self.hull is not None
+        m_1, m_2, m_6 = self.hull[[0, 1, 5]].tolist()
+        mean = (m_1 - m_2) / m_6
+        return mean, max(abs(mean), HULL_SHARE * max(m_1, m_2) / m_6)
 
     @property
     def surge_sd(self) -> float:
@@ -313,6 +345,25 @@ def surge_input(record: AxisRecord) -> Array:
 
     step = float(record.t_s[1] - record.t_s[0])
     return lagged_columns(step, record.force["X"][:, None], SURGE_LAG_S)[:, 0]
+
+
+def hull_input(record: AxisRecord, inertia: Array) -> Array:
+    """Return u v (n,) [m^2/s^2] of speeds that forces give, with the measured turning.
+
+    m_1 u' = X - drag + m_2 v r, m_2 v' = Y - drag - m_1 u r, inertia (6,) apparent.
+    """
+    (m_1, m_2), (linear, squared) = inertia[:2].tolist(), UNMEASURED_DRAG
+    step = float(record.t_s[1] - record.t_s[0])
+    parts = max(1, round(step / HULL_STEP_S))
+    h, u, v, out = step / parts, 0.0, 0.0, []
+    columns = (record.force["X"] / m_1, record.force["Y"] / m_2, np.nan_to_num(record.rate["r"]))
+    for ahead, aside, r in zip(*(column.tolist() for column in columns), strict=True):
+        out.append(u * v)
+        for _ in range(parts):
+            slope = ahead - u * (linear + squared * abs(u)) + m_2 / m_1 * v * r
+            v += h * (aside - v * (linear + squared * abs(v)) - m_1 / m_2 * u * r)
+            u += h * slope
+    return np.array(out)
 
 
 def _with_lag(

@@ -28,6 +28,8 @@ FORCE = "force"
 """Name of the term c F of an axis."""
 RIGHTING = "restoring"
 """Name of the term of the sine of roll or pitch."""
+HULL = "hull"
+"""Name of the term of the moment of a hull whose speeds ahead and aside nobody measures."""
 SYMMETRIC = {
     "X": "q", "Y": "pr", "Z": "q", "K": "vr", "M": "uw", "N": "vp",
 }  # fmt: skip

@@ -18,11 +18,12 @@ from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
+from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
 from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit, Lacking, LackingVerdict
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
-from auvid.stages.fit_axes.presentation import fit_section
+from auvid.stages.fit_axes.presentation import fit_section, together_words
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.model_file.contents import model_document, use_entry
 from tests.support.axis_twin import FULL, TRUTH, leg
@@ -316,3 +317,17 @@ def test_held_out_windows_without_motion_judge_nothing() -> None:
     both = replace(item, held_out=(still, HeldOutFit("odd windows", 90.0, 3)))
     assert both.held_out_percent == 90.0
     assert replace(item, held_out=(still,)).held_out_percent is None
+
+
+def test_axes_that_are_never_fitted_together_have_no_coriolis_force() -> None:
+    """Nobody judged it."""
+    body, apart = vehicle("bluerov2_heavy"), fits(False)
+    asked = replace(FREE, together="never")
+    _, together = fitted_together(apart.fitted, {}, body, asked, apart.commands)
+    assert together is not None
+    fitted = replace(apart, together=together)
+    document = file_of(card_of(fitted, body), fitted, body)
+    assert document.partial is not None
+    assert document.partial.together is not None
+    assert not document.partial.together.chosen
+    assert "no Coriolis force" in together_words(together)

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.judgement import InertiaPrior
+from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
@@ -269,3 +269,36 @@ def test_depth_of_two_samples_a_second_is_fitted() -> None:
     leg = axis_leg(4, HEAVE, by_depth=True, step_s=0.5, seconds=240.0, hold_s=4.0)
     fit = fit_axis([leg], "Z", try_lag=False)
     assert fit.held_out[0].percent["w"] > 70.0
+
+
+HULL_INERTIA = np.array([20.0, 32.0, 30.0, 0.4, 0.4, 0.5])
+NEWTONS = {"X": 40.0, "Y": 40.0, "N": 2.5}
+"""Of a force of 1, so that c of each axis of `UNDER_WAY` is 1 / m."""
+UNDER_WAY = {"u": (-0.6, -3.5, 2.0, 0.0), "v": (-0.5, -4.5, 1.25, 0.0), "r": (-1.5, -1.0, 5.0, 0.0)}
+
+
+def under_way(*, normalised: bool = False) -> list[AxisRecord]:
+    """Return legs that turn while they move ahead and aside, by the gyro alone."""
+    legs, nothing = [], np.full(450, np.nan)
+    for seed in (1, 2):
+        leg = axis_leg(seed, UNDER_WAY, seconds=45.0, step_s=0.1, inertia=HULL_INERTIA)
+        force = {axis: NEWTONS.get(axis, 0.0) * own for axis, own in leg.force.items()}
+        rate = {**leg.rate, "u": nothing, "v": nothing}
+        legs.append(replace(leg, force=force, rate=rate, normalised=normalised))
+    return legs
+
+
+def test_a_hull_whose_speeds_nobody_measures_is_no_inertia_of_yaw() -> None:
+    """Its moment (m_1 - m_2) u v counts as inertia: 7 % without the term, here 3."""
+    drive = ForceDrive(lag_s=0.08)
+    legs = under_way()
+    plain = fit_axis(legs, "N", drive=drive, try_lag=False)
+    with_hull = fit_axis(legs, "N", drive=drive, try_lag=False, hull=HULL_INERTIA)
+    off = [abs(fit.inertia.value / HULL_INERTIA[5] - 1.0) for fit in (plain, with_hull)]
+    assert off[1] < 0.04 < 0.06 < off[0], off
+    assert any("Munk" in note for note in with_hull.notes)
+
+
+def test_commands_without_a_velocity_say_what_counts_as_inertia() -> None:
+    assert "tens of percent" in hull_words("r", under_way(normalised=True), None)[0]
+    assert not hull_words("r", [axis_leg(1, YAW, seconds=10.0)], None)
