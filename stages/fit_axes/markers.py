@@ -22,7 +22,7 @@ LIMITS_M = (0.02, 0.02, 0.05)
 """A departure counts beyond these and three standard errors: down, the centre of the added
 mass is no better known."""
 NAMES = ("arm forward", "arm right", "arm down")
-REACHES = ("YN", "XN", "XY")
+REACHES = ("YZN", "XZN", "XY")
 """Axes whose fits a wrong arm forward, right and down reaches."""
 
 
