@@ -159,8 +159,9 @@ def pulses_of(
     return width, (
         f"Outputs come at {1.0 / step_s(samples):.1f} Hz: {np.count_nonzero(result.used)} of"
         f" {result.used.size} are rebuilt between their samples from sticks, gyro and attitude,"
-        f" mode by mode; of samples left out that explains {_percent(result.rebuilt)} %,"
-        f" interpolation {_percent(result.interpolated)} %."
+        f" mode by mode; of every other sample, left out, that explains"
+        f" {_percent(result.rebuilt)} %, interpolation over twice the pause"
+        f" {_percent(result.interpolated)} %."
     )
 
 

@@ -47,7 +47,8 @@ def rebuild_outputs(
     autopilot's mode at both. In each mode each output is y = g0 + g . causes by least
     squares (what remains at the samples is error of their stamps; added between them it
     would hold the output). Whether that is better than interpolation alone is judged on every
-    other sample, left out of both.
+    other sample, left out of both: over twice the log's pauses, in favour of causes, which
+    fly yaw better than a judgement over its own pauses does (decision 0029).
     """
     smooth = _along(t_s, outputs, clock_s)
     values = _rebuilt(t_s, outputs, causes, mode, clock_s, clock_causes, clock_mode)
