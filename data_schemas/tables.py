@@ -92,10 +92,11 @@ def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
     return pa.array(values, type=kind, from_pandas=False)
 
 
-def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
+def check_table(table: pa.Table, name: str, *, file: object = None, in_part: bool = False) -> None:
     """Check a table against schema `name` and raise all faults together.
 
-    Columns, types, nulls, NaN, ranges and the clock are checked.
+    Columns, types, nulls, NaN, ranges and the clock are checked; a table read `in_part`
+    may miss columns.
     """
     spec = schema(name)
     where = file if file is not None else f"table '{name}'"
@@ -109,7 +110,7 @@ def check_table(table: pa.Table, name: str, *, file: object = None) -> None:
             )
     for column in spec.columns.values():
         if column.name not in table.column_names:
-            if not column.optional:
+            if not (column.optional or in_part):
                 faults.append(SchemaError("missing column", file=where, field=column.name))
             continue
         faults += _column_faults(table[column.name], column, where)

@@ -21,7 +21,7 @@ stage of the graph feeds gets the document of its schema that the manifest names
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import partial
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
@@ -90,13 +90,24 @@ class RawLog:
 
 
 class Collection(Mapping[str, T]):
-    """Artefacts of many items in manifest order, loaded one at a time when needed."""
+    """Artefacts of many items in manifest order, loaded one at a time when needed.
 
-    def __init__(self, loaders: Mapping[str, Callable[[], T]]) -> None:
-        self._loaders = dict(loaders)
+    `part_of(key, columns)` loads some columns of a table without the others.
+    """
+
+    def __init__(
+        self,
+        loaders: Mapping[str, Callable[[], T]],
+        part_of: Callable[[str, Sequence[str]], T] | None = None,
+    ) -> None:
+        self._loaders, self._part_of = dict(loaders), part_of
 
     def __getitem__(self, key: str) -> T:
         return self._loaders[key]()
+
+    def part(self, key: str, columns: Sequence[str]) -> T:
+        """Return a table with at least those of `columns` that it has."""
+        return self[key] if self._part_of is None else self._part_of(key, columns)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._loaders)

@@ -81,11 +81,12 @@ class Artefact:
     def fingerprint(self) -> str:
         return self.hash
 
-    def load(self) -> Any:
+    def load(self, columns: Sequence[str] = ()) -> Any:
+        """Return the artefact; with `columns` a table of those alone."""
         with suppress(OSError):  # the loading says what is wrong
             if self.path.stat().st_size > LONG_FILE_BYTES:
                 give_back()
-        return artefacts.load(self.path, self.schema, self.hash)
+        return artefacts.load(self.path, self.schema, self.hash, columns)
 
 
 def artefacts_of(manifest: Manifest, port: Port, item: str) -> dict[str | None, Artefact]:
@@ -116,7 +117,8 @@ class Many:
 
     def load(self) -> Collection[Any]:
         return Collection(
-            {key: partial(Artefact.load, entry) for key, entry in self.entries.items()}
+            {key: partial(Artefact.load, entry) for key, entry in self.entries.items()},
+            lambda key, columns: self.entries[key].load(columns),
         )
 
 

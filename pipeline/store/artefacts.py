@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Collection, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -82,8 +82,8 @@ def in_pieces(artefact: object, name: str, *, file: object) -> Generator[bytes]:
         yield encode(artefact, name, file=file)
 
 
-def load(path: Path, name: str, expected: str | None = None) -> Any:
-    """Read an artefact back, checked.
+def load(path: Path, name: str, expected: str | None = None, columns: Sequence[str] = ()) -> Any:
+    """Read an artefact back, checked; with `columns` those of a table, and its clock.
 
     Raises `SchemaError` where its hash is not `expected` or it does not fit its schema.
     """
@@ -100,21 +100,27 @@ def load(path: Path, name: str, expected: str | None = None) -> Any:
     if kind == "bytes":
         return content
     try:
-        value = _read_parquet(path) if kind == "table" else json.loads(content)
+        wanted = {*columns, schema(name).clock} if columns else set()
+        value = _read_parquet(path, wanted) if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         raise SchemaError(
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
         ) from fault
     if kind == "document":
         return delivered(value, name, file=path)
-    check_table(value, name, file=path)
+    check_table(value, name, file=path, in_part=bool(columns))
     return value
 
 
-def _read_parquet(path: Path) -> pa.Table:
-    """Return the table of a file, read column by column: its bytes are never all in memory."""
+def _read_parquet(path: Path, wanted: Collection[str | None]) -> pa.Table:
+    """Return the table of a file, or those columns that are `wanted`.
+
+    It is read column by column: the bytes of the file are never all in memory.
+    """
     with pa.OSFile(str(path)) as file:
-        return pq.ParquetFile(file).read(use_threads=False)
+        parquet = pq.ParquetFile(file)
+        names = [item for item in parquet.schema_arrow.names if not wanted or item in wanted]
+        return parquet.read(names, use_threads=False)
 
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:

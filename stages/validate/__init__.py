@@ -83,6 +83,12 @@ from auvid.stages.validate.tables import (
     error_rows,
 )
 
+COLUMNS = (
+    "eta_ratio",
+    *VELOCITY,
+    *(name for part in ("tau_bar", *ACTUATORS) for name in force_columns(part)),
+)
+"""Of the residual force, beside its clock: not its other components, the most of it."""
 SEED = 1
 """Of the draws, so that a run gives the same band again."""
 
@@ -220,7 +226,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             )
 
     def judged() -> Iterator[tuple[str, str, pa.Table, Array, Mapping[str, Array]]]:
-        for key, residual in inputs.residual.items():
+        for key in inputs.residual:
+            residual = inputs.residual.part(key, COLUMNS)
             predicted = _forces(inputs, models, key, residual)
             if segments[key].use == "validation":  # its plots show all models
                 predicted = dict(predicted)
@@ -395,7 +402,7 @@ def _flights(
 def _acting_rms(inputs: Inputs, keys: Sequence[str]) -> Array:
     """Return the RMS force (6,) of the actuators over segments [N, N m]."""
     parts = []
-    for residual in (inputs.residual[key] for key in keys):
+    for residual in (inputs.residual.part(key, COLUMNS) for key in keys):
         names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
         zero = np.zeros((residual.num_rows, 6))
         parts.append(sum((forces(residual, name) for name in names), zero))
@@ -410,9 +417,13 @@ def _samples_per_one(
     inputs: Inputs, model: Predictor, segments: Mapping[str, SegmentRecord]
 ) -> dict[str, float]:
     """Return, by axis, how many training samples of a model's residual count as one."""
+
+    def errors(residual: pa.Table, key: str) -> Array:
+        force = _forces(inputs, {"model": model}, key, residual)["model"]
+        return forces(residual, "tau_bar") - force
+
     residuals = (
-        forces(inputs.residual[key], "tau_bar")
-        - _forces(inputs, {"model": model}, key, inputs.residual[key])["model"]
+        errors(inputs.residual.part(key, COLUMNS), key)
         for key, segment in segments.items()
         if segment.use == "training"
     )
@@ -444,7 +455,7 @@ def _free_runs(
 
 
 def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table:
-    residual = inputs.residual[key]
+    residual = inputs.residual.part(key, COLUMNS)
     n, fused = residual.num_rows, _fused(inputs, models, key)
     force = np.empty((6, n * len(models)))
     for number, model in enumerate(models.values()):

@@ -22,6 +22,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns, matrix
 from auvid.hydro.arrays import Array
+from auvid.stages.base import Collection as Artefacts
 from auvid.stages.base import Document
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import (
@@ -56,8 +57,8 @@ from auvid.stages.report.recording.text import markdown, stage_texts
 from auvid.stages.steps import counted
 
 MODELS_SHOWN = 3
-TABLES_KEPT = 2
-"""In memory: the table of a group, and that which it is drawn less."""
+PARTS_KEPT = 8
+"""In memory beside the table of a group: what groups of it are drawn less."""
 BAND = 2.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
@@ -144,7 +145,8 @@ def _send_groups(
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     logged: dict[str, LoggedSeries] = {}
-    load = lru_cache(maxsize=TABLES_KEPT)(tables.__getitem__)
+    load = lru_cache(maxsize=1)(tables.__getitem__)
+    load_part = lru_cache(maxsize=PARTS_KEPT)(partial(_part, tables))
     bundles = [
         (find_table(tables, owner, str(bundle[0]["table"])), entity, owner, bundle)
         for entity, owner, bundle in _bundles(groups)
@@ -161,6 +163,7 @@ def _send_groups(
             rows.clear()
             parts.clear()
             load.cache_clear()
+            load_part.cache_clear()
         parts = [_rows(load(name), group, rows) for group in bundle]
         times = clock.seconds(name, parts[0])
         if (
@@ -173,7 +176,7 @@ def _send_groups(
             out.static(entity, _lines(bundle, preferred))
         values = np.hstack(
             [
-                _values(part, group, tables, load, owner)
+                _values(part, group, tables, load_part, owner)
                 for part, group in zip(parts, bundle, strict=True)
             ]
         )
@@ -188,6 +191,10 @@ def _send_groups(
         drawn = drawn if limits is None else np.clip(drawn, *limits)
         logged[entity] = logged.get(entity, LoggedSeries()).add(times, drawn)
     return logged
+
+
+def _part(tables: Mapping[str, pa.Table], name: str, columns: Sequence[str]) -> pa.Table:
+    return tables.part(name, columns) if isinstance(tables, Artefacts) else tables[name]
 
 
 def _edges_only(group: Document) -> bool:
@@ -240,7 +247,7 @@ def _values(
     part: pa.Table,
     group: Document,
     names: Collection[str],
-    load: Callable[[str], pa.Table],
+    load: Callable[[str, Sequence[str]], pa.Table],
     owner: str,
 ) -> Array:
     """Return the series of a group.
@@ -253,7 +260,8 @@ def _values(
         other = find_table(names, owner, str(group["less"]["table"]))
         if other is None:
             return np.full_like(values, np.nan)
-        return values - matrix(load(other), group["less"]["columns"])
+        columns = tuple(group["less"]["columns"])
+        return values - matrix(load(other, columns), columns)
     if group.get("spread"):
         spread = BAND * matrix(part, group["spread"])
         lines = (

@@ -5,7 +5,7 @@ reads, and what they must not hide.
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -370,6 +370,24 @@ def test_memory_of_a_training_leg_does_not_grow_with_the_models() -> None:
         peaks[count] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     assert peaks[8] < 1.2 * peaks[1]
+
+
+def test_the_residual_force_is_never_read_with_all_its_components() -> None:
+    cards, whole = run(legs(names=("one", "check")))
+    tables = {name: residual_table(*legs()[name]) for name in ("one", "check")}
+
+    def part_of(key: str, columns: Sequence[str]) -> pa.Table:
+        names = {"t_s", *columns}
+        return tables[key].select([name for name in tables[key].column_names if name in names])
+
+    inputs = validate.Inputs(
+        collection(cards),
+        Collection(dict.fromkeys(tables, lambda: pytest.fail("read as a whole")), part_of),
+        collection({name: segment_document(name, LEGS[name]) for name in tables}),
+    )
+    found = validate.run(inputs, validate.Params())
+    assert found.error_table.equals(whole.error_table)
+    assert found.predictions["one"].equals(whole.predictions["one"])
 
 
 def test_force_without_motion_has_no_ratio() -> None:

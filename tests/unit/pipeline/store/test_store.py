@@ -33,7 +33,7 @@ from auvid.pipeline.store.atomic_files import (
     write_atomically,
     write_output,
 )
-from auvid.pipeline.store.file_hashes import FileHashes, hash_value
+from auvid.pipeline.store.file_hashes import FileHashes, hash_bytes, hash_value
 from auvid.pipeline.store.fingerprints import stage_code
 from auvid.pipeline.store.import_closure import import_closure
 from auvid.pipeline.store.pipes import saved_pieces
@@ -394,6 +394,18 @@ def test_a_long_table_is_written_while_it_is_encoded(monkeypatch: pytest.MonkeyP
     wrong = table.append_column("odd", table.column(0))
     with pytest.raises(SchemaError, match="unknown column"):
         list(in_pieces(wrong, "depth", file="x"))
+
+
+def test_some_columns_of_a_table_are_read_with_its_clock(tmp_path: Path) -> None:
+    path = tmp_path / "depth.parquet"
+    path.write_bytes(content := encode(depth_table(), "depth", file="x"))
+    digest = hash_bytes(content)
+    part = load(path, "depth", digest, ["depth_m", "not_there"])
+    assert part.equals(depth_table().select(part.column_names))
+    assert sorted(part.column_names) == ["depth_m", "time_us"]
+    assert load(path, "depth", digest, ["time_us"]).column_names == ["time_us"]
+    with pytest.raises(SchemaError, match="not what its manifest says"):
+        load(path, "depth", "0" * 64, ["depth_m"])
 
 
 @pytest.mark.parametrize("opens", [True, False])

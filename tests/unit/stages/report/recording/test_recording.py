@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -259,21 +260,25 @@ def test_bands_differences_forces_spans_and_tables_are_recorded(rich: str) -> No
     assert "Coefficients of Linear" in rich
 
 
+def _part_of(tables: Mapping[str, pa.Table]) -> Callable[[str, Sequence[str]], pa.Table]:
+    return lambda name, columns: tables[name].select(columns)
+
+
 def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_measurement(
     example: ExampleRun,
 ) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
     band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
-    found = _values(table, band, (), example.tables.__getitem__, "x")
+    found = _values(table, band, (), _part_of(example.tables), "x")
     np.testing.assert_allclose(found, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
-    whole = _values(table, {**band, "roles": ["fitted"]}, (), example.tables.__getitem__, "x")
+    whole = _values(table, {**band, "roles": ["fitted"]}, (), _part_of(example.tables), "x")
     np.testing.assert_allclose(whole, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12)  # rounding
     settled = _settled([{**band, "roles": ["fitted"]}], whole)
     np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
     np.testing.assert_allclose(
-        _values(table, less, names, names.__getitem__, "x"), [[-2.0], [-3.0]], rtol=1e-12
+        _values(table, less, names, _part_of(names), "x"), [[-2.0], [-3.0]], rtol=1e-12
     )
 
 
