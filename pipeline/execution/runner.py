@@ -178,7 +178,8 @@ class Run:
             names,
         )
         progress.finish(failed=sum(outcome.record is None for outcome in outcomes.values()))
-        _raise(stage, [outcomes[item] for item in order if item in outcomes])
+        faults = [outcomes[item] for item in order if item in outcomes]
+        _raise(stage, faults, self.campaign.file.path)
         return len(stale)
 
     def places(self, level: str) -> list[Place]:
@@ -436,17 +437,24 @@ class Run:
         )
 
 
-def _raise(stage: AnyStage, outcomes: Sequence[Outcome]) -> None:
+def _raise(stage: AnyStage, outcomes: Sequence[Outcome], campaign_file: Path) -> None:
+    """Raise what went wrong; a key of `stages` comes with its file, and once."""
+    faults: list[str] = []
+    of_campaign: dict[str, list[str]] = {}
     for outcome in outcomes:
+        where, fault = _where(stage, outcome.item), outcome.fault
         if outcome.crash is not None:
-            raise InternalFault(f"{_where(stage, outcome.item)}: {outcome.crash}", outcome.trace)
-    raise_faults(
-        [
-            StageFault(f"{_where(stage, outcome.item)}: {outcome.fault}")
-            for outcome in outcomes
-            if outcome.fault is not None
-        ]
-    )
+            raise InternalFault(f"{where}: {outcome.crash}", outcome.trace)
+        if fault is None:
+            continue
+        if (fault.field or "").startswith("stages."):
+            fault.file = fault.file or campaign_file
+            of_campaign.setdefault(str(fault), []).append(where)
+        else:
+            faults.append(f"{where}: {fault}")
+    for words, places in of_campaign.items():
+        faults.append(f"{places[0] if len(places) == 1 else stage.name}: {words}")
+    raise_faults([StageFault(words) for words in faults])
 
 
 def _where(stage: AnyStage, item: str) -> str:

@@ -157,6 +157,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 remedy=f"Set method: {method}, or leave {key} out.",
             )
 
+    rate_hz = inputs.segment.rate_hz
+    if params.cutoff_hz is not None and params.cutoff_hz >= 0.5 * rate_hz:
+        raise CampaignError(
+            "the cutoff of the low-pass must lie below half the sample rate",
+            field="stages.fuse.cutoff_hz",
+            value=params.cutoff_hz,
+            allowed=f"below {0.5 * rate_hz:g} Hz",
+            remedy="Lower it, set null for no low-pass, or raise stages.resample.rate_hz.",
+        )
+
     placement = _placement(inputs, params)
     motion = sensor_motion(
         inputs.resampled,

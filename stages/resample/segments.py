@@ -201,6 +201,14 @@ def too_short(
     leg: LegEntry, signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
 ) -> DataError:
     """Return the error for a leg of which no part is covered for long enough."""
+    start_s, end_s = leg.start_s or 0.0, leg.end_s
+    if end_s is not None and end_s - start_s < min_segment_s:
+        return DataError(
+            f"leg '{leg.id}' is too short",
+            value=f"{start_s:g} to {end_s:g} s",
+            allowed=f"{min_segment_s:g} s and more",
+            remedy="Move start_s or end_s of the leg, or lower stages.resample.min_segment_s.",
+        )
     cover = "; ".join(f"{item.stream} {_spans_text(item)}" for item in signals)
     shared = max(common_spans(signals), key=lambda span: span[1] - span[0], default=None)
     together = (

@@ -69,7 +69,11 @@ def synthesise_section(
     )
     heads = ["velocity", "unit", "RMS", "lowest", "highest", "threshold", "excitation"]
     title = "Excitation in the training legs"
-    blocks = [*warnings, table(title, [*heads, "both directions"], rows, note=note)]
+    blocks = [
+        *warnings,
+        *too_few_samples(cards),
+        table(title, [*heads, "both directions"], rows, note=note),
+    ]
     blocks.append(
         equation(
             r"\bar{\tau} = K \xi(\nu)",
@@ -117,6 +121,31 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     listed["coefficients_of"] = card.name
     blocks = fold(title, [listed])
     return blocks + fold(f"{card.title}: what stands behind it", _remarks(card))
+
+
+def too_few_samples(cards: Mapping[str, ModelCard]) -> list[Block]:
+    """Return a warning on models with as many terms as samples on an axis, or more."""
+    most: dict[str, tuple[int, int]] = {}
+    for card in cards.values():
+        for part in card.axes.values():
+            if (
+                len(part.terms) >= part.samples
+                and len(part.terms) > most.get(card.title, (0, 0))[0]
+            ):
+                most[card.title] = len(part.terms), part.samples
+    if not most:
+        return []
+    models = ", ".join(f"{title} ({terms} an axis)" for title, (terms, _) in most.items())
+    samples = min(count for _, count in most.values())
+    return [
+        remark(
+            f"The training legs have {samples} samples, and these models as many terms or more:"
+            f" {models}. They fit whatever was measured, and their training errors say nothing."
+            " Only combinations of their terms have numbers. Train on longer legs, or leave these"
+            " models out of stages.synthesise.models.",
+            "warning",
+        )
+    ]
 
 
 def sign_by_figures(item: TermCard) -> bool:

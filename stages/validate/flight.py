@@ -251,7 +251,10 @@ def fly(
         off[:, 8], spread[..., 8] = wrapped(off[:, 8]), wrapped(spread[..., 8])
         if lost.any():
             spread[np.isnan(spread)] = np.inf  # a lost draw is outside of any band
-        edges = np.quantile(spread, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0], axis=0)
+        with np.errstate(invalid="ignore"):  # between two lost draws
+            edges = np.quantile(spread, [(1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0], axis=0)
+        if lost.any():
+            edges[np.isnan(edges)] = np.inf
         run = measured + off
         times = motion.t_s[start + steps] - motion.t_s[0]
         part = [times, measured, run, run + edges[0], run + edges[1]]

@@ -304,6 +304,11 @@ def test_a_segment_shorter_than_its_edges_is_refused(motion: Motion) -> None:
     assert "'one'" in str(caught.value)
 
 
+def test_a_cutoff_above_half_the_rate_names_its_key_and_what_to_do(motion: Motion) -> None:
+    with pytest.raises(CampaignError, match=r"stages\.fuse\.cutoff_hz.*raise stages\.resample"):
+        run(motion, cutoff_hz=0.5 * RATE_HZ)
+
+
 @pytest.mark.parametrize(("cutoff", "edge"), [(None, 0.5), (10.0, 0.5), (1.0, 1.915)])
 def test_edge_follows_the_low_pass(motion: Motion, cutoff: float | None, edge: float) -> None:
     """The zone in which the low-pass follows its continuation, ln(100) / (2 pi f sin(pi

@@ -287,6 +287,12 @@ def test_a_part_that_is_too_short_is_left_out_and_named() -> None:
     assert any("shorter than 5 s" in note for note in outputs.segment["leg"].notes)
 
 
+def test_a_leg_shorter_than_the_least_part_is_called_short() -> None:
+    """Its sensors run throughout: no gap and no other source is to blame."""
+    with pytest.raises(DataError, match=r"'leg' is too short; found '?10 to 14 s.*Move start_s"):
+        run({"start_s": 10.0, "end_s": 14.0})
+
+
 def test_nothing_is_extrapolated() -> None:
     outputs = run(
         depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0))

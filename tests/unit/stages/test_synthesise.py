@@ -51,7 +51,7 @@ from auvid.stages.columns import (
     named,
 )
 from auvid.stages.synthesise import error_choice, training
-from auvid.stages.synthesise.presentation import sign_by_figures
+from auvid.stages.synthesise.presentation import sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from tests.support.motions import (
     ratio_of,
@@ -779,6 +779,16 @@ def test_a_weak_term_whose_sign_rests_on_assumed_figures_says_so() -> None:
     assert fitted.verdict == "weak"
     assert sign_by_figures(fitted)
     assert not sign_by_figures(fitted.model_copy(update={"standard_error": 0.3}))
+
+
+def test_models_with_more_terms_than_samples_are_named() -> None:
+    card = run(noisy_legs(), models=("linear",)).model_card["linear"]
+    assert too_few_samples({"linear": card}) == []
+    axes = {axis: part.model_copy(update={"samples": 6}) for axis, part in card.axes.items()}
+    (block,) = too_few_samples({"linear": card.model_copy(update={"axes": axes})})
+    assert block["level"] == "warning"
+    assert "have 6 samples" in block["text"]
+    assert "Linear (6 an axis)" in block["text"]
 
 
 def test_only_methods_that_were_measured_state_their_coverage() -> None:

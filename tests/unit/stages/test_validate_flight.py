@@ -141,6 +141,29 @@ def test_a_run_starts_again_from_the_measured_state() -> None:
     assert flown(1, windows=48).flown == 50, "over many windows fewer draws fly"
 
 
+@pytest.mark.filterwarnings("error")
+def test_lost_draws_leave_the_band_open_above() -> None:
+    """A fifth of the draws push ahead without end: the upper edge is infinite, not nan."""
+    true = IdentifiedModel("true", TRUE)
+    pushing = IdentifiedModel("true", {**TRUE, "X": {**TRUE["X"], "u": 900.0}})
+    models = (true,) * 40 + (pushing,) * 10
+    none = np.zeros((50, 6)), np.zeros((50, 6, 6))
+    flight = fly(
+        VEHICLE,
+        ModelDraws((true,), np.zeros((1, 6)), np.zeros((1, 6, 6))),
+        ModelDraws(models, *none),
+        drive(0),
+        window_s=8.0,
+        errors=(FORCE_SD, MEMORY_S),
+        windows=2,
+        minimum_speed=0.05,
+    )
+    assert flight is not None
+    assert flight.lost == 10
+    assert np.isinf(flight.high[-1, 0])
+    assert np.isfinite(flight.low[-1, 0])
+
+
 def test_ten_legs_widen_each_band_to_what_the_others_did() -> None:
     flights = [flown(seed, force_sd=FORCE_SD / 10.0) for seed in range(10)]
     assert calibrated(flights[:9]) == flights[:9]

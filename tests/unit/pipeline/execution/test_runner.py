@@ -17,7 +17,7 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.pipeline.commands.run.run_summary import warnings
 from auvid.pipeline.execution import runner
 from auvid.pipeline.execution.engines import Processes, Serial, make_engine
@@ -247,6 +247,18 @@ def test_fault_of_one_item_keeps_the_others(campaign: Path, runs: Path) -> None:
         run_all(open_run(campaign, runs))
     (campaign / "a.log").write_bytes(good)
     assert ran(open_run(campaign, runs))["decode"] == ["a"]
+
+
+def test_a_fault_of_a_stage_parameter_names_the_file_of_the_campaign(
+    campaign: Path, runs: Path
+) -> None:
+    def refuse(inputs: object, params: object) -> None:
+        raise CampaignError("not so", field="stages.spread.width")
+
+    run = open_run(campaign, runs)
+    run.graph = Graph((*STAGES[:2], replace(STAGES[2], run=refuse), STAGES[3]))
+    with pytest.raises(StageFault, match=r"campaign\.yaml, field 'stages\.spread\.width': not so"):
+        run_all(run)
 
 
 def test_all_faults_of_a_stage_come_together(campaign: Path, runs: Path) -> None:
