@@ -33,8 +33,12 @@ def significant(value: float | None, digits: int = 3, *, sign: str = "", empty: 
 
 
 def fixed(value: float | None, places: int, *, empty: str = "-") -> str:
-    """Return a number to some decimals."""
-    return empty if value is None else f"{value:.{places}f}"
+    """Return a number to some decimals, to whole tens or hundreds below none.
+
+    >>> fixed(-0.4512, 2), fixed(1234.5, -1)
+    ('-0.45', '1230')
+    """
+    return empty if value is None else f"{round(value, places):.{max(0, places)}f}"
 
 
 def as_printed(value: float | None, *, places: int = 4, sign: str = "", empty: str = "-") -> str:
@@ -60,18 +64,17 @@ def with_unit(words: str, unit: str) -> str:
 
 
 def places_of_error(error: float, value: float = 0.0) -> int:
-    """Return the decimals that show an error to one figure, two if it begins with 1.
+    """Return the decimals that show an error to two figures (GUM 7.2.6).
 
     No more than give a value six figures.
 
-    >>> places_of_error(0.9), places_of_error(0.0123), places_of_error(41.0)
-    (1, 3, 0)
+    >>> places_of_error(0.9), places_of_error(0.0123), places_of_error(412.0)
+    (2, 3, -1)
     >>> places_of_error(1e-9, 34.0)
     4
     """
-    first = math.floor(math.log10(error))
-    places = (1 if error < 2.0 * 10.0**first else 0) - first
-    return max(0, min(places, 5 - math.floor(math.log10(abs(value)))) if value else places)
+    places = 1 - math.floor(math.log10(error))
+    return min(places, 5 - math.floor(math.log10(abs(value)))) if value else places
 
 
 def estimate(value: float | None, half_width: float | None, *, empty: str = "-") -> str:
@@ -83,7 +86,30 @@ def estimate(value: float | None, half_width: float | None, *, empty: str = "-")
     if value is None or not half_width or not math.isfinite(half_width):
         return significant(value, 5, empty=empty)
     places = places_of_error(half_width)
-    return f"{value:.{places}f} ± {half_width:.{places}f}"
+    return f"{fixed(value, places)} ± {fixed(half_width, places)}"
+
+
+def interval(value: float, half_width: float) -> str:
+    """Return the ends of an interval as those who add up `estimate` get them.
+
+    >>> interval(14.55, 6.44), interval(-75.6, 40.6)
+    ('8.2 to 21.0', '-117 to -35')
+    """
+    places = places_of_error(half_width)
+    middle, half = round(value, places), round(half_width, places)
+    return f"{fixed(middle - half, places)} to {fixed(middle + half, places)}"
+
+
+def part_of(half_width: float, part: float) -> str:
+    """Return what a part adds to a half width, to the figures of the latter.
+
+    One figure at least, so that no part is printed as zero.
+
+    >>> part_of(23.2, 22.9), part_of(23.2, 3.6), part_of(23.2, 0.26)
+    ('± 23', '± 4', '± 0.3')
+    """
+    words = fixed(part, places_of_error(half_width))
+    return f"± {significant(part, 1) if part and not float(words) else words}"
 
 
 def true_minus(words: str) -> str:

@@ -17,6 +17,8 @@ from auvid.data_schemas.documents.published_values import Evidence
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.regression.assumed_figures import FIGURES, total_error
+from auvid.stages.number_format import part_of
 
 Block = dict[str, Any]
 Figure = dict[str, Any]
@@ -33,6 +35,24 @@ NOISE_95 = "± 95 % by noise"
 def half_95(standard_error: float | None) -> float | None:
     """Return half of the normal 95 % interval of a standard error; None for none."""
     return None if standard_error is None else NORMAL_95 * standard_error
+
+
+def shift_words(shifts: Mapping[str, float], standard_error: float) -> str:
+    """Return what assumed figures add to half of a 95 % interval, largest first.
+
+    To the figures of the half width by noise and assumed figures; those below a tenth of
+    the standard error by noise and of the largest are left out.
+
+    >>> shift_words({"mass": 0.01, "thrust": 11.7}, 0.7)
+    'scale of the thrust curve ± 23'
+    """
+    half = NORMAL_95 * total_error(standard_error, shifts)
+    least = 0.1 * max((standard_error, *shifts.values()))
+    return ", ".join(
+        f"{FIGURES[name]} {part_of(half, NORMAL_95 * shift)}"
+        for name, shift in sorted(shifts.items(), key=lambda pair: -pair[1])
+        if shift >= least
+    )
 
 
 def section(

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
-from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.regression.assumed_figures import shift_words
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -21,6 +19,7 @@ from auvid.stages.presentation import (
     half_95,
     remark,
     section,
+    shift_words,
     table,
     text,
 )
@@ -108,8 +107,7 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
                 verdict += "; clear by noise, but its sign rests on assumed figures"
             row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
             if card.spreads:
-                error = item.standard_error or 0.0
-                row.append(shift_words(item.assumed_shifts, error, factor=NORMAL_95))
+                row.append(shift_words(item.assumed_shifts, item.standard_error or 0.0))
             rows.append([*row, verdict])
             kept.append(item.verdict == IDENTIFIED)
     budget = ["± 95 % by assumed figures"] if card.spreads else []

@@ -31,22 +31,6 @@ FIGURES = {
 """Assumed figures by their key in the vehicle file."""
 
 
-def shift_words(shifts: Mapping[str, float], standard_error: float, *, factor: float = 1.0) -> str:
-    """Return what assumed figures add to a coefficient, largest first.
-
-    Times `factor`, as text; those below a tenth of the standard error and of the largest
-    are left out.
-
-    >>> shift_words({"mass": 0.01, "thrust": 11.6}, 0.9)
-    'scale of the thrust curve ± 11.6'
-    """
-    order = sorted(shifts.items(), key=lambda pair: -pair[1])
-    least = 0.1 * max(order[0][1], standard_error) if order else 0.0
-    return ", ".join(
-        f"{FIGURES[name]} ± {factor * shift:.3g}" for name, shift in order if shift >= least
-    )
-
-
 def total_error(standard_error: float, shifts: Mapping[str, float]) -> float:
     """Return the standard error by noise and assumed figures together.
 

@@ -15,8 +15,8 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.stages.number_format import (
     estimate,
-    fixed,
-    places_of_error,
+    interval,
+    part_of,
     printed_unit,
     significant,
     true_minus,
@@ -138,16 +138,14 @@ def _figures(
     if not error:
         return {"value": value, "printed": true_minus(significant(value))}
     half = NORMAL_95 * total_error(error, shifts)
-    places = places_of_error(half)
-    interval = f"{fixed(value - half, places)} to {fixed(value + half, places)}"
     return {
         "value": value,
         "low": value - half,
         "high": value + half,
         "printed": true_minus(estimate(value, half)),
-        "interval": true_minus(interval),
-        "noise": f"± {significant(NORMAL_95 * error, 2)}",
-        "assumed": f"± {significant(NORMAL_95 * total_error(0.0, shifts), 2)}" if shifts else "",
+        "interval": true_minus(interval(value, half)),
+        "noise": part_of(half, NORMAL_95 * error),
+        "assumed": part_of(half, NORMAL_95 * total_error(0.0, shifts)) if shifts else "",
     }
 
 

@@ -12,18 +12,20 @@ from auvid.data_schemas.records.models import AxisCard, ModelCard, TermCard, Vel
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
-from auvid.hydro.identification.regression.assumed_figures import shift_words, total_error
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.stages.number_format import (
     estimate,
+    part_of,
     printed_unit,
     significant,
     true_minus,
     with_unit,
 )
 from auvid.stages.page.first_screen import AXIS_WORDS, CoefficientLine
+from auvid.stages.presentation import shift_words
 
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 LONGEST = 6
@@ -162,13 +164,14 @@ def _unit(axis: str, term: str) -> str:
 def _figure(symbol: str, item: TermCard, unit: str) -> str:
     """Return a coefficient within its 95 % interval, and what the interval is made of.
 
-    `X_u = −58 ± 23 N s/m (noise ± 1.4, scale of the thrust curve ± 22.9)`.
+    `X_u = −58 ± 23 N s/m (noise ± 4, scale of the thrust curve ± 23)`.
     """
     value, error = item.value or 0.0, item.standard_error or 0.0
-    words = _within(symbol, value, NORMAL_95 * total_error(error, item.assumed_shifts), unit)
-    shifts = shift_words(item.assumed_shifts, error, factor=NORMAL_95)
+    half = NORMAL_95 * total_error(error, item.assumed_shifts)
+    words = _within(symbol, value, half, unit)
+    shifts = shift_words(item.assumed_shifts, error)
     if shifts:
-        words += f" (noise ± {NORMAL_95 * error:.2g}, {shifts})"
+        words += f" (noise {part_of(half, NORMAL_95 * error)}, {shifts})"
     return words
 
 

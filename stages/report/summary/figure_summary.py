@@ -278,7 +278,7 @@ def _figure(part: str, row: Document) -> Figure:
     value, error, low, high = (row.get(key) for key in ("value", "standard_error", "low", "high"))
     text = partial(significant, digits=4)
     if value and error:
-        text = partial(fixed, places=places_of_error(error, value))
+        text = partial(fixed, places=places_of_error(NORMAL_95 * error, value))
     unit = printed_unit(str(row["unit"]))
     if unit == "percent":
         unit, text = "%", text if error else partial(fixed, places=0)

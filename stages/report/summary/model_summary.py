@@ -129,10 +129,10 @@ def _uses(
         reason = f"its {chosen.runs} free runs hold, but{horizon} they are no better than {GUESS}"
         reason += _unexcited_damping(usable.forces, card)
     else:
-        reason = f"all {chosen.runs} free runs hold;{horizon} better than expecting {GUESS}"
+        reason = f"all {chosen.runs} free runs hold;{horizon} they beat the guess of {GUESS}"
         steadied = usable.under_attitude_hold
         rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
-        reason += f", {axes_listed(rest)} not" if rest else ""
+        reason += f", but not in {axes_listed(rest)}" if rest else ""
         reason += _unexcited_damping([axis for axis in rest if axis in usable.forces], card)
         reason += (
             f"; {axes_listed(steadied)} where an autopilot holds roll and pitch" if steadied else ""
@@ -143,19 +143,21 @@ def _uses(
     if chosen.motion is not None:
         check = chosen.motion
         needs_own = check.verdict == "holds" and any(item.tips_in for item in check.ranges)
-        title = f"By itself it {VERDICT_WORDS[check.verdict]}"
-        title += " under its own drive" if needs_own else ""
-        uses.append(Use(title, "", check.words))
+        title = "By itself" + ("" if needs_own else f" it {VERDICT_WORDS[check.verdict]}")
+        uses.append(Use(title, "", true_minus(check.words)))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
-    tilts = [
-        f"{AXIS_WORDS[axis]} damping {RESTS[damping_of(card, axis)]}"
-        for axis in TILTS
-        if axis not in usable.control
-    ]
+    rests: dict[str, list[str]] = {}
+    for axis in TILTS:
+        if axis not in usable.control:
+            rests.setdefault(RESTS[damping_of(card, axis)], []).append(axis)
+    tilts = [f"{axes_listed(axes)} damping {rest}" for rest, axes in rests.items()]
     if lost := lost_tilts(chosen):
         times = listed([f"{error:.{0 if error >= 10 else 1}f}" for error in lost.values()])
-        words = f"its {axes_listed(tuple(lost))} runs err {times} times as much as {GUESS}"
+        words = (
+            f"in {axes_listed(tuple(lost))} its free runs err {times} times as much as the guess"
+            f" of {GUESS}"
+        )
     uses.append(Use("Control design", _some(usable.control), "; ".join([words, *tilts])))
     parts = []
     for name, speed in usable.speeds.items():

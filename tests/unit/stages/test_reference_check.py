@@ -59,7 +59,7 @@ def test_change_in_standard_errors_and_status() -> None:
     assert check.standard_errors == pytest.approx(2.0)
     assert replace(check, value=None).standard_errors is None
     assert check.cells["status"] == "weak -> identified"
-    assert check.cells["measured"] == "-4.0 ± 0.8"
+    assert check.cells["measured"] == "-4.00 ± 0.78"
     same = replace(check, value=-3.0)
     assert same.met is False, "another verdict is a change too"
     assert replace(same, status="weak").met is True

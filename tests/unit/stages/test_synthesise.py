@@ -746,7 +746,7 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
         if "verdict" in str(block.get("columns"))
     )
     half = NORMAL_95 * surge.assumed_shifts["thrust"]
-    assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.3g}")
+    assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.0f}")
 
 
 @pytest.mark.parametrize("word", ["from the prior", "at its bound", "weak"])

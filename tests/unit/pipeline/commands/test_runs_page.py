@@ -66,7 +66,7 @@ def test_page_sets_what_differs_and_what_was_found_side_by_side() -> None:
     assert "fuse.method" not in words
     assert "symmetric 0.500 0.310" in words
     assert "0.31 in two" in words
-    assert "−50 ± 10" in words
+    assert "−50.0 ± 9.8" in words
     assert "weak" in words
     assert "0 of 7" in words
     assert "cannot be compared" not in words

@@ -193,7 +193,7 @@ def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun)
     run.free_run = free_runs("coe", lost=0, error=0.1)
     (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")
     assert use.axes == "surge, sway, roll, pitch and yaw"
-    assert use.reason.endswith("heave not (heave: damping not excited)")
+    assert use.reason.endswith("not in heave (heave: damping not excited)")
 
 
 @pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
@@ -213,7 +213,7 @@ def test_a_model_that_does_not_hold_roll_is_said_to_tip_over(
 @pytest.mark.parametrize(
     ("column", "axes", "words"),
     [
-        ("phi_rms_rad", "no axis", "its roll runs err 3.0 times as much as no change or no motion"),
+        ("phi_rms_rad", "no axis", "in roll its free runs err 3.0 times as much as the guess of"),
         ("v_rms_m_s", "surge, heave, roll, pitch and yaw", "damping identified"),
     ],
 )
