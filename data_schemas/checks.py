@@ -42,8 +42,8 @@ MISTAKES = """
 ## Mistakes and what finds them
 
 Each of these is made by a test, in a small healthy log or its column map; *refused*
-means that the log is not read, with file, row and field. All but `stuck_sensor`,
-`velocity_frozen` and `velocity_unsigned` stop the run before anything is fitted.
+means that the log is not read, with file, row and field. All whose finding says above that
+it *stops a run* stop it before anything is fitted; the others stand on the first screen.
 
 | mistake | found as |
 |---|---|

@@ -11,6 +11,7 @@ import numpy as np
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED
 from auvid.hydro.arrays import Ints, Mask
+from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.ingest.decoded_log import Column
 from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
@@ -58,6 +59,8 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
 """Limits that no underwater vehicle reaches, by the beginning of the column's name.
 Damaged records that still look like records are far beyond them.
 """
+NO_VELOCITY_M_S, ROUNDING_M_S = 32.768, 1e-6
+"""The largest number of 16 bits in mm/s, of either sign: a velocity log writes it for none."""
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,8 @@ def possible_rows(stream: str, columns: Columns) -> Mask:
         )
         if limits is not None:
             good &= ~((values < limits[0]) | (values > limits[1]))
+        if stream == "velocity" and name in LINEAR_VELOCITY:
+            good &= np.abs(np.abs(values) - NO_VELOCITY_M_S) > ROUNDING_M_S
     return good
 
 

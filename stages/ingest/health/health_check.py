@@ -15,6 +15,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
+from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
 from auvid.stages.ingest.health.actuation.unrelated_commands import unrelated_commands
@@ -26,6 +27,7 @@ from auvid.stages.ingest.health.agreement.sources import (
     depth_findings,
     velocity_findings,
 )
+from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
@@ -145,6 +147,7 @@ CHECKS = (
     attitude_findings,
     depth_findings,
     velocity_findings,
+    outlier_findings,
     pose_findings,
     wrap_findings,
     actuation_findings,
@@ -154,7 +157,7 @@ CHECKS = (
     identity_findings,
 )
 """All checks of one log; each yields its findings."""
-OF_ANSWERS = (motion_findings, response_findings)
+OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 
@@ -30,6 +31,10 @@ LEAPS = re.compile(r"(\d+) times? in all|(\d+) time\(s\) in all")
 STRAY_NOTE = re.compile(r"^(\d+) time stamp\(s\) of .* stray")
 GAP_STEPS = 3.0
 """A pause is a gap of a slow sensor only from this many steps on."""
+OF_NONE = (
+    "A number that stands for none (-999, -32.768) is left out; name its text under missing in the"
+    " column map. Else check the unit."
+)
 MOTION = {
     "imu": GYRO,
     "attitude": ATTITUDE,
@@ -51,7 +56,7 @@ TIME_UNITS = (
     (1e9, "it is in ns, declared as s", "ns"),
     (60.0, "it is in seconds, declared as minutes", "s"),
     (1.0 / 60.0, "it is in minutes, declared as s", "min"),
-    (1e-3, "it is in s, declared as ms (or ms as us)", "s"),
+    (1e-3, "it is in s, declared as ms (or ms as us, or hours as s)", "s"),
     (1e-6, "it is in s, declared as us", "s"),
 )
 """Factor of the rates under the right unit, what is wrong, and the right unit."""
@@ -123,6 +128,7 @@ def rejected_findings(log: CheckedLog) -> Iterator[Finding]:
                 f"{percent(share)} of the samples of {stream} cannot be used ({reasons}).",
                 stream=stream,
                 value=share,
+                remedy=OF_NONE if {row["reason"] for row in lost} == {IMPOSSIBLE} else "",
             )
 
 
@@ -283,6 +289,16 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
 def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
     still = _constant(names, values)
+    for first, second in combinations([n for n in range(len(names)) if n not in still], 2):
+        alike = np.array_equal(values[:, first], values[:, second], equal_nan=True)
+        if alike and np.isfinite(values[:, first]).any():
+            yield finding(
+                "columns_alike",
+                f"{names[first]} and {names[second]} of {stream} ({log.source(stream)}) are the"
+                " same in every sample.",
+                stream=stream,
+                fields=(names[first], names[second]),
+            )
     if stream == "velocity" and (values[:, 1:].min() >= 0.0 or values[:, 1:].max() <= 0.0):
         low, high = np.percentile(np.abs(values[:, 1:]), (5.0, 95.0), axis=0)
         if (high > limit("velocity_unsigned")).all() and (low < UNSIGNED_LOW * high).all():

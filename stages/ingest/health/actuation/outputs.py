@@ -22,6 +22,10 @@ LIVELY_MOTION = 0.05
 """Standard deviation [m/s, rad/s] about its mean over 10 s of a motion that constant
 forces do not make; a moored vehicle at full thrust stays below.
 """
+LONGER_RUN, SETTLED_S = 5.0, 5.0
+"""A record that froze is so many times as long as any other run of equal outputs; a vehicle
+settles at a new force within the time.
+"""
 
 
 def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -49,6 +53,8 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
         )
     elif moving.any() and (still := _resting_outputs(log)):
         yield _never_changing(log, still)
+    elif frozen := _frozen(log, moving):
+        yield frozen
     elif moving.any() and share < limit("little_actuation"):
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
@@ -81,6 +87,42 @@ def _never_changing(log: CheckedLog, still: str) -> Finding:
     )
 
 
+def _frozen(log: CheckedLog, moving: Mask) -> Finding | None:
+    """Return outputs that stop changing, while the vehicle goes on as under others."""
+    names, t_s = [*log.thrusters(), *log.commands()], log.t_s("actuators")
+    if len(t_s) < 2 or not names:
+        return None
+    same = np.append(False, ~np.diff(log.values("actuators", names), axis=0).any(axis=1))
+    ends = np.flatnonzero(~np.append(same[1:], False))  # the last sample of each run
+    begins = np.append(0, ends[:-1] + 1)
+    lengths = t_s[ends] - t_s[begins]
+    longest = int(np.argmax(lengths))
+    rest = np.delete(lengths, longest)
+    start, end = t_s[begins[longest]], t_s[ends[longest]]
+    usual = float(rest.max()) if rest.size else np.inf
+    if lengths[longest] <= max(limit("outputs_frozen"), LONGER_RUN * usual):
+        return None
+    if not moving[begins[longest]]:
+        return None
+    changes = {
+        axis: float(np.std(without_drift(motion, at)[(at >= start + SETTLED_S) & (at <= end)]))
+        for axis, (at, motion, _) in motions(log).items()
+        if np.count_nonzero((at >= start + SETTLED_S) & (at <= end)) > 1
+    }
+    axis = max(changes, key=lambda name: changes[name], default="")
+    if not axis or changes[axis] < LIVELY_MOTION:
+        return None
+    return finding(
+        "outputs_frozen",
+        f"No output changes from {start:.1f} to {end:.1f} s, after runs of {usual:.1f} s at most,"
+        f" and {MOTION_WORDS[axis]} goes on changing by {significant(changes[axis])}"
+        f" {'m/s' if axis in 'uvw' else 'rad/s'} (standard deviation).",
+        stream="actuators",
+        value=float(end - start),
+        at_s=float(start),
+    )
+
+
 def _resting_outputs(log: CheckedLog) -> str:
     """Return at what the outputs stand all log long, or nothing where one moves."""
     names = [*log.thrusters(), *log.commands()]
@@ -99,12 +141,21 @@ def _no_pulses(log: CheckedLog) -> Iterator[Finding]:
             low, high = (significant(float(value)) for value in np.percentile(output, (1, 99)))
             yield finding(
                 "output_range",
-                f"Output {name.split('_')[1]} lies from {low} to {high} us.",
+                f"Output {name.split('_')[1]} lies from {low} to {high} us"
+                f"{_in_other_unit(float(np.median(output)))}.",
                 stream="actuators",
                 value=share,
                 fields=tuple(log.thrusters()),
             )
             return
+
+
+def _in_other_unit(middle: float) -> str:
+    """Return which unit pulses about a number have, if they are pulses."""
+    for factor, unit in ((1e3, "ms"), (1e-3, "ns")):
+        if PULSES_US[0] <= factor * middle <= PULSES_US[1]:
+            return f": the pulses are in {unit}"
+    return ""
 
 
 def _armed(log: CheckedLog) -> bool | None:

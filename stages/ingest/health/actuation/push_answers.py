@@ -96,6 +96,7 @@ def body_motion(log: CheckedLog, stream: str, name: str) -> Array:
 def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield motions that change faster than the thrusters could make them."""
     most = limit("response_scale")
+    unit = limit("response_unit")
     fast = {
         axis: float(gains.gain[0])
         for axis, gains in response.items()
@@ -105,11 +106,12 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
         return
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
     parts = [f"{names[axis]} changes {gain:.1f} times as fast" for axis, gain in fast.items()]
+    far = [gain for gain in fast.values() if gain > unit]
     yield finding(
-        "response_scale",
+        "response_unit" if len(far) > 1 else "response_scale",
         f"Force over mass of the thrusters makes too little of the motion: {listed(parts)}.",
         stream="actuators",
-        value=min(fast.values()),
+        value=min(far if len(far) > 1 else fast.values()),
     )
 
 

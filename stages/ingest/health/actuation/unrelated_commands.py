@@ -40,7 +40,9 @@ def unrelated_commands(log: CheckedLog) -> Iterator[Finding]:
         return
     measured = motions(log)
     related = relation(
-        log.t_s("actuators"), _commands(log), [(at, values) for at, values, _ in measured.values()]
+        log.t_s("actuators"),
+        actuator_commands(log),
+        [(at, values) for at, values, _ in measured.values()],
     )
     if related is None or len(related.compared) < FEWEST_MOTIONS:
         return
@@ -55,7 +57,7 @@ def unrelated_commands(log: CheckedLog) -> Iterator[Finding]:
         yield _finding(log, related, list(measured))
 
 
-def _commands(log: CheckedLog) -> Array:
+def actuator_commands(log: CheckedLog) -> Array:
     """Return all commands (n, k); an output that is off is neutral."""
     there = log.tables["actuators"].column_names
     others = [name for name in ("propeller_rev_s", *FINS) if name in there]

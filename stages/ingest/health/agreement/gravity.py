@@ -10,12 +10,19 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
-from auvid.hydro.identification.checks.signal_checks import gravity
+from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
 SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
 """Largest standard deviation of a gain of gravity, and the least share that it explains."""
+NAMED_UNITS = {
+    STANDARD_GRAVITY**-2: "it was turned from m/s^2 to g twice",
+    STANDARD_GRAVITY: "it is in m/s^2, declared as g",
+    100.0: "it is in cm/s^2",
+    1000.0 / STANDARD_GRAVITY: "it is in mg",
+}
+"""Reading at rest over 9.81 m/s^2, and what makes it so."""
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 
 
@@ -54,12 +61,23 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     elif abs(size - expected) > limit("accelerometer_convention"):
         text = (
             f"The accelerometer reads {size:.2f} m/s^2 (median length);"
-            f" {convention or 'specific_force'} at rest is {expected:g}."
+            f" {convention or 'specific_force'} at rest is {expected:g}{_cause(size, estimate)}."
         )
         yield finding("accelerometer_convention", text, stream="imu", value=size)
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         wrong = list(_direction(log, accelerometer, estimate.angle))
         yield from wrong or _tilt_axes(log, accelerometer)
+
+
+def _cause(size: float, estimate: Gravity) -> str:
+    """Return what makes the reading so large or small, if it points along gravity."""
+    if estimate.angle is None or math.degrees(estimate.angle) > limit("accelerometer_direction"):
+        return ""
+    factor = size / STANDARD_GRAVITY
+    for known, words in NAMED_UNITS.items():
+        if abs(math.log(factor / known)) < limit("accelerometer_unit"):
+            return f": {words}"
+    return ""
 
 
 def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:

@@ -13,6 +13,10 @@ from auvid.hydro.identification.checks.rate_agreement import (
     attitude_jumps,
     rate_agreement,
 )
+from auvid.hydro.identification.signals.pose.frames import (
+    euler_of_quaternion,
+    quaternion_of_euler,
+)
 from auvid.stages.columns import ATTITUDE, GYRO, RATES
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
@@ -51,6 +55,13 @@ WRAP_PART, SCALE_PART, SURE_TURN = 0.04, 0.05, 0.97
 healthy logs that correlate so well have scales from 0.96 to 1.03.
 """
 XYZ = "xyz"
+QUATERNION_ORDERS = {
+    "x, y, z, w and not w, x, y, z": (3, 0, 1, 2),
+    "w, x, y, z and not x, y, z, w": (1, 2, 3, 0),
+}
+"""Order of the file, and the place in the quaternion w, x, y, z as it is read of the right
+w, x, y, z.
+"""
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
 """Where the gyro itself is wrong, turns that it does not show are no jumps of the
 attitude.
@@ -193,6 +204,20 @@ def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
                 stream="imu",
                 value=-1.0,
                 fields=tuple(name for i in axes for name in (GYRO[i], ATTITUDE[i])),
+            ),
+        )
+    for words, order in QUATERNION_ORDERS.items():
+        parts = quaternion_of_euler(angles)[:, order]
+        yield (
+            euler_of_quaternion(parts),
+            finding(
+                "gyro_axes",
+                f"{used} comes from a quaternion whose parts are in another order: taken for"
+                f" {words}, it turns as the gyro does.",
+                stream="attitude",
+                value=1.0,
+                fields=ATTITUDE,
+                remedy="Correct the columns of the quaternion: w is its scalar part.",
             ),
         )
     yield (

@@ -384,11 +384,11 @@ def _other_order(log: Log) -> None:
 
 @spoils("response_scale")
 def _small_pulses(log: Log) -> None:
-    """Pulses with half their deflection."""
+    """Pulses with two thirds of their deflection."""
     drive(log, RIGHT_ORDER)
     for number in range(1, 9):
         name = f"pwm_{number}_us"
-        log.streams["actuators"][name] = 750.0 + 0.5 * log.streams["actuators"][name]
+        log.streams["actuators"][name] = 500.0 + log.streams["actuators"][name] / 1.5
 
 
 @spoils("velocity_coarse")
@@ -418,6 +418,58 @@ def _pounds(log: Log) -> None:
     log.vehicle = vehicle_from_document(document)
 
 
+@spoils("columns_alike")
+def _sway_of_surge(log: Log) -> None:
+    log.streams["velocity"]["v_m_s"] = log.streams["velocity"]["u_m_s"]
+
+
+@spoils("velocity_outliers")
+def _no_bottom(log: Log) -> None:
+    surge = log.streams["velocity"]["u_m_s"].copy()
+    surge[5::60] = 8.0
+    log.streams["velocity"]["u_m_s"] = surge
+
+
+@spoils("outputs_frozen")
+def _record_stops(log: Log) -> None:
+    for number in range(1, 9):
+        output = log.streams["actuators"][f"pwm_{number}_us"].copy()
+        output[300:] = output[300]
+        log.streams["actuators"][f"pwm_{number}_us"] = output
+
+
+def stepped_dive(log: Log) -> None:
+    """Two minutes in which outputs step every second and six motions follow them."""
+    random, fine = np.random.default_rng(4), np.arange(0.0, 120.0, 0.1)
+    steps = np.repeat(random.uniform(-1.0, 1.0, (120, 8)), 10, axis=0)
+    motion = np.zeros_like(steps)
+    for n in range(1, fine.size):
+        motion[n] = motion[n - 1] + 0.2 * (steps[n - 1] - motion[n - 1])
+    log.streams["actuators"] = {
+        "time_us": micro(fine),
+        **{f"pwm_{number + 1}_us": 1500.0 + 200.0 * steps[:, number] for number in range(8)},
+    }
+    for stream, names, first in (("velocity", SPEED_COLUMNS, 0), ("imu", IMU_COLUMNS[:3], 3)):
+        columns = {name: motion[:, first + place] for place, name in enumerate(names)}
+        log.streams[stream] = {"time_us": micro(fine), **columns}
+    rest = {
+        "accel_x_m_s2": 0.0 * fine,
+        "accel_y_m_s2": 0.0 * fine,
+        "accel_z_m_s2": -9.8 + 0.0 * fine,
+    }
+    log.streams["imu"] |= rest
+    log.info["end_us"] = int(micro(fine[-1:])[0])
+
+
+@spoils("clock_drift")
+def _fast_clock(log: Log) -> None:
+    stepped_dive(log)
+    stamps = log.streams["velocity"]["time_us"]
+    log.streams["velocity"]["time_us"] = stamps[0] + np.rint(1.02 * (stamps - stamps[0])).astype(
+        np.int64
+    )
+
+
 @spoils("commands_unrelated")
 def _of_another_dive(log: Log) -> None:
     """Outputs that a pilot held for a second each on another day."""
@@ -426,6 +478,16 @@ def _of_another_dive(log: Log) -> None:
     for number in range(1, 9):
         levels = np.repeat(rng.uniform(1300.0, 1700.0, count // 10 + 1), 10)[:count]
         log.streams["actuators"][f"pwm_{number}_us"] = levels
+
+
+@spoils("response_unit")
+def _weak_thrust(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    assert log.vehicle is not None
+    document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
+    entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
+    entry["value"] = (np.array(entry["value"]) / 9.80665).tolist()
+    log.vehicle = vehicle_from_document(document)
 
 
 @spoils("response_sign")

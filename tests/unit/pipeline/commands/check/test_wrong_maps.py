@@ -24,6 +24,10 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.pose.frames import (
+    euler_of_quaternion,
+    quaternion_of_euler,
+)
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.stages import ingest
@@ -193,6 +197,67 @@ def other_dive(case: Case) -> None:
     for name in PULSES if len(case.files) == 1 else tuple(f"pwm_{n}_us" for n in range(1, 9)):
         values, column = case.values(name)
         values[column] = values[column][::-1].copy()
+
+
+def reordered_quaternion(*order: int) -> Change:
+    """The attitude of a quaternion w, x, y, z whose parts are taken in this order."""
+
+    def change(case: Case) -> None:
+        entries = [case.values(name) for name in ANGLES]
+        angles = np.radians(np.column_stack([values[column] for values, column in entries]))
+        turned = euler_of_quaternion(quaternion_of_euler(angles)[:, order])
+        for (values, column), angle in zip(entries, np.degrees(turned).T, strict=True):
+            values[column] = angle
+
+    return change
+
+
+def no_bottom(number: float) -> Change:
+    """The velocity log writes a number where it sees no bottom, in one of fifty samples."""
+
+    def change(case: Case) -> None:
+        for name in SPEED:
+            values, column = case.values(name)
+            values[column] = np.where(
+                np.arange(len(values[column])) % 50 == 7, number, values[column]
+            )
+
+    return change
+
+
+def thrust_in(factor: float) -> Change:
+    """The thrust curve is in another unit."""
+
+    def change(case: Case) -> None:
+        document = case.vehicle.document.model_dump(mode="python", exclude_none=True)
+        entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
+        entry["value"] = (factor * np.array(entry["value"], dtype=float)).tolist()
+        case.vehicle = vehicle_from_document(document)
+
+    return change
+
+
+def taken_twice(one: str, other: str) -> Change:
+    """Two fields are mapped to one column."""
+
+    def change(case: Case) -> None:
+        case.entry(other)["column"] = case.entry(one)["column"]
+
+    return change
+
+
+def stopped(*names: str) -> Change:
+    """Half of the record holds its last value."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            held = values[column][len(values[column]) // 2]
+            values[column] = np.where(
+                np.arange(len(values[column])) > len(values[column]) // 2, held, values[column]
+            )
+
+    return change
 
 
 def other_clock(case: Case) -> None:
@@ -478,6 +543,28 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "velocity in whole m/s": (data(np.round, *SPEED), "velocity_coarse", "steps of 1 m/s"),
     "commands of another dive": (other_dive, "commands_unrelated", "nothing to do with"),
     "commands 8 s late": (late(8.0, *PULSES), "commands_unrelated", "8 s earlier"),
+    "quaternion x, y, z, w read as w, x, y, z": (
+        reordered_quaternion(1, 2, 3, 0),
+        "gyro_axes",
+        "taken for x, y, z, w",
+    ),
+    "quaternion w, x, y, z read as x, y, z, w": (
+        reordered_quaternion(3, 0, 1, 2),
+        "gyro_axes",
+        "taken for w, x, y, z",
+    ),
+    "thrust in kgf declared N": (thrust_in(1.0 / 9.80665), "response_unit", "kgf"),
+    "-32.768 m/s where no bottom is seen": (
+        no_bottom(-32.768),
+        "rejected_samples",
+        "stands for none",
+    ),
+    "0 m/s where no bottom is seen": (no_bottom(0.0), "velocity_outliers", "are 0 in all axes"),
+    "9 m/s where no bottom is seen": (no_bottom(9.0), "velocity_outliers", "to 9 m/s"),
+    "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
+    "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
+    "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),
+    "pulses in ms declared us": (data(lambda p: 1e-3 * p, *PULSES), "output_range", "are in ms"),
     "pressure in mbar read as cm": (
         data(lambda z: (1013.25 + 100.5 * z) / 100.0, "depth_m"),
         "depth_zero_unseen",
@@ -490,6 +577,11 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         data(lambda a: a / 9.80665, *ACCEL),
         "accelerometer_unit",
         "in g",
+    ),
+    "accelerometer turned to g twice": (
+        data(lambda a: a / 9.80665**2, *ACCEL),
+        "accelerometer_convention",
+        "g twice",
     ),
     "accelerometer declared inertial": (
         lambda case: case.maps["imu.csv"].update(accelerometer="inertial"),
@@ -544,6 +636,9 @@ NOT_STOPPING = (
     "velocity_unsigned",
     "response_scale",
     "depth_zero_unseen",
+    "rejected_samples",
+    "velocity_outliers",
+    "outputs_frozen",
 )
 
 

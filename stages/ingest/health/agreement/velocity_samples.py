@@ -1,0 +1,73 @@
+"""Checks of single samples of the velocity against those before and after them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.arrays import Array, Mask
+from auvid.stages.columns import LINEAR_VELOCITY
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
+from auvid.stages.number_format import significant
+
+LEAP_M_S, LEAP_SPREADS = 1.0, 10.0
+"""An outlier is so far from the median of five samples, and so many times what most are."""
+UNDER_WAY_M_S = 0.05
+FEWEST_SAMPLES, FEWEST_RUNS = 50, 3
+
+
+def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield samples that leap and come back, and those that are zero in between."""
+    if not log.has("velocity") or log.tables["velocity"].num_rows < FEWEST_SAMPLES:
+        return
+    values = log.values("velocity", LINEAR_VELOCITY)
+    leaps, zeros = _leaps(values), _zeros(values)
+    share = float(np.mean(leaps | zeros))
+    if share <= limit("velocity_outliers"):
+        return
+    parts = []
+    if leaps.any():
+        largest = float(np.nanmax(np.abs(values[leaps])))
+        parts.append(
+            f"{counted(int(leaps.sum()), 'sample')} of {len(values)} leap and come back, to"
+            f" {significant(largest)} m/s"
+        )
+    if zeros.any():
+        parts.append(
+            f"{counted(int(zeros.sum()), 'sample')} of {len(values)} are 0 in all axes while those"
+            " before and after move"
+        )
+    yield finding(
+        "velocity_outliers",
+        f"Of the velocity ({log.source('velocity')}) {listed(parts)}.",
+        stream="velocity",
+        value=share,
+        at_s=float(log.t_s("velocity")[np.flatnonzero(leaps | zeros)[0]]),
+        fields=LINEAR_VELOCITY,
+    )
+
+
+def _leaps(values: Array) -> Mask:
+    """Return the samples (n,) that are far from the median of five about them."""
+    from scipy.ndimage import median_filter
+
+    off = np.abs(values - median_filter(values, size=(5, 1), mode="nearest"))
+    usual = np.nanpercentile(off, 90.0, axis=0)
+    return np.asarray((off > np.maximum(LEAP_M_S, LEAP_SPREADS * usual)).any(axis=1))
+
+
+def _zeros(values: Array) -> Mask:
+    """Return the samples (n,) of runs of zeros in all axes between ones under way."""
+    zero = (values == 0.0).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
+    speed = np.linalg.norm(np.nan_to_num(values), axis=1)
+    runs = [
+        (first, end)
+        for first, end in edges.reshape(-1, 2)
+        if first > 0 and end < len(zero) and min(speed[first - 1], speed[end]) > UNDER_WAY_M_S
+    ]
+    between = np.zeros(len(zero), dtype=np.bool_)
+    for first, end in runs if len(runs) >= FEWEST_RUNS else ():
+        between[first:end] = True
+    return between
