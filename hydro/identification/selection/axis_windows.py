@@ -45,7 +45,7 @@ def windows_of_axis(
 
     t_s (n,): uniform times [s]. left_out: reason and mask (n,), the first that applies
     counts. What remains is cut into equal windows of about `window_s`; a stretch shorter
-    than SHORTEST_WINDOW_S is left out.
+    than SHORTEST_WINDOW_S is left out, and its reason names what cuts it off.
     """
     why = np.full(t_s.size, -1)
     for number, (_, mask) in reversed(list(enumerate(left_out))):
@@ -60,7 +60,9 @@ def windows_of_axis(
         if why[first] >= 0:
             stretches.append(LeftOut(axis, *span, reasons[why[first]]))
         elif (last - first) * step < SHORTEST_WINDOW_S:
-            stretches.append(LeftOut(axis, *span, f"shorter than {SHORTEST_WINDOW_S:g} s"))
+            beside = [why[at] for at in (first - 1, last) if 0 <= at < t_s.size]
+            cut = "" if not beside else f" beside: {reasons[min(beside)]}"
+            stretches.append(LeftOut(axis, *span, f"shorter than {SHORTEST_WINDOW_S:g} s{cut}"))
         else:
             parts = max(1, round((last - first) * step / window_s))
             marks = np.linspace(first, last, parts + 1).round().astype(int).tolist()

@@ -35,7 +35,7 @@ def test_short_stretches_are_left_out_and_said():
     mask = ((T >= 20.0) & (T < 50.0)) | (T >= 53.0)
     windows, left_out = windows_of_axis("Z", T, [("idle", mask)])
     assert len(windows) == 2
-    assert [item.reason for item in left_out] == ["idle", "shorter than 5 s", "idle"]
+    assert [item.reason for item in left_out] == ["idle", "shorter than 5 s beside: idle", "idle"]
 
 
 def test_coasting_belongs_to_the_force_before_it():
