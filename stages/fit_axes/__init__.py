@@ -83,7 +83,7 @@ class Params:
     )
     fit_curve: bool = param(
         "1",
-        False,
+        True,
         meaning="fit dead band and curve of commands where that is better on what is held out",
     )
     marker_arm: str = param(

@@ -18,8 +18,8 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
-from auvid.hydro.identification.axes.drive import LAG, ForceDrive
-from auvid.hydro.identification.axes.judgement import coefficient_block
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
+from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
 from auvid.hydro.identification.axes.structure import RIGHTING, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
@@ -146,6 +146,9 @@ def _common_fit(
     The inertia of an axis may follow from its own fit, m = k / c. Then the search starts
     where one with the ratios of the vehicle file ends.
     """
+    shape = common_shape(joining, options.lag_s)
+    bent = shape != ForceDrive(lag_s=options.lag_s)
+    free = ((LAG,) if options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
     numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
 
     def fitted(
@@ -161,8 +164,8 @@ def _common_fit(
             numerators=numerators,
             relative_sd=options.inertia_sd,
             free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
-            drive=common_shape(joining, options.lag_s),
-            free=(LAG,) if options.fit_lag else (),
+            drive=shape,
+            free=free,
             couplings=couplings,
             restoring=any(item.righting is not None for item in joining),
             first=first,
@@ -177,9 +180,10 @@ def _common_fit(
 
 
 def common_shape(joining: Sequence[FittedAxis], lag_s: float) -> ForceDrive:
-    """Return the drive of a common fit: the same thrusters bend all commands.
+    """Return the drive that a common fit starts from: the same thrusters bend all commands.
 
-    Medians of dead band and curve over the axes that tell them; straight where none does.
+    Medians of dead band and curve over the axes that tell them, which the common fit then
+    has free; straight where none does.
     """
     bent = [item.shape for item in joining if item.shape.word == IDENTIFIED]
     if not bent:
@@ -279,9 +283,12 @@ def _one_of(
 ) -> FittedAxis:
     """Return an axis of the common fit; what tells legs apart is the single fit's."""
     velocity, drive = single.equation.speed, fit.fit.drive
-    lag_error, lag_free = 0.0, LAG in fit.pool.free and not fit.fit.at_bound[-1]
+    lag_error, lag_free = 0.0, LAG in fit.pool.free
     if lag_free:
-        lag_error = float(np.sqrt(fit.fit.covariance[-1, -1]))
+        at = fit.fit.names.index(LAG)
+        lag_free = not fit.fit.at_bound[at]
+        lag_error = float(np.sqrt(fit.fit.covariance[at, at])) if lag_free else 0.0
+    shape = shape_of(fit.fit) if CURVE in fit.pool.free else single.shape
     clear = lag_free and 0.0 < T_LIMIT * lag_error < drive.lag_s
     lag_words = "thrust lag not determined"
     return replace(
@@ -290,7 +297,7 @@ def _one_of(
         rate_rms=fit.speeds[velocity],
         lag_s=drive.lag_s,
         lag_error_s=lag_error if clear else 0.0,
-        shape=replace(single.shape, dead_band=drive.dead_band, curve=drive.curve),
+        shape=shape,
         lag_verdict="identified" if clear else "weak" if lag_free else "assumed",
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),

@@ -30,6 +30,8 @@ from auvid.hydro.identification.axes.windows import (
     low_passed,
 )
 
+BENT_WORTH = 0.9
+"""A dead band and a curve are two numbers more, and drag may be taken for one."""
 FIRST_DEAD_BAND, FIRST_CURVE = 0.03, 1.3
 """Where the search for a dead band [full commands] and a curve begins."""
 
@@ -117,7 +119,7 @@ def bent_commands(
     """Return a fit with dead band and curve free; None where it is no better.
 
     blocks: how the straight ones fly every other window. The bent ones are taken where
-    they fly better, both ways and in every velocity.
+    they err by `BENT_WORTH` of that at most, both ways and in every velocity.
     """
     bent = replace(
         pool,
@@ -128,7 +130,7 @@ def bent_commands(
     other = fit_pool(bent, fit.values[:terms])
     tried = held_out_blocks(bent, other.values[:terms])
     better = all(
-        new.percent[velocity] > old.percent[velocity]
+        100.0 - new.percent[velocity] < BENT_WORTH * (100.0 - old.percent[velocity])
         for new, old in zip(tried, blocks, strict=True)
         for velocity in new.percent
     )
