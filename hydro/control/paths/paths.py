@@ -153,19 +153,6 @@ class Curve:
             s, place, heading, pitch, turning * cosine * straight, pitching * cosine * straight
         )
 
-    def largest_curvature(self) -> float:
-        """[1/m] at the edges and middles of all cells."""
-        edges = self._cells[0]
-        _, pitch, turning, pitching = self.angles(
-            np.concatenate([edges[:-1] + 1e-9, edges[1:] - 1e-9, 0.5 * (edges[1:] + edges[:-1])])
-        )
-        return float(np.hypot(pitching * np.cos(pitch), turning * np.cos(pitch) ** 2).max())
-
-    def pitch_range(self) -> tuple[float, float]:
-        """Smallest and largest pitch of the tangent [rad]."""
-        pitch = self.angles(self._cells[0])[1]
-        return float(pitch.min()), float(pitch.max())
-
 
 def _tangent(heading: Array, pitch: Array) -> Array:
     level = np.cos(pitch)

@@ -87,17 +87,6 @@ class ConstrainedFit:
         """Return the value of one unknown."""
         return float(self.values[self.unknowns.index(Unknown(axis, term))])
 
-    def as_prior(self, source: str) -> NormalPrior:
-        """Return what this fit says without limits, as a prior for other data.
-
-        With its full covariance, constants left out: trim is that of the dive.
-        """
-        kept = [i for i, unknown in enumerate(self.unknowns) if unknown.term != CONSTANT]
-        covariance = self.free_covariance[np.ix_(kept, kept)]
-        return NormalPrior(
-            source, tuple(self.unknowns[i] for i in kept), self.free[kept], covariance
-        )
-
     def by_axis(self) -> dict[str, dict[str, float]]:
         """Return axis -> term -> value of all unknowns, constants included."""
         table: dict[str, dict[str, float]] = {}

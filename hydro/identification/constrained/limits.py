@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import PipelineError, nearest
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.dynamics.mechanics.kinematics import skew
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
@@ -184,30 +183,6 @@ def positive_inertia(
     M = np.asarray(mass_matrix, dtype=np.float64)
     parts = {u: -inertia_pattern(u) for u in unknowns if u.term in ACCELERATIONS}
     return semidefinite("total inertia", M - share * np.diag(np.diag(M)), parts, unknowns)
-
-
-def rigid_inertia(
-    unknowns: Sequence[Unknown], inertia: ArrayLike, *, mass_kg: float, r_G: ArrayLike
-) -> Cuts:
-    """Return cuts that keep the moments of inertia those of a body with mass.
-
-    For unknowns K_pdot ... N_rdot that stand for rigid inertia I - dM_A. About the
-    centre of gravity, tr(I_G) 1 / 2 - I_G is positive semidefinite: with principal axes
-    the triangle inequalities I_x + I_y >= I_z. inertia (3, 3) [kg m^2] about the
-    origin, r_G (3,) [m].
-    """
-    arm = skew(np.asarray(r_G, dtype=np.float64))
-    about_G = np.asarray(inertia, dtype=np.float64) + mass_kg * arm @ arm
-
-    def second_moment(matrix: Array) -> Array:
-        return np.asarray(0.5 * np.trace(matrix) * np.eye(3) - matrix)
-
-    parts = {
-        u: second_moment(-inertia_pattern(u)[3:, 3:])
-        for u in unknowns
-        if u.term in ACCELERATIONS[3:] and u.axis in AXES[3:]
-    }
-    return semidefinite("rigid inertia", second_moment(about_G), parts, unknowns)
 
 
 def added_mass_bounds(

@@ -8,7 +8,7 @@ for the whole difference, so that a fit of that model can be exact.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -235,11 +235,6 @@ def truth_of_model(vehicle: Vehicle, model: IdentifiedModel) -> RovTruth:
         net_buoyancy_N=vehicle.buoyancy - vehicle.weight,
         centre_of_buoyancy_m=vehicle.r_B,
     )
-
-
-def without_lag(truth: RovTruth) -> RovTruth:
-    """Return the truth with thrusters that follow their pulses at once."""
-    return replace(truth, loss=replace(truth.loss, lag_s=0.0))
 
 
 def checked_thrusters(vehicle: Vehicle) -> None:

@@ -55,7 +55,6 @@ STOPS, DIGITS = 5, 20.0
 FREEZE_S = 0.5
 FREEZE_STEPS = 6.0
 """Equal samples over more than both of these, in s and in usual steps, are a freeze."""
-JUMP_SIGMAS = 6.0
 LEAST_NOISE = 1e-7
 
 

@@ -67,10 +67,9 @@ def test_dubins_path_joins_the_poses_within_its_bounds(
     assert np.allclose(end.position[0], [last.x, last.y, last.z], atol=1e-6)
     assert np.cos(end.heading[0] - last.heading) == pytest.approx(1.0, abs=1e-12)
     assert end.pitch[0] == pytest.approx(last.pitch, abs=1e-9)
-    low, high = path.pitch_range()
-    assert low >= -0.35 - 1e-9
-    assert high <= 0.35 + 1e-9
-    assert path.largest_curvature() <= np.hypot(1.0 / 12.0, 1.0 / 30.0) + 1e-9
+    points = path.at(np.linspace(0.0, path.length_m, 20001))
+    assert np.abs(points.pitch).max() <= 0.35 + 1e-9
+    assert points.curvature.max() <= np.hypot(1.0 / 12.0, 1.0 / 30.0) + 1e-9
     assert [name for name, _ in path.segments].count("straight line") == 1
     assert len(path.segments) == 5
 
@@ -110,8 +109,9 @@ def test_saw_tooth_returns_to_its_depth_with_rounded_tips() -> None:
     path = saw_tooth(leg_m=15.0, pitch_rad=0.4, tip_radius_m=5.0, legs=4, ramp_m=1.0)
     end = path.at(path.length_m)
     assert end.position[0, 2] == pytest.approx(0.0, abs=1e-9)
-    assert path.largest_curvature() <= 1.0 / 5.0 + 1e-9
-    assert path.pitch_range() == pytest.approx((-0.4, 0.4), abs=1e-9)
+    points = path.at(np.linspace(0.0, path.length_m, 20001))
+    assert points.curvature.max() <= 1.0 / 5.0 + 1e-9
+    assert (points.pitch.min(), points.pitch.max()) == pytest.approx((-0.4, 0.4), abs=1e-9)
 
 
 def test_a_piece_shorter_than_its_ramp_is_refused() -> None:

@@ -13,7 +13,7 @@ from auvid.hydro.identification.constrained.equations import (
     lag_equations,
     viscous_equations,
 )
-from auvid.hydro.identification.constrained.fit import fit_within
+from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within
 from auvid.hydro.identification.constrained.limits import (
     added_mass_bounds,
     bounds,
@@ -24,10 +24,9 @@ from auvid.hydro.identification.constrained.limits import (
     envelope,
     linear_dissipation,
     positive_inertia,
-    rigid_inertia,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
-from auvid.hydro.identification.regression.least_squares import solve_axis
+from auvid.hydro.identification.regression.least_squares import CONSTANT, solve_axis
 from tests.support.constrained import AXES, VELOCITIES, Dive, index, oracle
 
 LOW, HIGH = np.full(6, -0.3), np.full(6, 0.3)
@@ -179,27 +178,6 @@ def test_total_inertia_stays_positive_definite_as_clarabel_has_it():
     assert np.linalg.eigvalsh(total).min() > 0.0
 
 
-def test_rigid_inertia_keeps_its_triangle():
-    dive = Dive(change=np.diag([0.0, 0, 0, 0, 0, -2.5]), noise=0.05)
-    equations = viscous_equations(diagonal(), trim=True).with_unknowns_of(
-        inertia_equations(["K_pdot", "M_qdot", "N_rdot"])
-    )
-    unknowns = equations.unknowns
-    inertia = np.diag([0.26, 0.23, 0.37])
-    cut = rigid_inertia(unknowns, inertia, mass_kg=13.5, r_G=np.zeros(3))
-    fit = fit_within(dive.factor(), equations, cuts=[cut])
-    places = [index(unknowns, *name) for name in (("K", "pdot"), ("M", "qdot"), ("N", "rdot"))]
-
-    def constrain(x):
-        I = [inertia[i, i] - x[k] for i, k in enumerate(places)]
-        return [I[0] + I[1] >= I[2], I[1] + I[2] >= I[0], I[2] + I[0] >= I[1]]
-
-    expected, scale = oracle(dive, equations, fit.noise, constrain)
-    close(fit, expected, scale)
-    I_x, I_y, I_z = np.diag(inertia) - fit.values[places]
-    assert I_x + I_y == pytest.approx(I_z, rel=1e-6)
-
-
 def test_added_mass_and_lag_come_back_from_noise_free_data():
     change = np.diag([-3.0, 2.0, -1.0, 0.1, -0.05, -2.5])
     change[1, 5] = change[5, 1] = 0.4
@@ -247,18 +225,25 @@ def test_a_prior_with_its_covariance_is_the_posterior_of_the_normal_model(dive, 
     assert np.all(fit.standard_errors[places] <= alone.standard_errors[places])
 
 
+def posterior(fit: ConstrainedFit) -> NormalPrior:
+    """What a fit says without limits, as a prior for other data; constants left out."""
+    kept = [i for i, unknown in enumerate(fit.unknowns) if unknown.term != CONSTANT]
+    covariance = fit.free_covariance[np.ix_(kept, kept)]
+    return NormalPrior("campaign", tuple(fit.unknowns[i] for i in kept), fit.free[kept], covariance)
+
+
 def test_the_posterior_of_one_dive_is_the_prior_of_the_next():
     first, second = Dive(800, seed=1), Dive(800, seed=2)
     equations = viscous_equations(symmetric())
     noise = dict.fromkeys(AXES, 0.5)
     both = fit_within(first.factor().merge(second.factor()), equations, noise=noise)
-    prior = fit_within(first.factor(), equations, noise=noise).as_prior("campaign")
+    prior = posterior(fit_within(first.factor(), equations, noise=noise))
     after = fit_within(second.factor(), equations, priors=[prior], noise=noise)
     np.testing.assert_allclose(after.values, both.values, rtol=1e-8)
     np.testing.assert_allclose(after.covariance, both.covariance, rtol=1e-7)
     # Constants are of the dive and stay behind; a smaller model takes its part.
     with_trim = viscous_equations(symmetric(), trim=True)
-    whole = fit_within(first.factor(), with_trim, noise=noise).as_prior("campaign")
+    whole = posterior(fit_within(first.factor(), with_trim, noise=noise))
     assert len(whole.unknowns) == 18
     few = viscous_equations(diagonal())
     assert fit_within(second.factor(), few, priors=[whole.of(few.unknowns)]).cost == 0.0

@@ -25,7 +25,6 @@ from auvid.hydro.dynamics.simulation.rov.truth import (
     physical_truth,
     tau_bar_of,
     truth_of_model,
-    without_lag,
 )
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.basis import basis
@@ -161,7 +160,7 @@ def test_motion_is_the_derivative_of_the_pose(dive: Dive) -> None:
 
 def test_without_lag_and_losses_the_pulses_give_the_force() -> None:
     """Exact pulses, voltage and states: the residual force is hull, tether, buoyancy."""
-    truth = without_lag(replace(PHYSICS, loss=NO_LOSS, added_mass=HEAVY.added_mass))
+    truth = replace(PHYSICS, loss=replace(NO_LOSS, lag_s=0.0), added_mass=HEAVY.added_mass)
     flown = plan(sensors={"battery": {"rate_hz": 50}, "outputs": {"rate_hz": 50}})
     dive, record = dive_in_memory(truth, flown, "a", seed=2)
     actuators, battery = record.streams["actuators"], record.streams["battery"]
