@@ -100,9 +100,11 @@ def test_printed_values_are_found_and_a_missed_bound_fails(
     status, printed = reproduce()
     assert status == 1
     assert "missed" in printed
-    held = [row for row in bounded if row["evidence"] == "construction"]
+    by_construction = [row for row in bounded if row["evidence"] == "construction"]
     assert f"bounds: 0 of {len(bounded)} test the method (0 met)" in printed
-    assert f"{len(held)} hold by construction ({len(held) - 1} met)" in printed
+    assert (
+        f"{len(by_construction)} hold by construction ({len(by_construction) - 1} met)" in printed
+    )
 
 
 @pytest.mark.parametrize("name", ["thaus_twin", "remus_twin"])

@@ -34,8 +34,8 @@ def runs(committed_run: Callable[[str], Path]) -> dict[str, Path]:
 
 
 def document(runs: dict[str, Path], path: str, campaign: str = CAMPAIGNS[0]) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((runs[campaign] / path).read_text(encoding="utf-8"))
-    return found
+    content: dict[str, Any] = json.loads((runs[campaign] / path).read_text(encoding="utf-8"))
+    return content
 
 
 def table(runs: dict[str, Path], path: str, campaign: str = CAMPAIGNS[0]) -> pa.Table:
@@ -51,10 +51,8 @@ def cards(runs: dict[str, Path], campaign: str = CAMPAIGNS[0]) -> dict[str, dict
 
 
 def coefficient(card: dict[str, Any], axis: str, term: str) -> dict[str, Any]:
-    found: dict[str, Any] = next(
-        item for item in card["axes"][axis]["terms"] if item["term"] == term
-    )
-    return found
+    row: dict[str, Any] = next(item for item in card["axes"][axis]["terms"] if item["term"] == term)
+    return row
 
 
 def symmetric_card(runs: dict[str, Path], parts: dict[str, slice]) -> ModelCard:
@@ -117,9 +115,9 @@ def test_linear_model_holds_in_surge_on_validation(runs: dict[str, Path]) -> Non
 
 
 def test_roll_and_pitch_are_not_excited(runs: dict[str, Path]) -> None:
-    found = cards(runs)
-    assert len(found) == 11
-    for card in found.values():
+    by_model = cards(runs)
+    assert len(by_model) == 11
+    for card in by_model.values():
         assert card["axes"]["K"]["excitation"] == card["axes"]["M"]["excitation"] == "not excited"
         for axis, part in card["axes"].items():
             for item in part["terms"]:
@@ -279,11 +277,11 @@ def test_thrust_balances_residual_in_slow_motion(runs: dict[str, Path]) -> None:
     """At 0.1 m/s inertia and Coriolis forces are small: tau_bar is nearly minus the
     thrust.
     """
-    found = table(runs, "residual/train/residual.parquet")
+    residual = table(runs, "residual/train/residual.parquet")
     for axis, share in zip(("X_N", "Y_N", "Z_N"), (0.1, 0.3, 0.15), strict=True):
-        left = found[f"tau_bar_{axis}"].to_numpy() + found[f"thrusters_{axis}"].to_numpy()
+        left = residual[f"tau_bar_{axis}"].to_numpy() + residual[f"thrusters_{axis}"].to_numpy()
         assert np.sqrt(np.mean(left**2)) < share * np.sqrt(
-            np.mean(found[f"thrusters_{axis}"].to_numpy() ** 2)
+            np.mean(residual[f"thrusters_{axis}"].to_numpy() ** 2)
         )
 
 
@@ -301,7 +299,7 @@ def test_csv_files_give_the_same_tables(runs: dict[str, Path]) -> None:
         other_card = cards(runs, CAMPAIGNS[1])[model]
         for axis in AXES:
             verdicts = [
-                [item["verdict"] for item in found["axes"][axis]["terms"]]
-                for found in (card, other_card)
+                [item["verdict"] for item in one_card["axes"][axis]["terms"]]
+                for one_card in (card, other_card)
             ]
             assert verdicts[0] == verdicts[1]

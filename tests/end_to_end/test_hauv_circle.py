@@ -52,8 +52,8 @@ def test_card_of_the_redesign_is_what_the_chain_finds_in_the_logs(
 
 def test_card_of_the_redesign_has_the_coefficients_that_carry_the_motion() -> None:
     card = ModelCard.model_validate_json(CARD.read_bytes())
-    found, _ = card_coefficients(card)
+    coefficients, _ = card_coefficients(card)
     true = hybrid_vehicle(shipped_vehicle("hauv"), "as_simulated")
     for axis, (term, share) in LARGEST.items():
         flown = float(np.asarray(true.viscous)["XYZKMN".index(axis), true.terms.index(term)])
-        assert found[axis][term] == pytest.approx(flown, rel=share), (axis, term)
+        assert coefficients[axis][term] == pytest.approx(flown, rel=share), (axis, term)

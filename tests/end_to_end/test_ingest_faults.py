@@ -199,10 +199,10 @@ def place(content: bytes) -> Path:
 
 
 def log_info() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(
+    info: dict[str, Any] = json.loads(
         Path("runs/bad/ingest/dive/log_info.json").read_text(encoding="utf-8")
     )
-    return found
+    return info
 
 
 @pytest.mark.parametrize("name", REFUSALS)
@@ -278,7 +278,7 @@ def test_a_log_that_changes_while_it_is_read(
     load = sources.Log.load
 
     def changing(self: sources.Log) -> Any:
-        found = load(self)
+        columns = load(self)
         if change == "grows":
             with path.open("ab") as file:
                 file.write(dive(1))
@@ -291,7 +291,7 @@ def test_a_log_that_changes_while_it_is_read(
             subprocess.run([*CUT, str(path), "100"], check=True)
         else:
             path.unlink()
-        return found
+        return columns
 
     monkeypatch.setattr(sources.Log, "load", changing)
     code, printed = auvid("run", "bad", "--until", "ingest")

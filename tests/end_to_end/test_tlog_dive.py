@@ -43,8 +43,8 @@ def script() -> Iterator[ModuleType]:
 
 @pytest.fixture(scope="module")
 def streams(script: ModuleType) -> dict[str, Any]:
-    found: dict[str, Any] = script.streams_of(script.SOURCE)
-    return found
+    by_stream: dict[str, Any] = script.streams_of(script.SOURCE)
+    return by_stream
 
 
 @pytest.fixture(scope="module")

@@ -75,16 +75,16 @@ def force_error(runs: Path) -> tuple[float, float]:
     """
     errors, forces = [], []
     for path in sorted((runs / "residual").glob("*/residual.parquet")):
-        found, truth = (
+        estimate, truth = (
             pq.read_table(path),
             pq.read_table(runs / "simulate" / "truth" / f"{path.parent.name}.parquet"),
         )
         start = json.loads(
             (runs / "resample" / path.parent.name / "segment.json").read_text(encoding="utf-8")
         )["leg_start_s"]
-        t_s, at = column(found, "t_s") + start, column(truth, "t_s")
+        t_s, at = column(estimate, "t_s") + start, column(truth, "t_s")
         true = np.column_stack([np.interp(t_s, at, column(truth, name)) for name in TAU_BAR])
-        errors.append(matrix(found, TAU_BAR) - true)
+        errors.append(matrix(estimate, TAU_BAR) - true)
         forces.append(true)
     return float(np.sqrt(np.mean(np.concatenate(errors) ** 2))), float(
         np.sqrt(np.mean(np.concatenate(forces) ** 2))
@@ -131,9 +131,9 @@ def test_noisy_sensors_give_models_that_predict(noisy: Path) -> None:
     """
     runs = noisy / "runs" / TWIN
     assert force_error(runs)[0] < 0.9
-    found = ratios(runs)
-    assert found["prestero"] < 0.15
-    assert found["linear"] < 0.25
+    by_model = ratios(runs)
+    assert by_model["prestero"] < 0.15
+    assert by_model["linear"] < 0.25
 
 
 def test_run_of_a_twin_says_how_far_it_is_from_the_truth(

@@ -185,15 +185,15 @@ class Scaled(ast.NodeTransformer):
 def function_of(target: str) -> FunctionType:
     """Return the function that `module:qualified.name` names, also behind a property."""
     module, _, name = target.partition(":")
-    found: Any = importlib.import_module(f"auvid.{module}")
+    member: Any = importlib.import_module(f"auvid.{module}")
     for part in name.split("."):
-        found = inspect.getattr_static(found, part)
-    if isinstance(found, property):
-        found = found.fget
-    elif isinstance(found, cached_property):
-        found = found.func
-    assert isinstance(found, FunctionType), target
-    return found
+        member = inspect.getattr_static(member, part)
+    if isinstance(member, property):
+        member = member.fget
+    elif isinstance(member, cached_property):
+        member = member.func
+    assert isinstance(member, FunctionType), target
+    return member
 
 
 def wrong_code(function: FunctionType, old: str, new: str) -> CodeType:

@@ -309,8 +309,8 @@ def test_campaign_sets_what_differs_from_params(tmp_path: Path) -> None:
     )
     campaign = load_campaign(folder, kinds=KINDS, vehicles=VEHICLES)
     defaults = load_defaults(Workspace(tmp_path), STAGES)
-    found = stage_params(STAGES[2], defaults, campaign)
-    assert (found.floor, found.plan) == (5.0, {"x": 1})
+    params = stage_params(STAGES[2], defaults, campaign)
+    assert (params.floor, params.plan) == (5.0, {"x": 1})
     assert stage_params(STAGES[0], defaults, campaign).scale == 1.0
 
 
@@ -359,8 +359,8 @@ def test_a_campaign_outside_any_workspace_is_its_own(
     folder.mkdir()
     (folder / "campaign.yaml").write_text("kind: identification\n")
     monkeypatch.chdir(tmp_path)
-    found = workspace_of(str(folder))
-    assert found.root == folder
-    assert load_defaults(found, STAGES).value == {}
+    workspace = workspace_of(str(folder))
+    assert workspace.root == folder
+    assert load_defaults(workspace, STAGES).value == {}
     with pytest.raises(PipelineError, match=r"params\.yaml"):
         workspace_of("alone_but_not_there")

@@ -284,11 +284,11 @@ def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
     """For 65 ms every 72 minutes all time stamps hold the magic bytes, and false
     headers outnumber the true ones.
     """
-    whole = read(SMALL)
+    undamaged = read(SMALL)
     stamps = np.concatenate(
         [
             item.offset
-            for item in whole.messages.values()
+            for item in undamaged.messages.values()
             if next(iter(item.columns), None) == "TimeUS"
         ]
     )
@@ -298,7 +298,7 @@ def test_a_clock_that_holds_the_magic_bytes_is_no_damage(later_us: int) -> None:
     log = read(data.tobytes())
     assert log.status == "complete"
     assert not log.account.skipped
-    assert dict(log.counts) == dict(whole.counts)
+    assert dict(log.counts) == dict(undamaged.counts)
 
 
 def test_splice_of_another_log_is_read_by_its_own_definitions() -> None:
@@ -333,5 +333,5 @@ def test_most_damaged_real_log_still_gives_its_whole_records() -> None:
     )
     for name, table in clean.messages.items():
         stop = table.offset + lengths[name.encode()]
-        whole = table.offset[np.searchsorted(hit, table.offset) == np.searchsorted(hit, stop)]
-        assert np.isin(whole, log.messages[name].offset).all(), name
+        untouched = table.offset[np.searchsorted(hit, table.offset) == np.searchsorted(hit, stop)]
+        assert np.isin(untouched, log.messages[name].offset).all(), name

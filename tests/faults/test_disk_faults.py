@@ -38,7 +38,7 @@ def campaign(*options: str) -> dict[str, object]:
     ids=["sample", "every third", "example"],
 )
 def test_no_fault_of_the_disk_costs_a_result(options: tuple[str, ...]) -> None:
-    found = campaign(*options)
-    assert found["wrong"] == []
-    assert int(str(found["tried"])) >= 10
-    assert int(str(found["places"])) > 300
+    problem = campaign(*options)
+    assert problem["wrong"] == []
+    assert int(str(problem["tried"])) >= 10
+    assert int(str(problem["places"])) > 300

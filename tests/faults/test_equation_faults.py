@@ -41,9 +41,11 @@ def moved(runs: Path, *only: str) -> dict[str, str]:
 def test_a_wrong_equation_moves_a_figure_of_the_stage_that_uses_it(
     committed_run: Callable[[str], Path],
 ) -> None:
-    found = moved(committed_run(DIVE) / "runs", *FEW)
-    assert set(found) == set(FEW)
-    assert all(words.startswith("stage residual (residual: ") for words in found.values()), found
+    figures = moved(committed_run(DIVE) / "runs", *FEW)
+    assert set(figures) == set(FEW)
+    assert all(words.startswith("stage residual (residual: ") for words in figures.values()), (
+        figures
+    )
 
 
 @pytest.mark.release

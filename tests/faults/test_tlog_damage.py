@@ -180,24 +180,24 @@ def test_many_unknown_messages_are_summed_up() -> None:
 )
 def test_every_untouched_record_survives_random_damage(seeds: range) -> None:
     source = SMALL[:120_000]
-    whole = explain(np.frombuffer(source, dtype=np.uint8)).records
+    intact = explain(np.frombuffer(source, dtype=np.uint8)).records
     contents = {
         source[start + 8 : stop]
-        for start, stop in zip(whole.start.tolist(), whole.stop.tolist(), strict=True)
+        for start, stop in zip(intact.start.tolist(), intact.stop.tolist(), strict=True)
     }
     share = []
     for seed in seeds:
         data, kept = mutations(source, seed)
-        found = read(data)
+        damaged_log = read(data)
         records = explain(np.frombuffer(data, dtype=np.uint8)).records
-        assert sum(found.counts.values()) == len(records)
+        assert sum(damaged_log.counts.values()) == len(records)
         strangers = [
             data[start + 8 : stop]
             for start, stop in zip(records.start.tolist(), records.stop.tolist(), strict=True)
         ]
         assert contents.issuperset(strangers), f"seed {seed} invents a record"
         expected = [
-            whole.start[(whole.start >= part.start) & (whole.stop <= part.stop)]
+            intact.start[(intact.start >= part.start) & (intact.stop <= part.stop)]
             + (part.offset - part.start)
             for part in kept
         ]

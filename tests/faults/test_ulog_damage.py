@@ -53,8 +53,8 @@ def test_truncated_anywhere() -> None:
             continue
         log = read(raw[:size])
         assert log.status in ("complete", "truncated")
-        whole = sum(log.counts.values())
-        assert whole == sum(
+        every_record = sum(log.counts.values())
+        assert every_record == sum(
             size >= len(START) + RECORD * (n + 1) + (len(text(5, "ping") + sync()) if n >= 3 else 0)
             for n in range(5)
         )
@@ -122,8 +122,8 @@ def test_known_records_between_many_of_unknown_number_are_read() -> None:
 
 def test_record_that_lost_bytes_is_not_read() -> None:
     for lost in range(1, RECORD):
-        whole = depth(50)
-        log = read(START + depths(0, 50) + whole[: RECORD - lost] + depths(51, 100))
+        undamaged = depth(50)
+        log = read(START + depths(0, 50) + undamaged[: RECORD - lost] + depths(51, 100))
         left = RECORD - lost
         # A single byte that is left does not say whether it belongs to the record
         # before it: that one goes too.
@@ -243,22 +243,22 @@ def test_misleading_files_end_well(name: str) -> None:
 
 def frames(raw: bytes) -> Ints:
     """Begin, end and type of every message of a whole log, shape (n, 3)."""
-    place, found = layout.HEADER_BYTES, []
+    place, ends = layout.HEADER_BYTES, []
     while place < len(raw):
         stop = (
             place + layout.MESSAGE_HEADER_BYTES + int.from_bytes(raw[place : place + 2], "little")
         )
-        found.append((place, stop, raw[place + 2]))
+        ends.append((place, stop, raw[place + 2]))
         place = stop
-    return np.array(found, np.int64)
+    return np.array(ends, np.int64)
 
 
 def moved(kept: list[Kept], begin: Ints, end: Ints) -> Ints:
     """Where in the damaged file what was at `begin:end` begins; -1 if it is not whole."""
     starts, stops, offsets = (np.array(column, np.int64) for column in zip(*kept, strict=True))
     part = np.maximum(np.searchsorted(starts, begin, side="right") - 1, 0)
-    whole = (starts[part] <= begin) & (end <= stops[part])
-    return np.where(whole, begin - starts[part] + offsets[part], -1)
+    untouched = (starts[part] <= begin) & (end <= stops[part])
+    return np.where(untouched, begin - starts[part] + offsets[part], -1)
 
 
 @pytest.mark.parametrize(
@@ -282,14 +282,14 @@ def test_what_damage_left_whole_is_read_and_nothing_else(name: str, seeds: range
         log = read(damaged)
         offsets = {label: table.offset for label, table in log.messages.items()}
         if (moved(kept, defining[:, 0], defining[:, 1]) >= 0).all():
-            whole = found = 0
+            intact = read_back = 0
             for label, (begin, end) in records.items():
                 places = moved(kept, begin, end)
-                whole += np.count_nonzero(places >= 0)
-                found += np.count_nonzero(
+                intact += np.count_nonzero(places >= 0)
+                read_back += np.count_nonzero(
                     np.isin(places[places >= 0], offsets.get(label, np.empty(0, np.int64)))
                 )
-            shares.append(found / whole)
+            shares.append(read_back / intact)
         got = np.sort(np.concatenate([np.empty(0, np.int64), *offsets.values()]))
         total += got.size
         expected = moved(kept, chain[:, 0], chain[:, 0] + 1)

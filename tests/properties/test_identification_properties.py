@@ -32,11 +32,11 @@ def test_merging_is_associative_and_equals_one_pass(seed: int, a: int, b: int, c
     rows, force = leg(rng, a + b + c + 20)
     cuts = [slice(0, a), slice(a, a + b), slice(a + b, None)]
     x, y, z = (TriangularFactor.empty(TERMS).update(rows[:, part], force[part]) for part in cuts)
-    whole = TriangularFactor.empty(TERMS).update(rows, force)
-    scale = np.abs(whole.R).max()
+    one_pass = TriangularFactor.empty(TERMS).update(rows, force)
+    scale = np.abs(one_pass.R).max()
     left, right = x.merge(y).merge(z), x.merge(y.merge(z))
     np.testing.assert_allclose(left.R, right.R, atol=1e-10 * scale)
-    np.testing.assert_allclose(left.R, whole.R, atol=1e-10 * scale)
+    np.testing.assert_allclose(left.R, one_pass.R, atol=1e-10 * scale)
 
 
 @QUICK
@@ -159,7 +159,7 @@ def test_error_measures_ignore_the_order_of_samples(seed: int) -> None:
     rng = np.random.default_rng(seed)
     measured, predicted = rng.standard_normal((2, 31, 6))
     order = rng.permutation(31)
-    for name, whole in error_table(measured, predicted).items():
+    for name, expected in error_table(measured, predicted).items():
         assert vars(error_table(measured[order], predicted[order])[name]) == pytest.approx(
-            vars(whole), rel=1e-12
+            vars(expected), rel=1e-12
         )

@@ -72,10 +72,10 @@ class Dive:
         force = thruster_force(THRUSTERS, thruster_forces(THRUSTERS, self.pulses, 16.0))
         w = np.zeros(self.t.size)
         r = np.zeros(self.t.size)
-        held = (self.t >= self.hold[0]) & (self.t < self.hold[1])
+        holding = (self.t >= self.hold[0]) & (self.t < self.hold[1])
         for at in range(self.t.size - 1):
             down = force[at, 2] + BUOYANCY_N - HEAVE_DRAG * w[at] * abs(w[at])
-            w[at + 1] = 0.0 if held[at] else w[at] + STEP_S * down / MASS
+            w[at + 1] = 0.0 if holding[at] else w[at] + STEP_S * down / MASS
             turn = force[at, 5] - YAW_DRAG * r[at] * abs(r[at])
             r[at + 1] = r[at] + STEP_S * turn / INERTIA
         depth = self.start_m + np.cumsum(w) * STEP_S

@@ -245,8 +245,8 @@ def _among(values: Ints, others: Ints) -> Mask:
         return np.zeros(values.shape, np.bool_)
     ascending = np.sort(others)
     at = np.minimum(np.searchsorted(ascending, values), ascending.size - 1)
-    found: Mask = ascending[at] == values
-    return found
+    present: Mask = ascending[at] == values
+    return present
 
 
 def _equal(first: npt.NDArray[np.generic], second: npt.NDArray[np.generic]) -> bool:

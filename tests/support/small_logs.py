@@ -216,12 +216,12 @@ def _first_of_each(
 
 def _messages(data: bytes) -> list[tuple[int, int, str]]:
     """Begin, end and type of every message of a whole ULog file."""
-    found, at = [], ulog.HEADER_BYTES
+    messages, at = [], ulog.HEADER_BYTES
     while at < len(data):
         stop = at + ulog.MESSAGE_HEADER_BYTES + int.from_bytes(data[at : at + 2], "little")
-        found.append((at, stop, chr(data[at + 2])))
+        messages.append((at, stop, chr(data[at + 2])))
         at = stop
-    return found
+    return messages
 
 
 def _ulog(each: int | None = None) -> SmallLog:

@@ -9,12 +9,12 @@ def main() -> None:
     print("| target | model | right export | mistakes shown | not shown |")
     print("| --- | --- | --- | --- | --- |")
     for target, row in conformance().items():
-        shown = [name for name in MISTAKES if row[name]]
+        noticed = [name for name in MISTAKES if row[name]]
         none = IMPOSSIBLE.get(target, ())
-        missed = [name for name in MISTAKES if name not in shown and name not in none]
+        missed = [name for name in MISTAKES if name not in noticed and name not in none]
         rest = ", ".join(missed + [f"{name}: has no place there" for name in none])
         right = ", ".join(row["none"]) or ("equal" if HELD[target] else "loss as printed")
-        count = f"{len(shown)} of {len(MISTAKES) - len(none)}"
+        count = f"{len(noticed)} of {len(MISTAKES) - len(none)}"
         print(f"| {target} | {carrier(target)} | {right} | {count} | {rest} |")
 
 

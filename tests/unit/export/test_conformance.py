@@ -108,8 +108,8 @@ def test_what_a_target_cannot_hold_is_refused_and_its_loss_is_right(
 def test_twelve_planted_mistakes_show(target: str, tmp_path: Path) -> None:
     model = MODELS[carrier(target)]()
     assert faults(model, model, target, tmp_path) == []
-    shown = [name for name, f in MISTAKES.items() if faults(model, f(model), target, tmp_path)]
-    assert shown == [name for name in MISTAKES if name not in IMPOSSIBLE.get(target, ())]
+    noticed = [name for name, f in MISTAKES.items() if faults(model, f(model), target, tmp_path)]
+    assert noticed == [name for name in MISTAKES if name not in IMPOSSIBLE.get(target, ())]
 
 
 def test_json_and_python_come_back_bit_for_bit(tmp_path: Path) -> None:

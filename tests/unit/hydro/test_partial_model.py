@@ -54,9 +54,9 @@ def test_axes_that_are_lacking_have_no_force() -> None:
 
 def test_the_apparent_inertia_of_the_axis_is_1() -> None:
     mass = vehicle_of(partial_file(unit_of_mass="Z")).mass_matrix
-    whole = vehicle_of(model_file()).mass_matrix
+    total = vehicle_of(model_file()).mass_matrix
     assert mass[2, 2] == pytest.approx(1.0)
-    np.testing.assert_allclose(mass, whole / whole[2, 2])
+    np.testing.assert_allclose(mass, total / total[2, 2])
 
 
 def test_heave_and_yaw_move_as_their_equations_say_and_the_rest_stays() -> None:
@@ -84,11 +84,11 @@ def test_heave_and_yaw_move_as_their_equations_say_and_the_rest_stays() -> None:
 
 def test_a_unit_of_mass_changes_no_motion() -> None:
     """The same thrusts as full commands of 40 N and as newtons."""
-    whole, share = auvid.Model(partial_file()), auvid.Model(partial_file(unit_of_mass="Z"))
+    full, share = auvid.Model(partial_file()), auvid.Model(partial_file(unit_of_mass="Z"))
     command = np.where(TIME > 5.0, 0.3, 0.0)
     tau = np.zeros((len(TIME), 6))
     tau[:, 2], tau[:, 5] = 40.0 * command, -40.0 * 0.1 * command
-    one = whole.simulate(TIME, tau)
+    one = full.simulate(TIME, tau)
     other = share.simulate(TIME, commands={"Z": command, "N": -0.1 * command})
     np.testing.assert_allclose(one, other, atol=1e-9)
     assert np.ptp(one["w_m_s"]) > 0.1

@@ -187,15 +187,15 @@ def test_motion_one_way_is_named(dive):
 
 
 def test_commands_alone_are_taken_in_the_axes_of_the_vehicle(dive):
-    told = copy.copy(dive)
-    told.streams = dict(dive.streams)
+    commands_only = copy.copy(dive)
+    commands_only.streams = dict(dive.streams)
     yaw = (dive.pulses[:, 0] - 1500.0) * THRUSTERS.direction[0] / 400.0
-    told.log("actuators", 10.0, {"command_yaw": yaw, "command_heave": np.zeros(yaw.size)})
-    record = outputs(told, without_curve(axes=["yaw"])).axis_windows
+    commands_only.log("actuators", 10.0, {"command_yaw": yaw, "command_heave": np.zeros(yaw.size)})
+    record = outputs(commands_only, without_curve(axes=["yaw"])).axis_windows
     assert record.normalised
     assert set(record.windows_s) == {"N"}
     with pytest.raises(DataError, match="no logged command acts"):
-        outputs(told, without_curve(axes=["surge"]))
+        outputs(commands_only, without_curve(axes=["surge"]))
 
 
 def test_an_empty_command_leaves_the_others(dive):

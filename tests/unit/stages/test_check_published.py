@@ -90,12 +90,12 @@ def compared(*rows: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def test_errors_of_print_and_ours_are_against_the_same_truth():
-    (found,) = compared(row(most_relative_error=0.04))
-    assert found["ours"] == pytest.approx(20.9 - 34.0)
-    assert found["our_error"] == pytest.approx((-13.1 + 13.5778) / 13.5778)
-    assert found["printed_error"] == pytest.approx(0.01334, abs=1e-5)
-    assert found["standard_error"] == pytest.approx(0.2)
-    assert found["met"] is True
+    (check,) = compared(row(most_relative_error=0.04))
+    assert check["ours"] == pytest.approx(20.9 - 34.0)
+    assert check["our_error"] == pytest.approx((-13.1 + 13.5778) / 13.5778)
+    assert check["printed_error"] == pytest.approx(0.01334, abs=1e-5)
+    assert check["standard_error"] == pytest.approx(0.2)
+    assert check["met"] is True
 
 
 def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
@@ -108,14 +108,14 @@ def test_a_bound_can_be_missed_and_nothing_asked_is_neither():
 
 
 def test_limits_on_the_value_itself():
-    held, low, high, both = compared(
+    exact, low, high, both = compared(
         row(least=-14.0, most=-13.0),
         row(least=-13.0),
         row(most=-13.2),
         row(most=-13.0, most_relative_error=0.03),
     )
-    assert [found["met"] for found in (held, low, high, both)] == [True, False, False, False]
-    assert (held["least"], held["most"], low["most"]) == (-14.0, -13.0, None)
+    assert [result["met"] for result in (exact, low, high, both)] == [True, False, False, False]
+    assert (exact["least"], exact["most"], low["most"]) == (-14.0, -13.0, None)
     (unknown,) = compared(row(ours="rlse/surge:X_u|u|", printed=None, truth=None, most=1.0))
     assert unknown["met"] is False
 
@@ -147,10 +147,10 @@ def test_without_truth_the_corrected_value_counts_then_the_printed():
 def test_a_verdict_is_held_with_or_without_a_value():
     verdict = "not persistently exciting"
     entry = row(ours="rlse/surge:X_u|u|", verdict=verdict)
-    held, other, bounded = compared(
+    equal, other, bounded = compared(
         entry, {**entry, "verdict": "identified"}, {**entry, "most_relative_error": 1.0}
     )
-    assert (held["met"], held["ours"], held["verdict"]) == (True, None, verdict)
+    assert (equal["met"], equal["ours"], equal["verdict"]) == (True, None, verdict)
     assert other["met"] is False
     assert bounded["met"] is False
 
@@ -176,13 +176,13 @@ def test_what_is_met_stands_among_the_results() -> None:
     outputs = run(published(*rows))
     assert outputs.bounds is not None
     check_document(outputs.bounds, "results")
-    (found,) = outputs.bounds["rows"]
-    assert (found["quantity"], found["value"], found["verdict"]) == (
+    (check,) = outputs.bounds["rows"]
+    assert (check["quantity"], check["value"], check["verdict"]) == (
         "Table 4: bounds met of 2",
         1.0,
         "missed",
     )
-    assert found["note"] == "largest error 3.5 % (X_udot)"
+    assert check["note"] == "largest error 3.5 % (X_udot)"
     free = run(published(row()))
     assert free.bounds is None
 

@@ -138,23 +138,23 @@ def test_errors_are_those_put_in(turn: float) -> None:
     all else agrees.
     """
     outputs = check_truth.run(inputs(turn=turn), check_truth.Params())
-    found = errors(outputs)
+    by_figure = errors(outputs)
     put_in = {
         ("velocity", "u"): 0.03,
         ("attitude", "psi"): 0.01,
         ("force", "Y"): 2.0,
         ("gyro bias", "x"): 0.001,
     }
-    for key, row in found.items():
+    for key, row in by_figure.items():
         if not key[0].startswith("model") and key[1] != "all":
             assert row["rms_error"] == pytest.approx(put_in.get(key, 0.0), abs=1e-9), key
             assert row["mean_error"] == pytest.approx(put_in.get(key, 0.0), abs=1e-9), key
             assert row["largest_error"] == pytest.approx(put_in.get(key, 0.0), abs=1e-9), key
-    assert found[("force, all axes", "all")]["rms_error"] == pytest.approx(2.0 / np.sqrt(6.0))
-    assert found[("force, all axes", "all")]["mean_error"] is None
-    assert ("accelerometer bias", "x") not in found
+    assert by_figure[("force, all axes", "all")]["rms_error"] == pytest.approx(2.0 / np.sqrt(6.0))
+    assert by_figure[("force, all axes", "all")]["mean_error"] is None
+    assert ("accelerometer bias", "x") not in by_figure
     assert errors(outputs, "validation", "leg") == {
-        key: row | {"use": "validation", "segment": "leg"} for key, row in found.items()
+        key: row | {"use": "validation", "segment": "leg"} for key, row in by_figure.items()
     }
 
 
@@ -162,14 +162,14 @@ def test_models_are_judged_on_the_true_force() -> None:
     """A prediction of nine tenths of the true force has J/J0 = 0.1 on every axis,
     whatever the residual force says.
     """
-    found = errors(check_truth.run(inputs(), check_truth.Params()), "validation")
+    by_figure = errors(check_truth.run(inputs(), check_truth.Params()), "validation")
     for axis in ("X", "Y", "Z", "K", "M", "N", "all"):
-        row = found[("model linear", axis)]
+        row = by_figure[("model linear", axis)]
         assert row["rms_error"] / row["rms_true"] == pytest.approx(0.1)
     blocks = check_truth.run(inputs(), check_truth.Params()).section["blocks"]
-    shown = next(block for block in blocks if block.get("title") == "Models against the true force")
-    assert shown["rows"][0][:2] == ["Linear", "validation"]
-    assert shown["rows"][0][3:] == pytest.approx([0.1] * 7)
+    table = next(block for block in blocks if block.get("title") == "Models against the true force")
+    assert table["rows"][0][:2] == ["Linear", "validation"]
+    assert table["rows"][0][3:] == pytest.approx([0.1] * 7)
 
 
 def test_true_motion_is_on_the_clock_of_the_segment() -> None:
@@ -191,8 +191,8 @@ def test_bounds_met_and_missed() -> None:
             velocity_error_m_s=0.017, gyro_bias_rad_s=6e-4, force_error=0.9, ratio={"linear": 0.2}
         ),
     )
-    held = {row["figure"]: row["met"] for row in outputs.trust_checks.to_pylist()}
-    assert held == {
+    met = {row["figure"]: row["met"] for row in outputs.trust_checks.to_pylist()}
+    assert met == {
         "RMS error of the residual force, six axes": True,
         "RMS error of u, v, w": False,
         "RMS error of the gyro bias": True,

@@ -85,8 +85,8 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
         assert damping[f"{x}*|{x}|"] == pytest.approx(quadratic, rel=0.02)
         item = next(item for item in card.inertia if item.name[0] == axis)
         assert item.value == pytest.approx(inertia, rel=0.01)
-    held = {item.axis: item.held_out_percent for item in fitted.fitted}
-    assert min(filter(None, held.values())) > 90.0
+    percent = {item.axis: item.held_out_percent for item in fitted.fitted}
+    assert min(filter(None, percent.values())) > 90.0
     assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)
     assert all(item.whole_legs["check"] > 85.0 for item in fitted.fitted)
 

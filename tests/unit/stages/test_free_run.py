@@ -59,7 +59,7 @@ def flown() -> tuple[pa.Table, pa.Table]:
 
 
 def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, float]]) -> pa.Table:
-    found = run_segment(
+    table = run_segment(
         VEHICLE,
         [IdentifiedModel(name, coefficients) for name, coefficients in models.items()],
         np.zeros((len(models), 6)),
@@ -69,8 +69,8 @@ def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, flo
         every_s=5.0,
         minimum_speed=0.05,
     )
-    assert found is not None
-    return free_run_table({("check", ""): found}, list(models))
+    assert table is not None
+    return free_run_table({("check", ""): table}, list(models))
 
 
 def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) -> None:
@@ -90,9 +90,9 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
 def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Table]) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
     blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
-    (told,) = (block for block in blocks if block["kind"] == "remark")
-    words = told["text"]
-    assert told["level"] == "warning"
+    (remark,) = (block for block in blocks if block["kind"] == "remark")
+    words = remark["text"]
+    assert remark["level"] == "warning"
     assert "1 of 2 models" in words
     assert "Wild" in words
     assert "True" not in words
@@ -106,14 +106,14 @@ def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(
 ) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
     blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
-    shown = next(block for block in blocks if block["kind"] == "table")
+    table = next(block for block in blocks if block["kind"] == "table")
     lost = sum(
         row["model"] == "wild" and row["diverged"] == row["starts"] for row in results.to_pylist()
     )
     assert lost > 0
-    assert len(shown["rows"]) == results.num_rows - lost
-    assert all(value is not None for row in shown["rows"] for value in row)
-    assert f"{lost} rows without a bounded run are left out" in shown["note"]
+    assert len(table["rows"]) == results.num_rows - lost
+    assert all(value is not None for row in table["rows"] for value in row)
+    assert f"{lost} rows without a bounded run are left out" in table["note"]
 
 
 def test_a_segment_shorter_than_every_horizon_gives_no_rows(

@@ -72,9 +72,9 @@ def run(
     motion: Motion, sensors: Sensors = IDEAL, *, without: tuple[str, ...] = (), **params: Any
 ) -> fuse.Outputs:
     chosen = fuse.Params(**{"cutoff_hz": None, "edge_s": 0.0, **params})
-    found = fuse.run(inputs(resampled_table(motion, sensors, without=without), sensors), chosen)
-    check_document(found.fusion, "fusion")
-    return found
+    outputs = fuse.run(inputs(resampled_table(motion, sensors, without=without), sensors), chosen)
+    check_document(outputs.fusion, "fusion")
+    return outputs
 
 
 def inner(values: Array, seconds: float = 1.0) -> Array:
@@ -128,12 +128,12 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     given_fuse = fuse.Inputs(
         cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"]
     )
-    found = fuse.run(given_fuse, fuse.Params(cutoff_hz=None, edge_s=2.0))
-    t_s = column(found.fused, "t_s") + float(cut.segment["one"].leg_start_s)
+    outputs = fuse.run(given_fuse, fuse.Params(cutoff_hz=None, edge_s=2.0))
+    t_s = column(outputs.fused, "t_s") + float(cut.segment["one"].leg_start_s)
     truth = np.column_stack([np.interp(t_s, motion.t_s, motion.nu[:, index]) for index in range(6)])
     # 5 Hz samples of waves up to 0.6 Hz: the spline between them is good to a few mm/s;
     # an uncorrected lag costs 0.1 m/s
-    assert np.abs(matrix(found.fused, VELOCITY) - truth).max() < 5e-3
+    assert np.abs(matrix(outputs.fused, VELOCITY) - truth).max() < 5e-3
 
 
 def sampled(dense: pa.Table, lag_s: float, *, every: int | None = None) -> dict[str, pa.Table]:
@@ -334,17 +334,17 @@ def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
     narrow = replace(given, segment=given.segment.model_copy(update={"smoothing": smoothing}))
     for cutoff, expected in ((3.0, 1), (0.5, 0), (None, 0)):
         blocks = fuse.run(narrow, fuse.Params(cutoff_hz=cutoff)).section["blocks"]
-        told = [
+        warnings = [
             block["text"]
             for block in blocks
             if block["kind"] == "remark" and block["level"] == "note"
         ]
-        assert len(told) == expected
+        assert len(warnings) == expected
         assert all(
             "Below the low-pass of 3 Hz" in words
             and "z 0.8 Hz." in words
             and "u " not in words.split(":")[1]
-            for words in told
+            for words in warnings
         )
 
 
@@ -392,12 +392,12 @@ def test_views_draw_raw_and_fused_in_the_same_axes(motion: Motion, mounting: str
         resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams),
         resample.Params(smoothing="none", rate_hz=RATE_HZ),
     )
-    found = fuse.run(
+    outputs = fuse.run(
         fuse.Inputs(cut.segment["one"], cut.resampled["one"], vehicle, log),
         fuse.Params(cutoff_hz=3.0, edge_s=2.0, fit_gyro_bias=False),
     )
-    tables = {"resampled": cut.resampled["one"], "fused": found.fused}
-    groups = {group["entity"]: group for group in found.views["groups"]}
+    tables = {"resampled": cut.resampled["one"], "fused": outputs.fused}
+    groups = {group["entity"]: group for group in outputs.views["groups"]}
     for entity in ("state/velocity", "state/rates"):
         raw, fused = (groups[f"{entity}/{role}"] for role in ("raw", "fused"))
         rows = np.searchsorted(

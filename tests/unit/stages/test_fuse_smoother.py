@@ -204,9 +204,9 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     are over ground.
     """
     outputs = run(in_current(motion, ODD), estimate_current=True)
-    told = outputs.fusion.current
-    assert told.verdict == "observable"
-    np.testing.assert_allclose(told.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
+    current = outputs.fusion.current
+    assert current.verdict == "observable"
+    np.testing.assert_allclose(current.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
     t_s = column(outputs.fused, "t_s")
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
@@ -234,14 +234,14 @@ def test_current_without_water_track_is_not_observable(
     ground.
     """
     given = inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
-    found, plain = run(given, estimate_current=True), run(given)
-    assert found.fusion.current.verdict == "not observable"
-    assert "stream water_velocity" in found.fusion.current.reason
-    assert found.fusion.current.ned_m_s is None
-    assert found.fused.equals(plain.fused)
+    estimated, plain = run(given, estimate_current=True), run(given)
+    assert estimated.fusion.current.verdict == "not observable"
+    assert "stream water_velocity" in estimated.fusion.current.reason
+    assert estimated.fusion.current.ned_m_s is None
+    assert estimated.fused.equals(plain.fused)
     warned = [
         block["text"]
-        for block in found.section["blocks"]
+        for block in estimated.section["blocks"]
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
     assert any(words.startswith("Water current: not observable, because ") for words in warned)

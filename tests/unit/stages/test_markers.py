@@ -50,8 +50,8 @@ def test_markers_off_the_origin_are_said_and_nothing_is_identified() -> None:
 
 
 def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:
-    asked = replace(OPTIONS, move_markers=True)
-    fits = fit_all(off_origin(ARM), body(), asked)
+    options = replace(OPTIONS, move_markers=True)
+    fits = fit_all(off_origin(ARM), body(), options)
     assert sway(fits)["v*|v|"] == "identified"
     assert fits.fitted[0].equation.value("v*|v|") == pytest.approx(TRUTH["v"][1], rel=0.1)
     assert fits.markers is not None

@@ -229,8 +229,8 @@ def test_a_model_for_nothing_says_so(run: ExampleRun) -> None:
         assert file.use.axes is not None
         assert (file.use.axes.forces, file.use.axes.simulation) == ([], [])
         assert file.use.sentence.endswith("use it for nothing")
-    alone = replace(run, errors=[row for row in run.errors if row["use"] == "training"])
-    assert "nothing judges it" in files_of(alone)["linear"].use.sentence
+    training_only = replace(run, errors=[row for row in run.errors if row["use"] == "training"])
+    assert "nothing judges it" in files_of(training_only)["linear"].use.sentence
 
 
 def test_numbers_of_the_vehicle_are_in_si(run: ExampleRun) -> None:

@@ -192,30 +192,30 @@ DECAYS = ("decay", "check", "empty")
 
 def test_whole_bench() -> None:
     outputs = run(APPARATUS, {name: log_of(name) for name in (*SWINGS, *DECAYS)})
-    found = figures(outputs)
-    assert found["T of tray"]["value"] == pytest.approx(4.1571, abs=2e-4)
-    assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=1e-4)
-    assert found["I of tube by (58)"]["value"] == pytest.approx(0.6576, abs=5e-5)
-    assert found["I of tube against (58)"]["value"] == pytest.approx(0.67, abs=0.02)
-    assert found["I_x"]["value"] == pytest.approx(1.7428, rel=1e-4)
-    assert found["surge: X_udot"]["value"] == pytest.approx(X_UDOT, rel=1e-5)
-    assert found["surge: X_u"]["value"] == pytest.approx(X_U, rel=1e-5)
-    assert found["empty: added mass"]["value"] == pytest.approx(POLE, rel=1e-4)
-    assert found["surge: X_udot (point mass)"]["value"] == pytest.approx(
+    values = figures(outputs)
+    assert values["T of tray"]["value"] == pytest.approx(4.1571, abs=2e-4)
+    assert values["I of tube"]["value"] == pytest.approx(0.6620, rel=1e-4)
+    assert values["I of tube by (58)"]["value"] == pytest.approx(0.6576, abs=5e-5)
+    assert values["I of tube against (58)"]["value"] == pytest.approx(0.67, abs=0.02)
+    assert values["I_x"]["value"] == pytest.approx(1.7428, rel=1e-4)
+    assert values["surge: X_udot"]["value"] == pytest.approx(X_UDOT, rel=1e-5)
+    assert values["surge: X_u"]["value"] == pytest.approx(X_U, rel=1e-5)
+    assert values["empty: added mass"]["value"] == pytest.approx(POLE, rel=1e-4)
+    assert values["surge: X_udot (point mass)"]["value"] == pytest.approx(
         X_UDOT, rel=1e-5
     )  # every mass of this bench is at the arm
     for method in ("recursive", "batch"):
-        assert found[f"surge: X_udot (linear, {method})"]["value"] == pytest.approx(
+        assert values[f"surge: X_udot (linear, {method})"]["value"] == pytest.approx(
             X_UDOT, rel=0.01
         )
     # I = G/k: 1 % of G is 1 % of all inertia over the square of the arm.
     total = WEIGHT - POLE + 38.10 - X_UDOT
-    assert found["surge: X_udot per 1 % of restoring moment"]["value"] == pytest.approx(
+    assert values["surge: X_udot per 1 % of restoring moment"]["value"] == pytest.approx(
         -0.01 * total, rel=1e-4
     )
     assert outputs.decays is not None
     swing = outputs.decays.filter(pc.equal(outputs.decays["recording"], "decay")).to_pydict()
-    assert found["surge: largest speed"]["value"] == pytest.approx(
+    assert values["surge: largest speed"]["value"] == pytest.approx(
         np.abs(swing["speed_m_s"]).max(), rel=1e-3
     )
     slope = 3.66 * np.gradient(swing["theta_measured_rad"], swing["t_s"])
@@ -247,10 +247,10 @@ def test_timed_oscillations_in_the_place_of_logs() -> None:
             {"oscillations": 20, "duration_s": seconds},
         ]
     apparatus["quadrifilar"]["swings"] = swings[:2]
-    found = figures(run(apparatus, {}))
-    assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
+    values = figures(run(apparatus, {}))
+    assert values["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
     # 0.2 s of a stop watch over 20 swings, twice.
-    assert found["T of tray"]["standard_error"] == pytest.approx(0.01 / np.sqrt(2.0))
+    assert values["T of tray"]["standard_error"] == pytest.approx(0.01 / np.sqrt(2.0))
     # A swing of 40 degrees is 0.7 % slow; said so, the period is taken back.
     swings[0]["timed"] = [{"oscillations": 20, "duration_s": 83.142, "amplitude_deg": 40.0}]
     assert figures(run(apparatus, {}))["T of tray"]["value"] == pytest.approx(
@@ -262,19 +262,19 @@ def test_turned_and_drifting_recorder() -> None:
     turn = Rotation.from_euler("ZYX", [20.0, 12.0, -8.0], degrees=True)
     logs = {name: log_of(name, turn=turn, noise=0.002, drift=0.01) for name in (*SWINGS, *DECAYS)}
     outputs = run(APPARATUS, logs)
-    found = figures(outputs)
-    assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=0.007)
+    values = figures(outputs)
+    assert values["I of tube"]["value"] == pytest.approx(0.6620, rel=0.007)
     for name, truth in (("surge: X_udot", X_UDOT), ("surge: X_u", X_U), ("I_x", 1.7428)):
-        assert abs(found[name]["value"] - truth) < 4.0 * found[name]["standard_error"]
-    assert found["surge: X_udot"]["value"] == pytest.approx(X_UDOT, rel=0.01)
+        assert abs(values[name]["value"] - truth) < 4.0 * values[name]["standard_error"]
+    assert values["surge: X_udot"]["value"] == pytest.approx(X_UDOT, rel=0.01)
     assert "The recorder sits askew" in remarks(outputs, "warning")
 
 
 @pytest.mark.parametrize("stream", ["imu", "attitude"])
 def test_gyro_or_attitude_is_enough(stream: str) -> None:
     logs = {name: {stream: log_of(name)[stream]} for name in (*SWINGS, *DECAYS)}
-    found = figures(run(APPARATUS, logs))
-    assert found["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
+    values = figures(run(APPARATUS, logs))
+    assert values["I of tube"]["value"] == pytest.approx(0.6620, rel=2e-3)
     for suffix in (
         "",
         " (linear and quadratic)",
@@ -283,10 +283,10 @@ def test_gyro_or_attitude_is_enough(stream: str) -> None:
     ):
         # The regression integrates noise-free samples at 50 Hz; without an angle it
         # needs the constants of the gyro.
-        assert found[f"surge: X_udot{suffix}"]["value"] == pytest.approx(
+        assert values[f"surge: X_udot{suffix}"]["value"] == pytest.approx(
             X_UDOT, rel=0.01 if "recursive" in suffix else 2e-3
         )
-        assert found[f"empty: added mass{suffix}"]["value"] == pytest.approx(
+        assert values[f"empty: added mass{suffix}"]["value"] == pytest.approx(
             POLE, rel=0.02 if "recursive" in suffix else 2e-3
         )
 
@@ -321,8 +321,8 @@ def test_attitude_that_shows_less_than_the_gyro() -> None:
         )
     outputs = run(part("free_decay"), logs)
     assert "shows 90 % of the swing that the gyro shows" in remarks(outputs, "warning")
-    found = figures(outputs)["surge: X_udot"]
-    assert abs(found["value"] - X_UDOT) < 4.0 * found["standard_error"]
+    value = figures(outputs)["surge: X_udot"]
+    assert abs(value["value"] - X_UDOT) < 4.0 * value["standard_error"]
 
 
 def test_leg_of_the_other_pendulum() -> None:

@@ -101,9 +101,9 @@ def bound(**entry: Any) -> dict[str, Any]:
 def test_bounds_are_held_against_every_value(
     entry: dict[str, Any], met: bool, least: float, most: float
 ) -> None:
-    (held,) = checks(document(expected=[entry]), {"matched/as_published": measures(RATIOS)})
-    assert held.check.met is met
-    assert (held.check.least, held.check.value) == (pytest.approx(least), pytest.approx(most))
+    (check,) = checks(document(expected=[entry]), {"matched/as_published": measures(RATIOS)})
+    assert check.check.met is met
+    assert (check.check.least, check.check.value) == (pytest.approx(least), pytest.approx(most))
 
 
 @pytest.mark.parametrize(
@@ -197,11 +197,11 @@ def test_inconsistent_row_and_number_of_terms_are_explained() -> None:
 
 def test_other_seeds_stand_beside_one_another() -> None:
     validation, training = repeats(content())
-    for shown, use in ((validation, "validation"), (training, "training")):
-        assert shown["title"].endswith(f"with other random numbers, {use}: J/J0")
-        linear = next(row for row in shown["rows"] if row[0] == "Linear")
+    for marked, use in ((validation, "validation"), (training, "training")):
+        assert marked["title"].endswith(f"with other random numbers, {use}: J/J0")
+        linear = next(row for row in marked["rows"] if row[0] == "Linear")
         assert linear[1:3] == [0.25, 0.22]
-        assert [head["name"] for head in shown["columns"]][1:3] == [
+        assert [head["name"] for head in marked["columns"]][1:3] == [
             "J/J0 seed of the manifest",
             "J/J0 seed 1",
         ]
@@ -231,11 +231,11 @@ def test_an_accepted_miss_is_no_warning() -> None:
 
 
 def test_sections_name_the_evidence() -> None:
-    shown = sections(content())
-    evidence, carried = [block for block in shown["why"]["blocks"] if block["kind"] == "table"]
+    parts = sections(content())
+    evidence, carried = [block for block in parts["why"]["blocks"] if block["kind"] == "table"]
     assert evidence["rows"][0][1:3] == [139.0, 82.0]
     assert carried["rows"] == [["Mcfarland", "r*|u|", 127.5, 138.0, 138.0]]
-    assert {"why", "tables", "bounds", "force", "chosen"} <= set(shown)
+    assert {"why", "tables", "bounds", "force", "chosen"} <= set(parts)
 
 
 def truth_table(t_s: np.ndarray[Any, Any]) -> Any:

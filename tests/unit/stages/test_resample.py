@@ -98,13 +98,13 @@ def battery(time_us: Array) -> pa.Table:
 
 
 def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
-    whole = {
+    tables = {
         "imu": imu(times(50)),
         "attitude": attitude(times(10)),
         "depth": depth(times(10)),
         "velocity": velocity(times(8)),
     }
-    return {**whole, "actuators": actuators(times(10)), "battery": battery(times(1)), **changes}
+    return {**tables, "actuators": actuators(times(10)), "battery": battery(times(1)), **changes}
 
 
 def run(
@@ -154,16 +154,16 @@ def test_documents_and_clock() -> None:
 @pytest.mark.parametrize(("margin_s", "alike"), [(3.0, True), (0.0, False)])
 def test_a_leg_inside_a_log_has_ends_as_good_as_its_middle(margin_s: float, alike: bool) -> None:
     params = {"smoothing": "cutoff", "cutoff_hz": 1.0, "margin_s": margin_s}
-    whole, part = run({}, params), run({"start_s": 20, "end_s": 40}, params)
-    shift = part.segment["leg"].leg_start_s - whole.segment["leg"].leg_start_s
+    complete, part = run({}, params), run({"start_s": 20, "end_s": 40}, params)
+    shift = part.segment["leg"].leg_start_s - complete.segment["leg"].leg_start_s
     t_s = column(part.resampled["leg"], "t_s")
     inside = (t_s > -1e-9) & (t_s < 20.0 + 1e-9)
     worst = 0.0
     for name in ("z_dot_m_s", "u_dot_m_s2", "q_dot_rad_s2"):
         expected = np.interp(
             t_s[inside] + shift,
-            column(whole.resampled["leg"], "t_s"),
-            column(whole.resampled["leg"], name),
+            column(complete.resampled["leg"], "t_s"),
+            column(complete.resampled["leg"], name),
         )
         difference = np.abs(column(part.resampled["leg"], name)[inside] - expected)
         worst = max(worst, float(difference.max() / np.abs(expected).max()))
@@ -236,8 +236,8 @@ def test_noise_is_found_and_taken_off() -> None:
 @pytest.mark.parametrize(("smoothing", "cutoff"), [("none", None), ("cutoff", 0.8)])
 def test_smoothing_can_be_fixed(smoothing: str, cutoff: float | None) -> None:
     outputs = run(params={"smoothing": smoothing, "cutoff_hz": 0.8}, depth=depth(times(10), 0.01))
-    found = outputs.segment["leg"].smoothing["z_m"]
-    assert found.cutoff_hz == (None if cutoff is None else pytest.approx(cutoff, rel=1e-9))
+    smoothing_z = outputs.segment["leg"].smoothing["z_m"]
+    assert smoothing_z.cutoff_hz == (None if cutoff is None else pytest.approx(cutoff, rel=1e-9))
     samples = outputs.samples_depth
     assert samples is not None
     if cutoff is None:
@@ -464,10 +464,12 @@ def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
     note says when and how far.
     """
     time_us = times(10)
-    whole = attitude(time_us)
+    unsplit = attitude(time_us)
     roll = np.where(seconds(time_us) > 30.05, np.radians(60.0), 0.02)
     outputs = run(
-        attitude=whole.set_column(whole.column_names.index("phi_rad"), "phi_rad", pa.array(roll))
+        attitude=unsplit.set_column(
+            unsplit.column_names.index("phi_rad"), "phi_rad", pa.array(roll)
+        )
     )
     assert list(outputs.segment) == ["leg.1", "leg.2"]
     first, second = outputs.segment.values()
@@ -484,11 +486,11 @@ def test_a_leg_is_split_where_the_attitude_jumps_without_the_gyro() -> None:
 
 def test_many_jumps_are_counted() -> None:
     time_us = times(10)
-    whole = attitude(time_us)
-    heading = column(whole, "psi_rad") + np.floor(seconds(time_us) / 6.0)
+    unsplit = attitude(time_us)
+    heading = column(unsplit, "psi_rad") + np.floor(seconds(time_us) / 6.0)
     outputs = run(
-        attitude=whole.set_column(
-            whole.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))
+        attitude=unsplit.set_column(
+            unsplit.column_names.index("psi_rad"), "psi_rad", pa.array(np.mod(heading, 2 * np.pi))
         )
     )
     assert len(outputs.segment) == 10

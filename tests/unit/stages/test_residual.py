@@ -93,34 +93,34 @@ def warnings(outputs: residual.Outputs) -> list[str]:
 
 
 def test_components_add_up_to_the_residual_force(motion: Motion) -> None:
-    found = run(motion, resampled_table(motion)).residual
+    table = run(motion, resampled_table(motion)).residual
     inertial = (
         "rigid_body_inertia",
         "added_mass_inertia",
         "rigid_body_coriolis",
         "added_mass_coriolis",
     )
-    total = sum(forces(found, name) for name in inertial) - sum(
-        forces(found, name) for name in ("restoring", "fins", "propeller")
+    total = sum(forces(table, name) for name in inertial) - sum(
+        forces(table, name) for name in ("restoring", "fins", "propeller")
     )
     np.testing.assert_allclose(
-        forces(found, "tau_bar"), total, rtol=0.0, atol=1e-10
+        forces(table, "tau_bar"), total, rtol=0.0, atol=1e-10
     )  # N, N m; parts up to 500
-    assert "thrusters_X_N" not in found.column_names
-    np.testing.assert_allclose(column(found, "eta_ratio"), ratio_of(motion), rtol=1e-14)
+    assert "thrusters_X_N" not in table.column_names
+    np.testing.assert_allclose(column(table, "eta_ratio"), ratio_of(motion), rtol=1e-14)
     vehicle = shipped_vehicle("vt690")
     control = Control(propeller_rev_s=motion.rev_s, fins_rad=motion.fins)
     expected = inverse_dynamics(vehicle, motion.eta, motion.nu, motion.nu_dot, control)
-    np.testing.assert_allclose(forces(found, "tau_bar"), expected, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(forces(table, "tau_bar"), expected, rtol=0.0, atol=1e-9)
 
 
 def test_thruster_vehicle_has_no_propulsion_ratio(motion: Motion) -> None:
-    found = run(motion, rov_table(motion, pulses(motion)), "bluerov2_heavy").residual
-    assert "eta_ratio" not in found.column_names
-    assert not {"fins_X_N", "propeller_X_N"} & set(found.column_names)
+    table = run(motion, rov_table(motion, pulses(motion)), "bluerov2_heavy").residual
+    assert "eta_ratio" not in table.column_names
+    assert not {"fins_X_N", "propeller_X_N"} & set(table.column_names)
     assert ROV.thrusters is not None
     expected = thruster_force(ROV.thrusters, thruster_forces(ROV.thrusters, pulses(motion)))
-    np.testing.assert_allclose(forces(found, "thrusters"), expected, rtol=0.0, atol=1e-10)
+    np.testing.assert_allclose(forces(table, "thrusters"), expected, rtol=0.0, atol=1e-10)
 
 
 def test_horizontal_thrusters_below_the_origin_turn_the_vehicle(motion: Motion) -> None:
@@ -160,7 +160,7 @@ def test_actuators_pass_the_filter_of_the_state(motion: Motion) -> None:
 
 
 def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
-    whole = run(motion, resampled_table(motion)).residual
+    complete = run(motion, resampled_table(motion)).residual
     rows = slice(25, -25)
     inner = Motion(*(values[rows] for values in vars(motion).values()))
     given = residual.Inputs(
@@ -174,8 +174,8 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
     cut = residual.run(given, residual.Params()).residual
     # the last bit depends on where a row falls in a vector register of numpy
     np.testing.assert_allclose(
-        matrix(cut, whole.column_names),
-        matrix(whole, whole.column_names)[rows],
+        matrix(cut, complete.column_names),
+        matrix(complete, complete.column_names)[rows],
         rtol=1e-14,
         atol=1e-13,
     )
@@ -209,9 +209,9 @@ def test_half_known_directions_are_not_mixed(motion: Motion, fault: str) -> None
     if fault == "one missing":
         del parameters["MOT_3_DIRECTION"]
     table = rov_table(motion, pulses(motion))
-    found = run(motion, table, "bluerov2_heavy", parameters=parameters).residual
+    mixed = run(motion, table, "bluerov2_heavy", parameters=parameters).residual
     np.testing.assert_array_equal(
-        forces(found, "thrusters"),
+        forces(mixed, "thrusters"),
         forces(run(motion, table, "bluerov2_heavy").residual, "thrusters"),
     )
 
@@ -242,8 +242,8 @@ def test_voltage_scales_the_thrust_and_its_absence_is_told(motion: Motion) -> No
         forces(never.residual, "thrusters"), forces(without.residual, "thrusters")
     )
     assert warnings(full) == []
-    for found in (without, never):
-        assert "16 V" in warnings(found)[0]
+    for outputs in (without, never):
+        assert "16 V" in warnings(outputs)[0]
 
 
 def test_thrust_follows_the_voltage_over_time(motion: Motion) -> None:

@@ -145,7 +145,7 @@ def remarks(outputs: rlse.Outputs, level: str) -> str:
     [("surge", "Xu"), ("sway", "Yv"), ("heave", "Zw"), ("roll", "Kp"), ("yaw", "Nr")],
 )
 def test_channels_give_their_truth(channel: str, names: str) -> None:
-    found = figures(run(leg_of(channel), tables_of(channel, rate_hz=20.0)))
+    values = figures(run(leg_of(channel), tables_of(channel, rate_hz=20.0)))
     axis, x = names
     mass, one, two = (MASS, LINEAR, QUADRATIC) if channel in CHANNELS[:3] else (2.5, -0.5, -3.0)
     total = (
@@ -155,32 +155,32 @@ def test_channels_give_their_truth(channel: str, names: str) -> None:
     )
     dry = 38.10 if channel in CHANNELS[:3] else {"roll": 1.7428, "yaw": 1.4046}[channel]
     # Times are whole microseconds.
-    assert found[total]["value"] == pytest.approx(mass, rel=1e-5)
-    assert found[f"{axis}_{x}dot"]["value"] == pytest.approx(dry - mass, rel=1e-5)
-    assert found[f"{axis}_{x}"]["value"] == pytest.approx(one, rel=1e-4)
-    assert found[f"{axis}_{x}|{x}|"]["value"] == pytest.approx(two, rel=1e-4)
-    assert found[total]["verdict"] == "identified"
-    assert found[total]["headline"]
+    assert values[total]["value"] == pytest.approx(mass, rel=1e-5)
+    assert values[f"{axis}_{x}dot"]["value"] == pytest.approx(dry - mass, rel=1e-5)
+    assert values[f"{axis}_{x}"]["value"] == pytest.approx(one, rel=1e-4)
+    assert values[f"{axis}_{x}|{x}|"]["value"] == pytest.approx(two, rel=1e-4)
+    assert values[total]["verdict"] == "identified"
+    assert values[total]["headline"]
     # Straight lines between samples of 20 Hz cost the recursive estimate a few parts in
     # a thousand.
-    assert found[f"{total} (linear and quadratic, recursive)"]["value"] == pytest.approx(
+    assert values[f"{total} (linear and quadratic, recursive)"]["value"] == pytest.approx(
         mass, rel=0.01 if dry > 10 else 0.05
     )
 
 
 def test_noisy_run_chooses_the_damping_and_says_what_it_is_sure_of() -> None:
     outputs = run(leg_of("surge"), tables_of("surge", noise=0.01))
-    found = figures(outputs)
-    total = found["m - X_udot"]
+    values = figures(outputs)
+    total = values["m - X_udot"]
     assert total["low"] < MASS < total["high"]
     assert abs(total["value"] / MASS - 1.0) < 0.024
-    assert found["rmse (linear)"]["value"] > 2.0 * found["rmse (linear and quadratic)"]["value"]
-    assert found["smallest eigenvalue of C_n (quadratic)"]["verdict"] == "persistently exciting"
+    assert values["rmse (linear)"]["value"] > 2.0 * values["rmse (linear and quadratic)"]["value"]
+    assert values["smallest eigenvalue of C_n (quadratic)"]["verdict"] == "persistently exciting"
     assert "Persistently exciting" in remarks(outputs, "finding")
     assert outputs.channel_run is not None
     assert outputs.channel_history is not None
     last = column(outputs.channel_history, "mass")[-1]
-    assert last == pytest.approx(found["m - X_udot (linear and quadratic, recursive)"]["value"])
+    assert last == pytest.approx(values["m - X_udot (linear and quadratic, recursive)"]["value"])
     assert set(outputs.channel_history["damping"].to_pylist()) == {
         "linear",
         "quadratic",
@@ -198,8 +198,8 @@ def test_noisy_run_chooses_the_damping_and_says_what_it_is_sure_of() -> None:
 
 def test_single_step_is_not_persistently_exciting() -> None:
     outputs = run(leg_of("surge"), tables_of("surge", (60.0,) * 6, noise=0.01))
-    found = figures(outputs)
-    assert found["m - X_udot (quadratic)"]["verdict"] == "not persistently exciting"
+    values = figures(outputs)
+    assert values["m - X_udot (quadratic)"]["verdict"] == "not persistently exciting"
     assert "Not persistently exciting" in remarks(outputs, "warning")
 
 
@@ -235,16 +235,16 @@ def test_intervals_hold_the_truth_also_under_a_single_step() -> None:
     seeds, hits, fired = 40, np.zeros(2), 0
     for _ in range(seeds):
         noisy = u + 0.01 * rng.standard_normal(u.size)
-        found = estimate_channel(
+        estimate = estimate_channel(
             ChannelRun(SingleRun(t, force, force, at, noisy, none, np.zeros(0)), noisy, at),
             filter_rate=1.0,
         )
-        fit = found.fits["quadratic"]
+        fit = estimate.fits["quadratic"]
         hits += (
             fit.mass_interval[0] < 34.4778 < fit.mass_interval[1],
             abs(fit.values[2] + 27.7411) < 1.96 * fit.standard_errors[2],
         )
-        fired += found.excitation["quadratic"].status == "not persistently exciting"
+        fired += estimate.excitation["quadratic"].status == "not persistently exciting"
     # 95 % nominal; the binomial standard deviation over 40 seeds is 3.4 %.
     assert np.all(hits / seeds >= 0.85)
     assert fired == seeds
@@ -252,9 +252,9 @@ def test_intervals_hold_the_truth_also_under_a_single_step() -> None:
 
 def test_constant_force_is_found_where_asked() -> None:
     tables = tables_of("heave", trim=3.0, noise=0.002, rate_hz=20.0)
-    found = figures(run(leg_of("heave"), tables))
-    assert found["constant force"]["value"] == pytest.approx(
-        3.0, abs=4.0 * found["constant force"]["standard_error"]
+    values = figures(run(leg_of("heave"), tables))
+    assert values["constant force"]["value"] == pytest.approx(
+        3.0, abs=4.0 * values["constant force"]["standard_error"]
     )
     assert "constant force" not in figures(run(leg_of("heave"), tables, constant_force=()))
 
@@ -275,10 +275,10 @@ def test_commands_without_a_unit_give_ratios_only() -> None:
         {"time_us": tables["actuators"]["time_us"].to_numpy(), "command_surge": percent},
     )
     outputs = run(leg_of("surge"), tables)
-    found = figures(outputs)
-    assert "X_udot" not in found
-    assert {"1/(m - X_udot)", "X_u|u|/(m - X_udot)"} <= set(found)
-    assert found["1/(m - X_udot)"]["unit"] == "m/s^2"
+    values = figures(outputs)
+    assert "X_udot" not in values
+    assert {"1/(m - X_udot)", "X_u|u|/(m - X_udot)"} <= set(values)
+    assert values["1/(m - X_udot)"]["unit"] == "m/s^2"
     assert "without a unit of force" in remarks(outputs, "note")
 
 
@@ -294,8 +294,8 @@ def test_channel_never_excited(driven: bool) -> None:
     outputs = run(
         leg_of("sway" if driven else "surge"), tables if driven else tables_of("surge", (0.0,) * 6)
     )
-    found = figures(outputs)
-    assert all(row["value"] is None and row["verdict"] == "not excited" for row in found.values())
+    values = figures(outputs)
+    assert all(row["value"] is None and row["verdict"] == "not excited" for row in values.values())
     assert "never excited" in remarks(outputs, "warning")
     assert outputs.channel_run is None
 
@@ -329,8 +329,8 @@ def test_mass_of_another_vehicle_is_said() -> None:
 def test_ballast_of_a_leg_takes_the_place_of_the_vehicle_file() -> None:
     tables = tables_of("surge")
     heavy, plain = (
-        figures(run(leg_of("surge", **said), tables))["X_udot"]["value"]
-        for said in ({"mass_kg": 20.9}, {})
+        figures(run(leg_of("surge", **ballast), tables))["X_udot"]["value"]
+        for ballast in ({"mass_kg": 20.9}, {})
     )
     assert heavy == pytest.approx(20.9 - MASS, rel=1e-4)
     assert plain - heavy == pytest.approx(38.10 - 20.9, abs=1e-9)

@@ -150,28 +150,29 @@ def test_equals_the_literal_kronecker_and_mask_form(name: str) -> None:
 
 def test_validation_legs_have_no_part_in_the_fit() -> None:
     legs = noisy_legs()
-    alone = run({"one": legs["one"]}, models=("linear",)).model_card["linear"]
+    one_leg = run({"one": legs["one"]}, models=("linear",)).model_card["linear"]
     both = run(legs, use={"two": "validation"}, models=("linear",)).model_card["linear"]
-    assert both == alone
+    assert both == one_leg
 
 
 def test_chunks_give_the_factor_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     legs = noisy_legs()
-    whole = run(legs)
+    at_once = run(legs)
     monkeypatch.setattr(training, "ROWS_AT_ONCE", 77)
     chunked = run(legs)
     gram, again = (
-        R.T @ R for R in (np.array(found.triangular_factor.factor) for found in (whole, chunked))
+        R.T @ R
+        for R in (np.array(outputs.triangular_factor.factor) for outputs in (at_once, chunked))
     )
     # rows of dependent columns (u and |u|) are rounding, so the factors themselves may
     # differ
     np.testing.assert_allclose(again, gram, rtol=0.0, atol=1e-12 * np.abs(gram).max())
-    for name, card in whole.model_card.items():
+    for name, card in at_once.model_card.items():
         assert chunked.model_card[name].rank == card.rank
         for axis in AXES:
             ours, theirs = (
                 list(cards[name].predictor[axis].values())
-                for cards in (chunked.model_card, whole.model_card)
+                for cards in (chunked.model_card, at_once.model_card)
             )
             # Cuts leave a curved limit to 1e-11 of an eigenvalue: a coefficient that slides
             # along it moves by the root of that.
@@ -693,9 +694,9 @@ def test_a_coefficient_that_one_leg_carries_is_weak_and_the_leg_is_named() -> No
     assert card.left_out == ["one", "two", "three"]
     assert (surge.verdict, surge.turns_without) == ("identified", None)
     assert (across.verdict, across.turns_without) == ("weak", ["three"])
-    alone = run({"one": legs["one"]}, models=("diagonal",)).model_card["diagonal"]
-    assert alone.left_out == []
-    assert alone.axes["Y"].terms[0].verdict == "identified"
+    one_leg = run({"one": legs["one"]}, models=("diagonal",)).model_card["diagonal"]
+    assert one_leg.left_out == []
+    assert one_leg.axes["Y"].terms[0].verdict == "identified"
 
 
 def test_many_legs_are_left_out_in_groups_and_each_once() -> None:

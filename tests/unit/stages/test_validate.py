@@ -32,14 +32,14 @@ def legs(trim: float = 0.0, names: tuple[str, ...] = tuple(LEGS)) -> dict[str, t
     sway coupled with yaw, noise.
     """
     rng = np.random.default_rng(11)
-    found = {}
+    by_leg = {}
     for seed, name in enumerate(LEGS, start=1):
         nu = rich_motion(6.0 + seed, seed=seed, ahead=False).nu * (2.0 if name == "far" else 1.0)
         force = -30.0 * nu - 20.0 * nu * np.abs(nu) + rng.normal(0.0, 2.0, nu.shape) + trim
         force[:, 1] += 15.0 * nu[:, 5] * nu[:, 0]
         if name in names:
-            found[name] = (nu, force)
-    return found
+            by_leg[name] = (nu, force)
+    return by_leg
 
 
 def run(
@@ -59,9 +59,9 @@ def run(
             synthesise.Inputs(tables, segments, shipped_vehicle("bluerov2_heavy")), params
         ).model_card
     )
-    found = validate.run(validate.Inputs(collection(cards), tables, segments), validate.Params())
-    check_document(found.error_metrics, "error_metrics")
-    return cards, found
+    outputs = validate.run(validate.Inputs(collection(cards), tables, segments), validate.Params())
+    check_document(outputs.error_metrics, "error_metrics")
+    return cards, outputs
 
 
 def rows(outputs: validate.Outputs) -> dict[tuple[str, str, str, str], dict[str, Any]]:
@@ -91,14 +91,14 @@ def judged() -> tuple[dict[str, Any], validate.Outputs]:
 def test_measures_are_those_of_their_formulas(
     judged: tuple[dict[str, Any], validate.Outputs], chosen: tuple[str, str]
 ) -> None:
-    cards, found = judged
+    cards, outputs = judged
     data = {
         name: values
         for name, values in legs().items()
         if LEGS[name] == chosen[0] and chosen[1] in ("all", name)
     }
     nu, measured = (np.concatenate([values[index] for values in data.values()]) for index in (0, 1))
-    table = rows(found)
+    table = rows(outputs)
     for model in MODELS:
         error = IdentifiedModel(model, cards[model].predictor).force(nu) - measured
         for axis, part in (
@@ -135,9 +135,9 @@ def test_total_is_the_sum_over_axes(judged: tuple[dict[str, Any], validate.Outpu
 def test_predictions_are_the_models_at_the_velocities(
     judged: tuple[dict[str, Any], validate.Outputs],
 ) -> None:
-    cards, found = judged
-    assert list(found.predictions) == list(LEGS)
-    table = found.predictions["check"].to_pandas()
+    cards, outputs = judged
+    assert list(outputs.predictions) == list(LEGS)
+    table = outputs.predictions["check"].to_pandas()
     nu, _ = legs()["check"]
     assert list(table["model"].unique()) == list(MODELS)
     for model in MODELS:
@@ -152,11 +152,11 @@ def test_predictions_are_the_models_at_the_velocities(
 def test_metrics_hold_the_figures_of_the_table(
     judged: tuple[dict[str, Any], validate.Outputs],
 ) -> None:
-    _, found = judged
-    table = rows(found)
+    _, outputs = judged
+    table = rows(outputs)
     for use in ("training", "validation"):
         for model in MODELS:
-            figures = found.error_metrics[use][model]
+            figures = outputs.error_metrics[use][model]
             assert figures["J"] == pytest.approx(table[(use, "all", model, "all")]["rms"], rel=1e-5)
             assert figures["ratio"] == pytest.approx(
                 table[(use, "all", model, "all")]["ratio"], rel=1e-5
@@ -215,18 +215,18 @@ def test_model_that_fails_is_shown_to_fail() -> None:
     data = legs()
     slow = {name: (0.1 * nu, force) for name, (nu, force) in data.items()}
     slow["far"] = (3.0 * data["far"][0], -30.0 * data["far"][0])
-    _, found = run(slow)
-    told = remarks(found, "warning")
+    _, outputs = run(slow)
+    warnings = remarks(outputs, "warning")
     (failing,) = (
         words
-        for words in told
+        for words in warnings
         if "fail in some axes on validation, where the error exceeds the force itself: " in words
     )
     assert "Fossen (X " in failing
-    assert rows(found)[("validation", "all", "fossen", "X")]["ratio"] > 1.0
+    assert rows(outputs)[("validation", "all", "fossen", "X")]["ratio"] > 1.0
     assert any(
         "leave the range of the training legs" in words and "every model extrapolates" in words
-        for words in told
+        for words in warnings
     )
 
 
@@ -237,16 +237,16 @@ def test_range_table_compares_training_and_validation(
     data = legs()
     fitted = np.concatenate([data[name][0] for name in ("one", "two")])
     used = np.concatenate([data[name][0] for name in ("check", "far")])
-    shown = blocks["Range of motion: fitted in, judged in"]["rows"]
-    assert [row[:2] for row in shown] == [
+    table_rows = blocks["Range of motion: fitted in, judged in"]["rows"]
+    assert [row[:2] for row in table_rows] == [
         [name, "m/s" if name in "uvw" else "rad/s"] for name in "uvwpqr"
     ]
-    for row, before, after in zip(shown, fitted.T, used.T, strict=True):
+    for row, before, after in zip(table_rows, fitted.T, used.T, strict=True):
         outside = 100.0 * np.mean((after < before.min()) | (after > before.max()))
         assert row[2:] == pytest.approx(
             [before.min(), before.max(), after.min(), after.max(), outside]
         )
-    assert max(row[-1] for row in shown) > 5.0
+    assert max(row[-1] for row in table_rows) > 5.0
 
 
 def test_no_warning_of_range_where_validation_stays_inside() -> None:
@@ -258,20 +258,20 @@ def test_no_warning_of_range_where_validation_stays_inside() -> None:
 @pytest.mark.parametrize("trim", [True, False])
 def test_constant_alone_is_a_reference_row(trim: bool) -> None:
     data = legs(trim=40.0)
-    _, found = run(data, trim=trim)
+    _, outputs = run(data, trim=trim)
     mean = np.concatenate([data[name][1] for name in ("one", "two")]).mean(axis=0)
     measured = np.concatenate([data[name][1] for name in ("check", "far")])
     j = np.sqrt(np.mean((measured - mean) ** 2, axis=0))
-    blocks = {block.get("title"): block for block in found.section["blocks"]}
+    blocks = {block.get("title"): block for block in outputs.section["blocks"]}
     title = "Validation errors, in the layout of McCarter Table 5.1 and (4.22)-(4.27)"
     last = blocks[title]["rows"][-1]
     assert last[0] == "constant alone"
     assert last[3] == pytest.approx(np.sqrt(np.mean((measured - mean) ** 2)))
     assert last[4:10] == pytest.approx(j)
-    ratios = [found.ranking.constant[axis] for axis in AXES]
+    ratios = [outputs.ranking.constant[axis] for axis in AXES]
     assert ratios == pytest.approx(j / np.sqrt(np.mean(measured**2, axis=0)))
-    assert found.tables_text.decode("utf-8").count("constant alone") == 2
-    assert "constant alone" not in {row["model"] for row in found.error_table.to_pylist()}
+    assert outputs.tables_text.decode("utf-8").count("constant alone") == 2
+    assert "constant alone" not in {row["model"] for row in outputs.error_table.to_pylist()}
 
 
 def test_model_no_better_than_its_constant_is_remarked() -> None:
@@ -279,23 +279,23 @@ def test_model_no_better_than_its_constant_is_remarked() -> None:
     check, far = data["check"], data["far"]
     data["check"] = (check[0], np.full_like(check[1], 40.0) + 5.0 * np.sign(check[0]))
     data["far"] = (far[0], np.full_like(far[1], 40.0))
-    _, found = run(data, trim=True)
+    _, outputs = run(data, trim=True)
     assert any(
         "Linear predicts no better than a constant force alone in" in words
-        for words in remarks(found, "note")
+        for words in remarks(outputs, "note")
     )
 
 
 def test_no_validation_leg_is_a_counted_warning() -> None:
-    _, found = run(legs(names=("one", "two")))
-    (warning,) = remarks(found, "warning")
+    _, outputs = run(legs(names=("one", "two")))
+    (warning,) = remarks(outputs, "warning")
     assert "nothing says how far these models hold outside the data" in warning
-    titles = [block.get("title", "") for block in found.section["blocks"]]
+    titles = [block.get("title", "") for block in outputs.section["blocks"]]
     assert any("Table 5.2" in title for title in titles)
     assert not any("Table 5.1" in title for title in titles)
-    assert found.error_metrics["validation"] == {}
-    assert set(found.error_metrics["training"]) == set(MODELS)
-    assert "Validation" not in found.tables_text.decode("utf-8")
+    assert outputs.error_metrics["validation"] == {}
+    assert set(outputs.error_metrics["training"]) == set(MODELS)
+    assert "Validation" not in outputs.tables_text.decode("utf-8")
 
 
 def test_views_name_what_there_is(judged: tuple[dict[str, Any], validate.Outputs]) -> None:
@@ -335,7 +335,7 @@ def test_memory_is_that_of_one_leg_and_the_errors_those_of_all_samples() -> None
             collection({name: segment_document(name) for name in names}),
         )
         tracemalloc.start()
-        found = validate.run(inputs, validate.Params())
+        outputs = validate.run(inputs, validate.Params())
         peaks[count] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
     # One leg is 12,000 rows of 13 columns, 1.2 MB, and as much again for its errors.
@@ -347,11 +347,11 @@ def test_memory_is_that_of_one_leg_and_the_errors_those_of_all_samples() -> None
     )
     error = np.abs(-29.0 * nu - measured)
     for axis, size, force in zip(AXES, error.T, measured.T, strict=True):
-        row = rows(found)[("training", "all", "linear", axis)]
+        row = rows(outputs)[("training", "all", "linear", axis)]
         assert row["mad"] == pytest.approx(np.median(size), rel=1e-12)
         assert row["mae"] == pytest.approx(np.mean(size), rel=1e-12)
         assert row["j0"] == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-12)
-    assert found.predictions["leg_7"].num_rows == 12_000
+    assert outputs.predictions["leg_7"].num_rows == 12_000
 
 
 def test_memory_of_a_training_leg_does_not_grow_with_the_models() -> None:
@@ -395,10 +395,10 @@ def test_force_without_motion_has_no_ratio() -> None:
     data = legs(names=("one", "check"))
     for nu, force in data.values():
         nu[:, 3], force[:, 3] = 0.0, 0.0
-    _, found = run(data)
-    assert rows(found)[("validation", "all", "fossen", "K")]["j0"] == 0.0
-    assert np.isnan(rows(found)[("validation", "all", "fossen", "K")]["ratio"])
-    assert found.error_metrics["validation"]["fossen"]["K"] is None
+    _, outputs = run(data)
+    assert rows(outputs)[("validation", "all", "fossen", "K")]["j0"] == 0.0
+    assert np.isnan(rows(outputs)[("validation", "all", "fossen", "K")]["ratio"])
+    assert outputs.error_metrics["validation"]["fossen"]["K"] is None
 
 
 def test_no_model_is_refused() -> None:

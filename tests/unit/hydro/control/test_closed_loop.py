@@ -127,12 +127,12 @@ def test_glide_of_the_thesis_is_an_equilibrium_without_thrust() -> None:
     # -0.2808 - atan(0.0404 / 0.2004).
     path = path_of_pieces((0, 0, 0), 0.0, -0.4797, [("dive", 3.0, 0.0, 0.0)])
     line = fly_path(path, speed_m_s=0.20443, step_s=0.5)
-    found = equilibrium(HAUV, line, epsilon_rad=0.05)
-    assert found.glides
-    assert found.mass_kg == pytest.approx(73.5, abs=1e-6)
-    assert found.chi[3, [0, 2, 10]] == pytest.approx([0.2004, 0.0404, -0.2808], abs=1e-3)
-    assert abs(found.U[3, 0]) < 0.05
-    assert np.abs(found.U[3, 1:]).max() < 0.01
+    trim = equilibrium(HAUV, line, epsilon_rad=0.05)
+    assert trim.glides
+    assert trim.mass_kg == pytest.approx(73.5, abs=1e-6)
+    assert trim.chi[3, [0, 2, 10]] == pytest.approx([0.2004, 0.0404, -0.2808], abs=1e-3)
+    assert abs(trim.U[3, 0]) < 0.05
+    assert np.abs(trim.U[3, 1:]).max() < 0.01
     printed = equilibrium(HAUV, line, method="algorithm_1", epsilon_rad=0.05)
     assert printed.chi[3, [0, 2, 10]] == pytest.approx([0.2, 0.0402, -0.2796], abs=1e-6)
 
@@ -141,9 +141,9 @@ def test_a_known_side_force_is_met_by_crabbing(trimmed: Equilibrium) -> None:
     line = fly_path(
         path_of_pieces((0, 0, 0), 0.0, 0.0, [("line", 5.0, 0.0, 0.0)]), speed_m_s=1.5, step_s=0.1
     )
-    found = equilibrium(HAUV, line, force_ned_N=[0.0, 60.0, 0.0])
-    assert np.abs(found.residual).max() < 1e-6
-    assert found.chi[0, 11] < -0.02  # bow into the force
+    trim = equilibrium(HAUV, line, force_ned_N=[0.0, 60.0, 0.0])
+    assert np.abs(trim.residual).max() < 1e-6
+    assert trim.chi[0, 11] < -0.02  # bow into the force
 
 
 def test_trajectories_beyond_the_vehicle_name_the_input_or_the_pitch(trimmed: Equilibrium) -> None:
@@ -190,9 +190,9 @@ def test_closed_loop_holds_the_turn_and_is_stable(trimmed: Equilibrium, schedule
         TURN.attitude[0],
     )  # in the frame of the path, not in trim
     flown = fly(HAUV, schedule, start=start, use_observer=np.array([0.0, 1.0]))
-    found = performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0)
-    assert found.steady_m.max() < 0.1
-    assert found.at_limit.max() < 0.05
+    quality = performance(TURN, flown, trimmed.chi, HAUV.inputs, after_s=10.0)
+    assert quality.steady_m.max() < 0.1
+    assert quality.at_limit.max() < 0.05
 
 
 def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equilibrium) -> None:
@@ -205,11 +205,11 @@ def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equili
         np.abs(seen - pushed).max() < 2.0
     )  # N; the observer is linear about the trim and lags by a fraction of a second
     without = fly(HAUV, schedule, force_ned_N=field, use_observer=False)
-    found = [
+    forces = [
         performance(TURN, item, trimmed.chi, HAUV.inputs, after_s=10.0).cross_track_rms_m[0]
         for item in (flown, without)
     ]
-    assert found[0] < 0.5 * found[1]
+    assert forces[0] < 0.5 * forces[1]
 
 
 def test_waiting_reference_holds_the_path_where_thrust_saturates(
@@ -217,10 +217,10 @@ def test_waiting_reference_holds_the_path_where_thrust_saturates(
 ) -> None:
     field = ForceField(constant_N=[0.0, 225.0, 0.0], start_s=5.0).at(TURN.t_s)
     flown = fly(HAUV, schedule, force_ned_N=field, use_observer=False, waiting=Waiting(2.0, 30.0))
-    found = performance(TURN, flown, trimmed.chi, HAUV.inputs)
+    quality = performance(TURN, flown, trimmed.chi, HAUV.inputs)
     assert flown.U[..., 0].max() == 272.0
     assert flown.U[..., 0].min() >= 0.0
-    assert found.cross_track_m.max() < 1.0
+    assert quality.cross_track_m.max() < 1.0
     assert flown.reference_s[0, -1] < TURN.t_s[-1] - 1.0
     assert np.all(np.diff(flown.reference_s[0]) >= 0.0)
 
@@ -232,8 +232,8 @@ def test_a_glider_starts_its_propeller_where_it_is_pushed_off_its_path() -> None
     )
     pair = []
     for speed in (0.204, 0.5):
-        found = equilibrium(HAUV, fly_path(path, speed_m_s=speed, step_s=0.2), epsilon_rad=0.2)
-        pair.append(design(HAUV, found, weights, observer="kalman", stride=20))
+        trim = equilibrium(HAUV, fly_path(path, speed_m_s=speed, step_s=0.2), epsilon_rad=0.2)
+        pair.append(design(HAUV, trim, weights, observer="kalman", stride=20))
     field = np.stack(
         [
             ForceField(constant_N=[0.0, y, 0.0], start_s=5.0).at(pair[0].equilibrium.t_s)
@@ -263,26 +263,26 @@ def test_linear_model_of_a_small_deviation_agrees_with_the_nonlinear_one(
     trimmed: Equilibrium,
 ) -> None:
     few = Trajectory(*(value[:81] for value in vars(TURN).values()))
-    found = equilibrium(HAUV, few)
-    A, B = HAUV.linear(found.chi, found.U, mass_kg=found.mass_kg)
-    start = found.chi[0] + np.array([1e-3] * 6 + [0.0] * 3 + [1e-3] * 3)
+    trim = equilibrium(HAUV, few)
+    A, B = HAUV.linear(trim.chi, trim.U, mass_kg=trim.mass_kg)
+    start = trim.chi[0] + np.array([1e-3] * 6 + [0.0] * 3 + [1e-3] * 3)
     calm = Weights(np.full(12, 1e-9), np.full(4, 1e9), Q_Z, R_Z)  # a regulator that does nothing
     free = replace(
-        design(HAUV, found, replace(HAUV_WEIGHTS, Q=Q), stride=10), k=np.zeros((81, 4, 12))
+        design(HAUV, trim, replace(HAUV_WEIGHTS, Q=Q), stride=10), k=np.zeros((81, 4, 12))
     )
     assert calm.R.min() > 0.0
     flown = fly(HAUV, free, start=start)
-    linear = linear_response(found, A, B, found.U, start=start)
-    moved = np.abs(flown.chi[0] - found.chi).max()
+    linear = linear_response(trim, A, B, trim.U, start=start)
+    moved = np.abs(flown.chi[0] - trim.chi).max()
     assert np.abs(linear - flown.chi[0]).max() < 0.05 * moved
 
 
 def test_inputs_keep_their_limits_and_rates() -> None:
     limits = HAUV.inputs
-    asked = limited(
+    applied = limited(
         np.array([500.0, -1.0, 0.0, 0.04]), np.array([100.0, 0.0, 0.0, 0.0]), limits, 0.05
     )
-    assert asked == pytest.approx([105.0, -0.05, 0.0, 0.04])
+    assert applied == pytest.approx([105.0, -0.05, 0.0, 0.04])
     assert limited(np.array([-50.0, 0.0, 0.0, 0.0]), np.zeros(4), limits, 1.0)[0] == 0.0
 
 

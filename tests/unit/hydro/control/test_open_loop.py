@@ -67,8 +67,8 @@ def test_every_case_of_the_section_is_there():
 
 @pytest.mark.parametrize("name", HOLD_AS_SIMULATED)
 def test_statements_of_the_text_under_the_parameters_of_the_simulations(flown, name):
-    found = {item.statement.quantity: item.holds for item in findings(flown[name])}
-    assert found == HOLD_AS_SIMULATED[name], [
+    holds = {item.statement.quantity: item.holds for item in findings(flown[name])}
+    assert holds == HOLD_AS_SIMULATED[name], [
         (item.statement.quantity, item.ours) for item in findings(flown[name])
     ]
 

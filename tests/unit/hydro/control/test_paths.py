@@ -138,9 +138,9 @@ def test_frenet_frames_are_rotations_and_keep_the_vehicle_upright_on_turns_and_l
 
 def test_a_recorded_helix_gives_the_trajectory_that_flew_it() -> None:
     flown = fly_path(helix(radius_m=12.0, pitch_rad=0.1, turns=2.0), speed_m_s=1.5, step_s=0.05)
-    found = trajectory_through(flown.t_s, flown.position)
+    trajectory = trajectory_through(flown.t_s, flown.position)
     for name in ("velocity", "attitude", "attitude_rate", "s_m"):
-        assert np.abs(getattr(found, name) - getattr(flown, name)).max() < 1e-8
+        assert np.abs(getattr(trajectory, name) - getattr(flown, name)).max() < 1e-8
 
 
 def test_tracking_error_tells_late_from_beside() -> None:
@@ -149,9 +149,9 @@ def test_tracking_error_tells_late_from_beside() -> None:
     error = tracking_error(wanted, np.vstack([wanted.position[:10], late]))
     assert error.position_m[-1] == pytest.approx(1.5 * 0.05 * 10, rel=0.01)
     assert error.cross_track_m.max() < 1e-3  # chord of a step against the arc
-    beside = tracking_error(wanted, wanted.position + np.array([0.0, 0.0, 1.0]))
+    abeam = tracking_error(wanted, wanted.position + np.array([0.0, 0.0, 1.0]))
     assert np.allclose(
-        beside.cross_track_m, 1.0, atol=0.02
+        abeam.cross_track_m, 1.0, atol=0.02
     )  # the helix rises by 0.1, so the nearest point lies a little ahead
 
 

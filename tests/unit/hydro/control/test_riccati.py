@@ -93,10 +93,10 @@ def test_filter_gain_stays_at_its_algebraic_value_and_is_stable() -> None:
 def test_placed_poles_are_five_times_faster_than_the_controller() -> None:
     poles = closed_loop_eigenvalues(A, B, regulator_gain(B, P, R))
     gain = placed_gain(still(A, 2), poles)
-    found = observer_eigenvalues(still(A, 2), gain)
+    placed = observer_eigenvalues(still(A, 2), gain)
     wanted = -5.0 * np.abs(poles.real).max()
     assert np.allclose(
-        found.real, wanted, rtol=1e-4
+        placed.real, wanted, rtol=1e-4
     )  # double poles: eigenvalues split by the root of rounding
     with pytest.raises(PipelineError, match="does not stabilise"):
         placed_gain(still(A, 2), -poles)

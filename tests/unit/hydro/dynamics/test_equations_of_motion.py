@@ -176,8 +176,8 @@ def test_level_terminal_speeds(model, speeds):
         ][0]
         return thrust + viscous.force(nu)[0]
 
-    found = [brentq(surge, 0.3, 4.0, args=(rpm / 60.0,)) for rpm in (1800, 2133, 2350, 2600)]
-    assert found == pytest.approx(speeds, abs=1e-3)
+    terminal = [brentq(surge, 0.3, 4.0, args=(rpm / 60.0,)) for rpm in (1800, 2133, 2350, 2600)]
+    assert terminal == pytest.approx(speeds, abs=1e-3)
 
 
 def test_level_speed_table_is_the_balance_of_the_mcfarland_model():

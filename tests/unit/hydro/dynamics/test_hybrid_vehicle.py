@@ -185,10 +185,10 @@ def test_every_member_of_a_batch_is_what_it_is_alone():
     push, current = np.array([1.0, 225.0, -3.0]), np.array([0.1, -0.2, 0.05])
     together = chi_dot(SIMULATED, chi, U, mass_kg=mass, force_ned_N=push, current_ned_m_s=current)
     for i in range(4):
-        alone = chi_dot(
+        single = chi_dot(
             SIMULATED, chi[i], U[i], mass_kg=mass[i], force_ned_N=push, current_ned_m_s=current
         )
-        np.testing.assert_allclose(together[i], alone, rtol=1e-10, atol=1e-12)
+        np.testing.assert_allclose(together[i], single, rtol=1e-10, atol=1e-12)
     assert chi_dot(
         SIMULATED, chi.reshape(2, 2, 12), U.reshape(2, 2, 4), mass_kg=mass.reshape(2, 2)
     ).shape == (2, 2, 12)

@@ -32,11 +32,11 @@ BENCH = {
 def source(folder: Path, document: object, **entry: Any) -> dict[str, Any]:
     path = folder / "results.json"
     path.write_text(json.dumps(document), encoding="utf-8")
-    found = prior_source(
+    prior = prior_source(
         PriorEntry.model_validate(entry), path, named_in=folder / "campaign.yaml", field="priors[0]"
     )
-    check_document({"sources": [found]}, "prior_sources")
-    return found
+    check_document({"sources": [prior]}, "prior_sources")
+    return prior
 
 
 def test_a_bench_gives_its_damping_with_independent_errors(tmp_path: Path) -> None:

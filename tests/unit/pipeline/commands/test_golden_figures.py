@@ -194,12 +194,12 @@ def test_gaps_in_a_column_depart_at_the_same_mean_and_rms(
     before: tuple[float, ...], after: tuple[float, ...], counts: tuple[float, float]
 ) -> None:
     _, departures = figures.compare(column_of(*before), column_of(*after))
-    found = {item.column: item.check for item in departures}
-    check = found["u_m_s not finite"]
+    checks = {item.column: item.check for item in departures}
+    check = checks["u_m_s not finite"]
     assert check is not None
     assert (check.reference, check.value) == counts
     if 0.0 in counts:
-        assert list(found) == ["u_m_s not finite"]
+        assert list(checks) == ["u_m_s not finite"]
 
 
 def test_one_gap_in_a_long_column_departs() -> None:

@@ -105,11 +105,11 @@ def test_oldest_are_given_up_and_numbers_go_on(
 def test_damaged_files_are_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep(tmp_path, ENTRY, monkeypatch)
     folder = tmp_path / history.FOLDER
-    whole = (folder / "000001.json").read_text()
-    (folder / "000002.json").write_text(whole[:50])
+    text = (folder / "000001.json").read_text()
+    (folder / "000002.json").write_text(text[:50])
     (folder / "000003.json").write_text("[]")
-    (folder / "000004.json").write_text(whole.replace('"format": 2', '"format": 99'))
-    (folder / "000005.json").write_text(whole.replace("2026-01-02", "2026-01-03"))
+    (folder / "000004.json").write_text(text.replace('"format": 2', '"format": 99'))
+    (folder / "000005.json").write_text(text.replace("2026-01-02", "2026-01-03"))
     assert [entry.number for entry in read(tmp_path)] == [1]
     assert [path.stem for path in history.damaged(tmp_path)] == [
         f"{number:06d}" for number in (2, 3, 4, 5)
@@ -183,9 +183,9 @@ def test_command_lists_runs_shows_one_and_prints_json() -> None:
     assert "fuse.cutoff_hz: 2.0 -> 1.0" in listed
     assert "linear" in listed
     assert "\x1b" not in listed
-    shown = CliRunner().invoke(cli.app, ["history", "example", "--run", "1"]).output
-    assert "fuse.cutoff_hz: 2.0" in shown
-    assert "linear,36,36,2,4,0.5" in shown
+    output = CliRunner().invoke(cli.app, ["history", "example", "--run", "1"]).output
+    assert "fuse.cutoff_hz: 2.0" in output
+    assert "linear,36,36,2,4,0.5" in output
     document = json.loads(CliRunner().invoke(cli.app, ["history", "example", "--json"]).output)
     assert [entry["number"] for entry in document["answer"]["runs"]] == [1, 2]
     refused = CliRunner().invoke(cli.app, ["history", "example", "--run", "7"]).exception

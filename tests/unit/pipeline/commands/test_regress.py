@@ -32,7 +32,7 @@ def rows(**changed: Any) -> list[dict[str, Any]]:
     """An error table of two models on both uses; `changed`: use_model_axis_field ->
     value.
     """
-    found = []
+    lines = []
     for use in golden.USES:
         for model, n_bar, j in (("linear", 36, 2.0), ("fossen", 12, 4.0)):
             for leg in ("all", "one"):
@@ -50,16 +50,16 @@ def rows(**changed: Any) -> list[dict[str, Any]]:
                     }
                     if leg == "one":
                         row |= {"rms": 99.0, "ratio": 9.0}
-                    found.append(row)
+                    lines.append(row)
     for name, value in changed.items():
         use, model, axis, field = name.split("__")
         place = next(
             row
-            for row in found
+            for row in lines
             if (row["use"], row["leg"], row["model"], row["axis"]) == (use, "all", model, axis)
         )
         place[field] = value
-    return found
+    return lines
 
 
 def tables(**changed: Any) -> dict[str, Any]:
@@ -154,12 +154,12 @@ def test_largest_departure_comes_first() -> None:
     new = tables(
         **{f"training__linear__{axis}__ratio": 0.25 * (1 + share) for axis, share in shares.items()}
     )
-    held, found = golden.compare(tables(), new, tolerances)
-    assert [item.axis for item in found] == ["Y", "M", "Z", "X"]
-    assert [item.size for item in found] == pytest.approx(
+    kept, departures = golden.compare(tables(), new, tolerances)
+    assert [item.axis for item in departures] == ["Y", "M", "Z", "X"]
+    assert [item.size for item in departures] == pytest.approx(
         [50.0, 30.0, 10.0, 2.0], rel=1e-4
     )  # six digits in the tables
-    assert held == 40
+    assert kept == 40
 
 
 def test_missing_and_new_models_axes_and_uses_are_named(
@@ -170,11 +170,11 @@ def test_missing_and_new_models_axes_and_uses_are_named(
     for row in new["training"].values():
         del row["N"]
     assert not regress.check(against(setting, new))
-    said = capsys.readouterr().out
-    assert "training: model linear: in the baseline, not in the run" in said
-    assert "training: model coe: in the run, not in the baseline" in said
-    assert "training: model fossen: axis N: in the baseline, not in the run" in said
-    assert "0 of 32 cells left their tolerance, 3 missing or new" in said
+    output = capsys.readouterr().out
+    assert "training: model linear: in the baseline, not in the run" in output
+    assert "training: model coe: in the run, not in the baseline" in output
+    assert "training: model fossen: axis N: in the baseline, not in the run" in output
+    assert "0 of 32 cells left their tolerance, 3 missing or new" in output
     assert not regress.check(against(setting, {"training": tables()["training"]}))
     assert "validation tables: in the baseline, not in the run" in capsys.readouterr().out
     (setting.folder / "validation.csv").unlink()
@@ -209,9 +209,9 @@ def test_answer_holds_the_same(setting: Setting) -> None:
     new = tables(training__fossen__K__ratio=0.6)
     del new["validation"]["linear"]
     assert not regress.check(against(setting, new))
-    found = OUTPUT.answer
-    assert (found["holds"], found["held"]) == (False, 32)
-    model, cell = found["departures"]
+    answer = OUTPUT.answer
+    assert (answer["holds"], answer["held"]) == (False, 32)
+    model, cell = answer["departures"]
     assert "value" not in model
     assert (model["kind"], model["use"], model["model"]) == ("missing", "validation", "linear")
     assert (cell["kind"], cell["axis"], cell["quantity"], cell["reference"], cell["value"]) == (
@@ -394,8 +394,10 @@ def test_departure_names_its_axis_and_figure() -> None:
         training__linear__all__j0=9.0,
         training__linear__K__ratio=1,
     )
-    _, found = golden.compare(tables(), new, dict.fromkeys((*golden.FIXED[1:], *AXES), Tolerance()))
-    names = {item.column: (item.axis, item.check and item.check.quantity) for item in found}
+    _, departures = golden.compare(
+        tables(), new, dict.fromkeys((*golden.FIXED[1:], *AXES), Tolerance())
+    )
+    names = {item.column: (item.axis, item.check and item.check.quantity) for item in departures}
     assert names == {"ratio": ("all", "J/J0"), "J0": ("all", "J0"), "K": ("K", "J/J0")}
 
 
@@ -406,8 +408,8 @@ def auvid(
     monkeypatch.setattr("signal.signal", lambda *_: None)
     with pytest.raises(SystemExit) as end:
         cli.main()
-    said = capsys.readouterr()
-    return int(end.value.code or 0), said.out, said.err
+    output = capsys.readouterr()
+    return int(end.value.code or 0), output.out, output.err
 
 
 def test_exit_codes(

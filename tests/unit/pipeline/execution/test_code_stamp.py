@@ -77,10 +77,10 @@ def test_a_source_that_stages_share_is_hashed_once(
 def test_any_change_is_noticed(sources: Path, tmp_path: Path, change: str) -> None:
     folder = tmp_path / ".code"
     runner.write_code_files(STAGES, folder)
-    whole = (folder / "cut.txt").read_bytes()
+    original = (folder / "cut.txt").read_bytes()
     assert code_stamp.unchanged(folder)
     CHANGES[change](sources, folder)
     assert not code_stamp.unchanged(folder)
     runner.write_code_files(STAGES, folder)
     assert code_stamp.unchanged(folder)
-    assert (folder / "cut.txt").read_bytes() == whole
+    assert (folder / "cut.txt").read_bytes() == original

@@ -34,9 +34,9 @@ def test_values_of_the_user_stay_and_what_is_missing_comes(
     assert "estimate_dvl_arm" not in values["fuse"]
     (line,) = [line for line in text.splitlines() if line.startswith("  cutoff_hz: 0.7")]
     assert f"(default {default['fuse']['cutoff_hz']})" in line
-    said = capsys.readouterr().out
-    assert "fuse.cutoff_hz stays 0.7" in said
-    assert "fuse.estimate_dvl_arm is no parameter; left out, was True" in said
+    output = capsys.readouterr().out
+    assert "fuse.cutoff_hz stays 0.7" in output
+    assert "fuse.estimate_dvl_arm is no parameter; left out, was True" in output
     assert written(tmp_path, monkeypatch, text) == text
 
 

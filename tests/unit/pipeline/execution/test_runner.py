@@ -172,11 +172,11 @@ def test_changed_code_reruns_the_stage(
 @pytest.mark.parametrize("damage", ["remove", "alter"])
 def test_lost_or_altered_artefact_is_made_again(campaign: Path, runs: Path, damage: str) -> None:
     run_all(open_run(campaign, runs))
-    whole = contents(runs)
+    first = contents(runs)
     victim = runs / "toy" / "spread" / "two" / "range.parquet"
     victim.unlink() if damage == "remove" else victim.write_bytes(b"PAR1")
     assert ran(open_run(campaign, runs)) == {"spread": ["two"]}
-    assert contents(runs) == whole
+    assert contents(runs) == first
 
 
 def test_damaged_manifest_reruns_its_stage(campaign: Path, runs: Path) -> None:
@@ -187,9 +187,9 @@ def test_damaged_manifest_reruns_its_stage(campaign: Path, runs: Path) -> None:
 
 def test_force_runs_everything_and_gives_the_same(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    whole = contents(runs)
+    first = contents(runs)
     assert run_all(open_run(campaign, runs), force=True) == 9
-    assert contents(runs) == whole
+    assert contents(runs) == first
 
 
 def test_processes_give_the_same_bytes(
@@ -219,11 +219,11 @@ def test_every_collects_by_stage_and_item(campaign: Path, runs: Path) -> None:
 
 def test_optional_input_is_none_where_the_log_has_none(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    found = {
+    given = {
         item: (runs / "toy" / "spread" / item / "section.json").read_text()
         for item in ("one", "two")
     }
-    assert ("battery" in found["one"], "battery" in found["two"]) == (False, True)
+    assert ("battery" in given["one"], "battery" in given["two"]) == (False, True)
 
 
 def test_missing_required_input_names_stage_item_and_artefact(campaign: Path, runs: Path) -> None:

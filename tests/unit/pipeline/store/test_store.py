@@ -64,8 +64,8 @@ def depth_table(rows: int = 5) -> pa.Table:
 def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
     path = tmp_path / "depth.parquet"
     write_atomically(path, encode(depth_table(), "depth", file="x"))
-    found = load(path, "depth")
-    assert found.equals(depth_table())
+    table = load(path, "depth")
+    assert table.equals(depth_table())
     metadata = pq.read_schema(path).field("depth_m").metadata
     assert metadata == {
         b"unit": b"m",
@@ -76,9 +76,9 @@ def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
 
 
 def test_same_content_is_the_same_bytes_however_it_is_chunked() -> None:
-    whole = depth_table(1000)
-    chunked = pa.concat_tables([whole.slice(0, 17), whole.slice(17, 400), whole.slice(417)])
-    assert encode(chunked, "depth", file="x") == encode(whole, "depth", file="x")
+    table = depth_table(1000)
+    chunked = pa.concat_tables([table.slice(0, 17), table.slice(17, 400), table.slice(417)])
+    assert encode(chunked, "depth", file="x") == encode(table, "depth", file="x")
 
 
 def test_table_is_checked_on_write_and_on_read(tmp_path: Path) -> None:

@@ -607,13 +607,13 @@ def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
     with_track(log)
     document = log.health()
     check_document(document, "health")
-    (found,) = document["findings"]
-    assert found["id"] == "command_lag"
+    (finding,) = document["findings"]
+    assert finding["id"] == "command_lag"
     # Motion was made to answer 0.3 s late; the moving mean that takes slow drift off
     # bends the slow sines a little.
     for axis in ("surge", "sway", "heave", "roll", "pitch", "yaw"):
-        assert f"{axis} follows by" in found["text"]
-    lags = [float(words.split(" s")[0]) for words in found["text"].split("follows by ")[1:]]
+        assert f"{axis} follows by" in finding["text"]
+    lags = [float(words.split(" s")[0]) for words in finding["text"].split("follows by ")[1:]]
     assert lags == pytest.approx([DELAY_S] * 6, abs=0.04)
     assert (
         document["verdict"]
@@ -634,11 +634,11 @@ def test_a_spoilt_log_shows_the_finding(name: str) -> None:
     SPOIL[name](log)
     document = log.health()
     check_document(document, "health")
-    found = next((item for item in document["findings"] if item["id"] == name), None)
-    assert found is not None, [item["id"] for item in document["findings"]]
-    assert found["severity"] == checks()[name].severity
-    assert found["text"].endswith(".")
-    assert len(found["remedy"]) > 10
+    finding = next((item for item in document["findings"] if item["id"] == name), None)
+    assert finding is not None, [item["id"] for item in document["findings"]]
+    assert finding["severity"] == checks()[name].severity
+    assert finding["text"].endswith(".")
+    assert len(finding["remedy"]) > 10
 
 
 def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> None:
@@ -758,8 +758,8 @@ def test_measured_values() -> None:
     for name, (value, tolerance) in values.items():
         log = sound()
         SPOIL[name](log)
-        found = next(item for item in log.health()["findings"] if item["id"] == name)
-        assert found["value"] == pytest.approx(value, abs=tolerance), name
+        finding = next(item for item in log.health()["findings"] if item["id"] == name)
+        assert finding["value"] == pytest.approx(value, abs=tolerance), name
 
 
 def test_a_shared_gap_is_one_finding_and_a_signal_that_steps_by_its_resolution_is_not_held() -> (

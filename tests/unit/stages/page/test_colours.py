@@ -91,8 +91,10 @@ def test_style_sheet_names_every_colour_in_both_themes() -> None:
 
 def test_names_without_a_colour_of_their_own_get_different_ones_on_page_and_in_recording() -> None:
     names = [f"flight {number}" for number in range(13)] + ["measured", "linear", "desired"]
-    found = inks_of(names)
-    assert len({(item.light, item.dash) for name, item in found.items() if name != "linear"}) == 15
-    assert len({found[key(name)].rgb for name in names[:13]}) == 13
-    assert found["linear"] == MODELS["linear"]
-    assert inks_of(reversed(names)) == found, "whichever comes first"
+    colours = inks_of(names)
+    assert (
+        len({(item.light, item.dash) for name, item in colours.items() if name != "linear"}) == 15
+    )
+    assert len({colours[key(name)].rgb for name in names[:13]}) == 13
+    assert colours["linear"] == MODELS["linear"]
+    assert inks_of(reversed(names)) == colours, "whichever comes first"

@@ -98,7 +98,7 @@ def run(
 def streams(request: pytest.FixtureRequest) -> dict[str, ingest.Outputs]:
     outputs, maps = run(format=request.param), column_maps(accelerometer="specific_force")
     logs, _ = bench_entries(PLAN, format=request.param)
-    found = {}
+    tables = {}
     for log in logs:
         files = log.get("files") or [log]
         raw = [
@@ -109,10 +109,10 @@ def streams(request: pytest.FixtureRequest) -> dict[str, ingest.Outputs]:
             )
             for item in files
         ]
-        found[log["id"]] = ingest.run(
+        tables[log["id"]] = ingest.run(
             ingest.Inputs(RawLog(log["id"], tuple(raw)), None, THAUS), ingest.Params()
         )
-    return found
+    return tables
 
 
 def changed(part: str, **changes: Any) -> dict[str, Any]:
@@ -149,8 +149,12 @@ def test_a_tank_run_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> 
     assert set(np.unique(pulses[:, 0])) == {1500.0, 1700.0, 1180.0, 1620.0, 1860.0, 1340.0}
     force = thruster_force(THAUS.thrusters, thruster_forces(THAUS.thrusters, pulses))[:, 0]
     first, last = np.arange(0, t.size - 2, 2), np.arange(2, t.size, 2)
-    held = force[np.searchsorted(when, t + 1e-9, side="right") - 1]
-    same = (held[first] == held[first + 1]) & (held[first] == held[last]) & (t[first] > t[0] + 2.1)
+    held_force = force[np.searchsorted(when, t + 1e-9, side="right") - 1]
+    same = (
+        (held_force[first] == held_force[first + 1])
+        & (held_force[first] == held_force[last])
+        & (t[first] > t[0] + 2.1)
+    )
     changes = when[1:][np.diff(force) != 0.0]
     same &= ~np.array(
         [np.any((changes > a) & (changes <= b)) for a, b in zip(t[first], t[last], strict=True)]
@@ -161,7 +165,7 @@ def test_a_tank_run_gives_its_truth_back(streams: dict[str, ingest.Outputs]) -> 
     def simpson(values: np.ndarray) -> np.ndarray:
         return (values[first] + 4.0 * values[first + 1] + values[last]) * width / 6.0
 
-    rows = [simpson(u)[same], simpson(u * np.abs(u))[same], (held[first] * width)[same]]
+    rows = [simpson(u)[same], simpson(u * np.abs(u))[same], (held_force[first] * width)[same]]
     linear, quadratic, inverse = fitted((u[last] - u[first])[same], *rows)
     assert 1.0 / inverse == pytest.approx(20.9 + 13.5778, rel=1e-3)
     assert linear / inverse == pytest.approx(-3.0, rel=1e-2)
@@ -242,7 +246,7 @@ def test_logs_begin_at_rest_before_the_leg_and_are_whole(
 
 def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
     file = RawFile("decay.BIN", np.frombuffer(run().logs["decay.BIN"], np.uint8))
-    told = {}
+    notes = {}
     for kind in ("bench_twin", "identification"):
         campaign = {
             "kind": kind,
@@ -253,13 +257,13 @@ def test_a_bench_campaign_is_not_told_what_a_force_model_would_need() -> None:
         section = ingest.run(
             ingest.Inputs(RawLog("decay", (file,)), campaign, THAUS), ingest.Params()
         ).section
-        told[kind] = " ".join(
+        notes[kind] = " ".join(
             block["text"] for block in section["blocks"] if block["kind"] == "remark"
         )
-    assert "No force model can be fitted" in told["identification"]
-    assert "stream depth" in told["identification"]
-    assert "force model" not in told["bench_twin"]
-    assert "stream depth" not in told["bench_twin"]
+    assert "No force model can be fitted" in notes["identification"]
+    assert "stream depth" in notes["identification"]
+    assert "force model" not in notes["bench_twin"]
+    assert "stream depth" not in notes["bench_twin"]
 
 
 def test_pymavlink_reads_the_same(tmp_path: Path) -> None:
@@ -357,13 +361,13 @@ def test_a_physical_pendulum_has_each_part_at_its_own_arm() -> None:
     pole["inertia"] = {"value": 6.62, "unit": "kg*m^2", "source": "rod"}
     pole["displaced_mass"] = {"value": 2.0, "unit": "kg", "source": "wet part"}
     apparatus = parse(FreeDecayEntry, apparatus)
-    found = pendulum_of(apparatus, {"X_u": -10.0, **POLE}, THAUS, dof="surge")
-    assert found.inertia == pytest.approx(
+    pendulum = pendulum_of(apparatus, {"X_u": -10.0, **POLE}, THAUS, dof="surge")
+    assert pendulum.inertia == pytest.approx(
         5.93 * 1.83**2 + 6.62 + (4.62 + 38.10 + 91.7507 + 4.1996) * 3.66**2
     )
-    assert found.restoring == pytest.approx(9.80665 * ((5.93 - 2.0) * 1.83 + 4.62 * 3.66))
-    assert found.linear == pytest.approx(-11.0 * 3.66**2)
-    assert found.quadratic == pytest.approx(-2.0 * 3.66**3)
+    assert pendulum.restoring == pytest.approx(9.80665 * ((5.93 - 2.0) * 1.83 + 4.62 * 3.66))
+    assert pendulum.linear == pytest.approx(-11.0 * 3.66**2)
+    assert pendulum.quadratic == pytest.approx(-2.0 * 3.66**3)
     empty = pendulum_of(apparatus, POLE, THAUS, dof=None)
     assert empty.inertia == pytest.approx(5.93 * 1.83**2 + 6.62 + (4.62 + 4.1996) * 3.66**2)
 

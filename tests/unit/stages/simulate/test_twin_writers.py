@@ -124,14 +124,15 @@ def test_our_readers_give_back_what_the_sensors_recorded(
         assert np.array_equal(np.asarray(table["time_us"]), columns["time_us"]), name
         for field, values in columns.items():
             if field != "time_us":
-                found = column(table, field)
+                decoded = column(table, field)
                 if field == "psi_rad":
-                    found = np.remainder(found + np.pi, 2.0 * np.pi) - np.pi
+                    decoded = np.remainder(decoded + np.pi, 2.0 * np.pi) - np.pi
                 largest = (
                     2.0 * np.pi if field == "psi_rad" else max(float(np.abs(values).max()), 1.0)
                 )
                 assert (
-                    np.max(np.abs(found - values)) <= (1e-12 if format == "csv" else 4e-7) * largest
+                    np.max(np.abs(decoded - values))
+                    <= (1e-12 if format == "csv" else 4e-7) * largest
                 ), field
     info = streams.log_info
     assert (info.status, info.start_us, info.accelerometer) == (
@@ -148,31 +149,31 @@ def test_pymavlink_reads_the_dataflash_log(
     path = tmp_path / "yaw.BIN"
     path.write_bytes(logs["bin"].logs["yaw.BIN"])
     reader = DFReader.DFReader_binary(str(path))
-    found: dict[str, list[Any]] = {}
+    columns: dict[str, list[Any]] = {}
     while (message := reader.recv_msg()) is not None:
-        found.setdefault(message.get_type(), []).append(message)
+        columns.setdefault(message.get_type(), []).append(message)
     imu, actuators = recorded.streams["imu"], recorded.streams["actuators"]
-    assert [len(found[name]) for name in ("IMU", "ATT", "ACTU")] == [
+    assert [len(columns[name]) for name in ("IMU", "ATT", "ACTU")] == [
         imu["time_us"].size,
         imu["time_us"].size,
         actuators["time_us"].size,
     ]
-    assert {message.Label for message in found["UNIT"]} >= {"rad/s", "m/s/s", "deg", "rad"}
+    assert {message.Label for message in columns["UNIT"]} >= {"rad/s", "m/s/s", "deg", "rad"}
     assert np.allclose(
-        [message.GyrZ for message in found["IMU"]], imu["gyro_z_rad_s"], rtol=1e-6, atol=1e-9
+        [message.GyrZ for message in columns["IMU"]], imu["gyro_z_rad_s"], rtol=1e-6, atol=1e-9
     )
     assert np.allclose(
-        [message.FinT for message in found["ACTU"]], actuators["fin_t_rad"], rtol=1e-6, atol=1e-9
+        [message.FinT for message in columns["ACTU"]], actuators["fin_t_rad"], rtol=1e-6, atol=1e-9
     )
-    assert [message.TimeUS for message in found["VISO"]] == recorded.streams["velocity"][
+    assert [message.TimeUS for message in columns["VISO"]] == recorded.streams["velocity"][
         "time_us"
     ].tolist()
     reader.filehandle.close()
     ids = {definition.type: definition for definition in reader.formats.values()}
-    for message in found["FMTU"]:
+    for message in columns["FMTU"]:
         assert len(message.UnitIds) == len(message.MultIds) == len(ids[message.FmtType].columns)
-        assert set(message.UnitIds) <= {chr(unit.Id) for unit in found["UNIT"]} | {"-"}
-        assert set(message.MultIds) <= {chr(factor.Id) for factor in found["MULT"]}
+        assert set(message.UnitIds) <= {chr(unit.Id) for unit in columns["UNIT"]} | {"-"}
+        assert set(message.MultIds) <= {chr(factor.Id) for factor in columns["MULT"]}
 
 
 def test_pymavlink_reads_the_telemetry_log(
@@ -181,23 +182,23 @@ def test_pymavlink_reads_the_telemetry_log(
     path = tmp_path / "yaw.tlog"
     path.write_bytes(logs["tlog"].logs["yaw.tlog"])
     reader = mavutil.mavlink_connection(str(path), dialect="ardupilotmega")
-    found: dict[str, list[Any]] = {}
+    columns: dict[str, list[Any]] = {}
     while (message := reader.recv_msg()) is not None:
-        found.setdefault(message.get_type(), []).append(message)
+        columns.setdefault(message.get_type(), []).append(message)
     reader.close()
-    assert "BAD_DATA" not in found
+    assert "BAD_DATA" not in columns
     assert np.allclose(
-        [message.yaw for message in found["ATTITUDE"]],
+        [message.yaw for message in columns["ATTITUDE"]],
         recorded.streams["attitude"]["psi_rad"],
         atol=1e-6,
     )
     assert np.allclose(
-        [message.xacc for message in found["HIGHRES_IMU"]],
+        [message.xacc for message in columns["HIGHRES_IMU"]],
         recorded.streams["imu"]["accel_x_m_s2"],
         atol=1e-6,
     )
     assert np.allclose(
-        [message.data[4] for message in found["DEBUG_FLOAT_ARRAY"]],
+        [message.data[4] for message in columns["DEBUG_FLOAT_ARRAY"]],
         recorded.streams["actuators"]["fin_t_rad"],
         atol=1e-7,
     )
@@ -236,7 +237,7 @@ def test_accelerometer_is_what_identification_takes_it_for() -> None:
     flown = fly_leg(plan, plan.legs[0], SimulatedVehicle(VT690, physical_viscous(VT690)), seed=0)
     motion, arm = flown.motion(np.linspace(2.0, 8.0, 100)), np.array([0.3, -0.1, 0.05])
     omega, v = motion.nu[:, 3:], motion.nu[:, :3]
-    found = inertial_acceleration(
+    acceleration = inertial_acceleration(
         specific_force(motion, arm, gravity=VT690.gravity),
         convention="specific_force",
         euler=motion.eta[:, 3:],
@@ -246,7 +247,9 @@ def test_accelerometer_is_what_identification_takes_it_for() -> None:
         arm=arm,
         gravity=VT690.gravity,
     )
-    assert np.allclose(found, motion.nu_dot[:, :3] + np.cross(omega, v), rtol=0.0, atol=1e-12)
+    assert np.allclose(
+        acceleration, motion.nu_dot[:, :3] + np.cross(omega, v), rtol=0.0, atol=1e-12
+    )
 
 
 def test_noise_has_the_deviations_of_the_plan(recorded: Any) -> None:

@@ -45,8 +45,8 @@ def test_right_wiring_and_missing_thrusts_say_nothing() -> None:
 
 
 def test_a_thruster_at_half_strength_is_named_by_its_output() -> None:
-    whole = tables(B * np.where(np.arange(8) == 2, 0.5, 1.0))
-    (weak,) = wiring_blocks([whole], HEAVY)
+    undamaged = tables(B * np.where(np.arange(8) == 2, 0.5, 1.0))
+    (weak,) = wiring_blocks([undamaged], HEAVY)
     assert str(weak["text"]).startswith("The thruster of output 3 looks weak")
     assert weak["level"] == "warning"
 

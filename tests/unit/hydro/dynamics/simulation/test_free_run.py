@@ -93,12 +93,12 @@ def runs(
 def test_the_true_model_follows_the_motion(
     vehicle: Vehicle, run: tuple[Array, Array, Array]
 ) -> None:
-    found = runs(vehicle, run, STABLE)
+    simulated = runs(vehicle, run, STABLE)
     # RK4 at 50 Hz errs by 4.7e-8.
-    assert np.nanmax(np.abs(found.errors)) < 1e-7
-    assert np.isnan(found.errors[0, 2, 1]).all(), "12 s + 10 s lies beyond the data"
-    assert np.isnan(found.diverged_s).all()
-    assert found.rms().shape == (1, 2, 12)
+    assert np.nanmax(np.abs(simulated.errors)) < 1e-7
+    assert np.isnan(simulated.errors[0, 2, 1]).all(), "12 s + 10 s lies beyond the data"
+    assert np.isnan(simulated.diverged_s).all()
+    assert simulated.rms().shape == (1, 2, 12)
 
 
 def test_a_wrong_coefficient_shows_in_its_velocity(
@@ -112,10 +112,10 @@ def test_a_wrong_coefficient_shows_in_its_velocity(
 def test_an_unstable_model_is_named_with_its_time(
     vehicle: Vehicle, run: tuple[Array, Array, Array]
 ) -> None:
-    found = runs(vehicle, run, {**STABLE, "N": {"r": +30.0}})
-    assert np.all(found.diverged_s[0, :2] > 0)
-    assert np.isnan(found.errors[0, 0, 1]).all()
-    assert np.isnan(found.rms()[0, 1]).all()
+    simulated = runs(vehicle, run, {**STABLE, "N": {"r": +30.0}})
+    assert np.all(simulated.diverged_s[0, :2] > 0)
+    assert np.isnan(simulated.errors[0, 0, 1]).all()
+    assert np.isnan(simulated.rms()[0, 1]).all()
 
 
 def test_a_segment_shorter_than_the_horizon_is_refused(
@@ -182,7 +182,7 @@ def test_states_put_in_as_measured_carry_the_others(
     roll = np.zeros(12, dtype=bool)
     roll[[3, 9]] = True
     wild = IdentifiedModel("wild", {**STABLE, "K": {"p": 30.0}})
-    free, held = (
+    free, bound = (
         free_runs(
             vehicle,
             [wild],
@@ -195,10 +195,10 @@ def test_states_put_in_as_measured_carry_the_others(
         for imposed in (None, roll)
     )
     assert np.isfinite(free.diverged_s).all()
-    assert np.isnan(held.diverged_s).all()
-    assert np.abs(held.errors[..., [3, 9]]).max() == 0.0
+    assert np.isnan(bound.diverged_s).all()
+    assert np.abs(bound.errors[..., [3, 9]]).max() == 0.0
     # The other axes follow the true motion, because their model is the true one.
-    assert np.nanmax(np.abs(held.errors)) < 1e-5, "measured roll is linear between samples"
+    assert np.nanmax(np.abs(bound.errors)) < 1e-5, "measured roll is linear between samples"
 
 
 def test_a_wandering_force_spreads_models_as_it_should(

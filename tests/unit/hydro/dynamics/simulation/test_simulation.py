@@ -169,9 +169,9 @@ def test_sixty_seconds_agree_with_dop853() -> None:
     ours = integrate_open_loop(
         PHYSICS, start, constant_actuation(35.0, fins, knots=6001), step_s=0.01
     )
-    held = Actuation(np.array(35.0), fins, np.zeros(6))
+    constant = Actuation(np.array(35.0), fins, np.zeros(6))
     theirs = solve_ivp(
-        lambda _, x: PHYSICS.derivative(x, held),
+        lambda _, x: PHYSICS.derivative(x, constant),
         (0.0, 60.0),
         start,
         method="DOP853",

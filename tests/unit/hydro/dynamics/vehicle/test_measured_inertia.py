@@ -30,9 +30,9 @@ def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
     given, measured = parse(VehicleDocument, document), parse(InertiaDocument, MEASURED)
     before = given.model_dump_json()
     changed = with_measured_inertia(given, measured)
-    found = vehicle_from_document(changed)
+    vehicle = vehicle_from_document(changed)
     # I_x about the origin: I_x + m (y^2 + z^2).
-    np.testing.assert_allclose(np.diag(found.inertia), [1.8 + 38.10 * 0.05**2, 2.2278, 1.4046])
+    np.testing.assert_allclose(np.diag(vehicle.inertia), [1.8 + 38.10 * 0.05**2, 2.2278, 1.4046])
     assert given.model_dump_json() == before
     assert "the rest: Table 7" in changed.rigid_body.inertia.source
 

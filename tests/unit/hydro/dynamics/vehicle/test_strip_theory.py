@@ -133,16 +133,16 @@ def test_lift_of_the_thesis():
     assert [lift_slope(item) for item in geometry.surfaces] == pytest.approx(
         [4.18819, 4.83222], rel=1e-5
     )
-    found = {}
+    lift = {}
     for corrected in (False, True):
         items = strip_theory(geometry, water_density=RHO, corrected=corrected)
-        found[corrected] = {item.name: item.value for item in items if item.kind == "body_lift"}
-    assert found[False]["Y_uv"] == pytest.approx(-352.369, rel=1e-5)
-    assert found[True]["Y_uv"] == pytest.approx(-35.237, rel=1e-5)
-    assert found[False]["M_uw"] == pytest.approx(
+        lift[corrected] = {item.name: item.value for item in items if item.kind == "body_lift"}
+    assert lift[False]["Y_uv"] == pytest.approx(-352.369, rel=1e-5)
+    assert lift[True]["Y_uv"] == pytest.approx(-35.237, rel=1e-5)
+    assert lift[False]["M_uw"] == pytest.approx(
         +0.3 * 352.369, rel=1e-5
     )  # the printed sign of (2.50)
-    assert found[True]["M_uw"] == pytest.approx(
+    assert lift[True]["M_uw"] == pytest.approx(
         -0.3 * 35.237, rel=1e-5
     )  # M = -x_cp Z with x_cp = -0.3
 

@@ -226,15 +226,15 @@ def test_bent_commands_come_back_and_straight_ones_stay_straight() -> None:
 def test_a_mass_that_is_off_is_said_and_does_not_spoil_the_motion() -> None:
     """The vehicle file has .4 of the true mass: held, it costs the fit; a prior does not."""
     leg = scaled_force(axis_leg(6, HEAVE, by_depth=True), 20.0)
-    held, free = (
+    fixed, free = (
         fit_axis([leg], "Z", inertia=InertiaPrior(0.4 * 20.0 / 1.5, sd), try_lag=False)
         for sd in (0.0, 0.3)
     )
-    least = [min(part.percent["w"] for part in fit.held_out) for fit in (held, free)]
+    least = [min(part.percent["w"] for part in fit.held_out) for fit in (fixed, free)]
     assert least[1] > least[0] + 2.0
     assert free.inertia.value == pytest.approx(20.0 / 1.5, rel=0.1)
     assert any("2.5 times that of the vehicle file" in words for words in free.notes)
-    assert not any("vehicle file" in words for words in held.notes)
+    assert not any("vehicle file" in words for words in fixed.notes)
 
 
 def test_a_snag_hardly_moves_the_fit() -> None:

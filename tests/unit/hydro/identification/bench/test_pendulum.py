@@ -74,13 +74,13 @@ def test_printed_figures() -> None:
     assert swing_period(TRAY, 9.8, I_TRAY) == pytest.approx(4.157, abs=5e-4)
     assert swing_period(TRAY, 9.8 + TUBE_MASS, I_BOTH) == pytest.approx(4.254, abs=5e-4)
     assert hollow_cylinder(TUBE_MASS, 1.82, 0.0254, 0.0219) == pytest.approx(0.6576, abs=5e-5)
-    found = object_inertia(
+    inertia = object_inertia(
         TRAY,
         TUBE_MASS,
         Estimate(swing_period(TRAY, 12.18, I_BOTH), 0.0),
         Estimate(swing_period(TRAY, 9.8, I_TRAY), 0.0),
     )
-    assert found.value == pytest.approx(0.6620, abs=1e-9)
+    assert inertia.value == pytest.approx(0.6620, abs=1e-9)
     assert tray_inertia(TRAY, Estimate(4.1571, 0.0)).value == pytest.approx(2.1970, abs=1e-4)
 
 
@@ -107,10 +107,10 @@ def test_uncertainty_is_propagated() -> None:
         a, b = loaded + 2e-3 * rng.standard_normal(), empty + 2e-3 * rng.standard_normal()
         one = QuadrifilarGeometry(r1, r2, h, tray, G)
         draws.append(equivalent_inertia(one, tray + tube, a) - equivalent_inertia(one, tray, b))
-    said = object_inertia(
+    inertia = object_inertia(
         geometry, TUBE_MASS, Estimate(loaded, 2e-3), Estimate(empty, 2e-3)
     ).standard_error
-    assert said == pytest.approx(
+    assert inertia == pytest.approx(
         np.std(draws), rel=0.08
     )  # 2000 draws know a standard deviation to 1.6 %
 
@@ -170,9 +170,9 @@ def test_inertia_from_noisy_recordings_and_its_interval() -> None:
                 t, rate + 0.005 * rng.standard_normal(t.size), slowing=slowing(TRAY, mass, inertia)
             )
             periods.append(Estimate(fit.period_s, fit.standard_error_s))
-        found = object_inertia(TRAY, TUBE_MASS, *periods)
-        hits += found.interval[0] < truth < found.interval[1]
-        worst = max(worst, abs(found.value / truth - 1.0))
+        measured = object_inertia(TRAY, TUBE_MASS, *periods)
+        hits += measured.interval[0] < truth < measured.interval[1]
+        worst = max(worst, abs(measured.value / truth - 1.0))
     # The thesis's own figure is 0.7 %. 95 % nominal coverage; its binomial standard
     # deviation over 40 seeds is 3.4 %.
     assert worst < 0.007
@@ -188,15 +188,15 @@ def test_axis_of_a_turned_recorder() -> None:
     t, rate = tray_swing(8.0, I_TRAY, 9.8, 0.02)
     turned = Rotation.from_euler("ZYX", [10.0, 5.0, 0.0], degrees=True)
     gyro = turned.inv().apply(np.outer(rate, [0.0, 0.0, 1.0])) + 0.02
-    found = swing_axis(gyro)
-    assert found.nearest == "z"
-    assert np.degrees(found.misalignment_rad) == pytest.approx(5.0, abs=0.01)
-    assert found.share > 0.999
-    np.testing.assert_allclose((gyro - 0.02) @ found.axis, rate, atol=1e-3)
+    axis = swing_axis(gyro)
+    assert axis.nearest == "z"
+    assert np.degrees(axis.misalignment_rad) == pytest.approx(5.0, abs=0.01)
+    assert axis.share > 0.999
+    np.testing.assert_allclose((gyro - 0.02) @ axis.axis, rate, atol=1e-3)
     euler = (Rotation.from_rotvec(np.outer(0.2 * np.sin(t), [0.0, 0.0, 1.0])) * turned).as_euler(
         "ZYX"
     )[:, ::-1]
-    angle = angle_about(euler, found.axis)
+    angle = angle_about(euler, axis.axis)
     np.testing.assert_allclose(
         angle - angle.mean(), 0.2 * np.sin(t) - np.mean(0.2 * np.sin(t)), atol=1e-3
     )
@@ -230,9 +230,9 @@ def test_range_of_a_turned_gyro() -> None:
     noise = 0.002 * np.random.default_rng(0).standard_normal((t.size, 3))
     gyro = np.outer(rate, [0.3, 0.6, 0.74]) + noise + [0.01, -0.02, 0.0]
     clipped = np.clip(gyro, -0.3, 0.3)
-    found = outside_range(clipped)
-    np.testing.assert_array_equal(found, np.abs(clipped).max(axis=1) >= 0.3)
-    assert 0.05 < found.mean() < 0.5
+    limits = outside_range(clipped)
+    np.testing.assert_array_equal(limits, np.abs(clipped).max(axis=1) >= 0.3)
+    assert 0.05 < limits.mean() < 0.5
     assert not outside_range(gyro).any()
     # Whole milliradians per second stand still at the top of a slow swing: no clip.
     assert not outside_range(np.round(gyro, 2)).any()

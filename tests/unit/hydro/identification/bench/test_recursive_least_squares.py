@@ -149,16 +149,16 @@ def test_varying_steps_excite_and_a_step_does_not(noise: float) -> None:
     for levels, hold, status in ((LEVELS, 4.0, PERSISTENT), ([10.0], 60.0, NOT_PERSISTENT)):
         t, u, _, force = stepped_run(levels, hold, 8.0, slope)
         form = form_of(t, u + noise * rng.standard_normal(len(u)), force)
-        found = excitation(form.t_s, form.regressor[:, 1:])
-        assert found.status == status
-        assert found.smallest[-1] == pytest.approx(np.linalg.eigvalsh(found.matrix)[0])
-        np.testing.assert_allclose(np.diag(found.matrix), 1.0)
+        verdict = excitation(form.t_s, form.regressor[:, 1:])
+        assert verdict.status == status
+        assert verdict.smallest[-1] == pytest.approx(np.linalg.eigvalsh(verdict.matrix)[0])
+        np.testing.assert_allclose(np.diag(verdict.matrix), 1.0)
 
 
 def test_a_channel_that_stays_still_is_not_excited() -> None:
     t = np.arange(100) / 8.0
-    found = excitation(t, np.column_stack([np.full(100, 1e-3), np.sin(t)]), floor=[0.03, 0.0])
-    assert found.status == NOT_EXCITED
+    verdicts = excitation(t, np.column_stack([np.full(100, 1e-3), np.sin(t)]), floor=[0.03, 0.0])
+    assert verdicts.status == NOT_EXCITED
     zero = excitation(t, np.column_stack([np.zeros(100), np.sin(t)]))
     assert zero.status == NOT_EXCITED
     assert "u stayed at zero" in zero.words(("u", "X"))

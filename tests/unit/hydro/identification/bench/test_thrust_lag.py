@@ -41,7 +41,7 @@ def velocity(lag_s: float) -> Array:
     for index, level in enumerate(LEVELS):
         begin = index * HOLD_S
         times = T[round(begin / 0.125) + 1 : round((begin + HOLD_S) / 0.125) + 1]
-        found = solve_ivp(
+        solution = solve_ivp(
             slope,
             (begin, begin + HOLD_S),
             state,
@@ -51,8 +51,8 @@ def velocity(lag_s: float) -> Array:
             rtol=1e-10,
             atol=1e-12,
         )
-        out += list(found.y[0])
-        state = found.y[:, -1]
+        out += list(solution.y[0])
+        state = solution.y[:, -1]
     return np.array(out)
 
 
@@ -71,31 +71,32 @@ def run_of(lag_s: float, bias: float = 0.0) -> ChannelRun:
 
 @pytest.mark.parametrize("lag_s", [0.15, 0.6])
 def test_lag_is_found_and_taken_from_the_mass(lag_s: float) -> None:
-    found = estimate_channel(run_of(lag_s), filter_rate=1.0)
-    fit = found.fits[BOTH]
-    assert found.lag is not None
-    assert abs(found.lag.value_s - lag_s) < 4.0 * found.lag.standard_error_s
-    assert found.lag.standard_error_s < 0.2 * lag_s
+    estimate = estimate_channel(run_of(lag_s), filter_rate=1.0)
+    fit = estimate.fits[BOTH]
+    assert estimate.lag is not None
+    assert abs(estimate.lag.value_s - lag_s) < 4.0 * estimate.lag.standard_error_s
+    assert estimate.lag.standard_error_s < 0.2 * lag_s
     assert np.all(np.abs(fit.values[:3] - TRUTH) < 4.0 * fit.standard_errors[:3])
-    assert found.recursive[BOTH].values[-1, 0] == pytest.approx(TRUTH[0], rel=0.05)
+    assert estimate.recursive[BOTH].values[-1, 0] == pytest.approx(TRUTH[0], rel=0.05)
 
 
 def test_no_lag_where_there_is_none() -> None:
-    found = estimate_channel(run_of(0.0), filter_rate=1.0)
-    assert found.lag is None
+    estimate = estimate_channel(run_of(0.0), filter_rate=1.0)
+    assert estimate.lag is None
     assert np.all(
-        np.abs(found.fits[BOTH].values[:3] - TRUTH) < 4.0 * found.fits[BOTH].standard_errors[:3]
+        np.abs(estimate.fits[BOTH].values[:3] - TRUTH)
+        < 4.0 * estimate.fits[BOTH].standard_errors[:3]
     )
 
 
 def test_constant_of_the_velocity() -> None:
-    found = estimate_channel(run_of(0.0, bias=0.05), filter_rate=1.0)
-    fit = found.fits[BOTH]
+    estimate = estimate_channel(run_of(0.0, bias=0.05), filter_rate=1.0)
+    fit = estimate.fits[BOTH]
     assert fit.fit.bias[0] == pytest.approx(
         0.05, abs=0.004
     )  # 0.01 m/s of noise in 768 samples: 4e-4, and what the drag adds
     assert np.all(np.abs(fit.values[:3] - TRUTH) < 4.0 * fit.standard_errors[:3])
-    assert found.recursive[BOTH].values[-1, 0] == pytest.approx(TRUTH[0], rel=0.05)
+    assert estimate.recursive[BOTH].values[-1, 0] == pytest.approx(TRUTH[0], rel=0.05)
 
 
 def test_a_single_step_tells_neither() -> None:
@@ -112,10 +113,10 @@ def test_a_single_step_tells_neither() -> None:
         noise=0.03,
         lag=True,
     )
-    found = estimate_channel(run, filter_rate=1.0)
-    assert found.excitation["quadratic"].status == "not persistently exciting"
-    assert found.lag is None
-    assert found.fits[BOTH].fit.bias[0] == 0.0
+    estimate = estimate_channel(run, filter_rate=1.0)
+    assert estimate.excitation["quadratic"].status == "not persistently exciting"
+    assert estimate.lag is None
+    assert estimate.fits[BOTH].fit.bias[0] == 0.0
 
 
 def test_force_of_a_lag_follows_its_equation() -> None:
@@ -128,10 +129,12 @@ def test_force_of_a_lag_follows_its_equation() -> None:
         ramp.force_right, ramp.grid_s[1:] - 0.3 * (1.0 - np.exp(-ramp.grid_s[1:] / 0.3)), atol=1e-12
     )
     ones = np.ones(3)
-    held = lagged(
+    constant = lagged(
         SingleRun(grid, ones, ones, np.array([1, 3]), np.zeros(2), NOWHERE, NOTHING),
         0.3,
         from_rest=True,
     )
-    np.testing.assert_allclose(held.force_right, 1.0 - np.exp(-held.grid_s[1:] / 0.3), atol=1e-12)
-    np.testing.assert_array_equal(held.grid_s[held.rate_at], [0.4, 2.5])
+    np.testing.assert_allclose(
+        constant.force_right, 1.0 - np.exp(-constant.grid_s[1:] / 0.3), atol=1e-12
+    )
+    np.testing.assert_array_equal(constant.grid_s[constant.rate_at], [0.4, 2.5])

@@ -37,14 +37,14 @@ def body_rates(t: np.ndarray) -> np.ndarray:
 def test_gyro_agrees_with_a_tumbling_attitude_through_the_singularity_and_wraps() -> None:
     t, at = np.arange(0.0, 60.0, 0.1), np.arange(0.0, 60.0, 0.02)
     wrapped = np.angle(np.exp(1j * tumbling(t)))
-    found = rate_agreement(t, wrapped, at, body_rates(at))
-    assert found is not None
+    agreement = rate_agreement(t, wrapped, at, body_rates(at))
+    assert agreement is not None
     # The mean rate over 0.1 s differs from the mean of the body rates by the turning of
     # the axes within it: about 1 %.
-    assert np.diag(found.correlation) == pytest.approx([1.0] * 3, abs=2e-3)
-    assert found.scale == pytest.approx([1.0] * 3, abs=0.02)
-    assert found.lag_s == pytest.approx(0.0, abs=0.01)
-    assert found.jumps == 0
+    assert np.diag(agreement.correlation) == pytest.approx([1.0] * 3, abs=2e-3)
+    assert agreement.scale == pytest.approx([1.0] * 3, abs=0.02)
+    assert agreement.lag_s == pytest.approx(0.0, abs=0.01)
+    assert agreement.jumps == 0
 
 
 @pytest.mark.parametrize(("scale", "within"), [(1.0, 0.05), (2.0, 0.25), (57.3, 0.25)])
@@ -54,9 +54,9 @@ def test_noise_of_an_attitude_is_no_scale_of_the_gyro(scale: float, within: floa
     swing = 0.1 * np.sin(0.5 * np.outer(t, [1.0, 1.3, 1.7]))
     rate = 0.1 * 0.5 * np.array([1.0, 1.3, 1.7]) * np.cos(0.5 * np.outer(at, [1.0, 1.3, 1.7]))
     noisy = swing + np.random.default_rng(1).normal(0.0, 2e-3, swing.shape)
-    found = rate_agreement(t, noisy, at, scale * rate)
-    assert found is not None
-    assert found.scale[1:] == pytest.approx([scale] * 2, rel=within)
+    agreement = rate_agreement(t, noisy, at, scale * rate)
+    assert agreement is not None
+    assert agreement.scale[1:] == pytest.approx([scale] * 2, rel=within)
 
 
 @pytest.mark.parametrize("lag_s", [-0.3, 0.0, LAG_S])
@@ -66,29 +66,29 @@ def test_lag_of_a_late_gyro(lag_s: float) -> None:
     late = at - lag_s
     dot = np.stack([0.2 * np.cos(2.0 * late), 0.15 * np.cos(1.5 * late), np.cos(late)], axis=1)
     there = np.stack([0.1 * np.sin(2.0 * late), 0.1 * np.sin(1.5 * late), np.sin(late)], axis=1)
-    found = rate_agreement(
+    agreement = rate_agreement(
         t, slow, at, np.einsum("nij,nj->ni", euler_rate_matrix_inverse(there), dot)
     )
-    assert found is not None
-    assert found.lag_s == pytest.approx(lag_s, abs=0.01)
+    assert agreement is not None
+    assert agreement.lag_s == pytest.approx(lag_s, abs=0.01)
 
 
 def test_a_turn_across_a_pause_of_the_gyro_is_not_compared() -> None:
     t, at = np.arange(0.0, 60.0, 0.1), np.arange(0.0, 60.0, 0.02)
     kept = (at < 20.0) | (at > 22.0)
-    found = rate_agreement(t, tumbling(t), at[kept], body_rates(at)[kept])
-    whole = rate_agreement(t, tumbling(t), at, body_rates(at))
-    assert found is not None
-    assert whole is not None
-    assert whole.count - found.count == pytest.approx(20, abs=2)
-    assert found.jumps == 0
+    agreement = rate_agreement(t, tumbling(t), at[kept], body_rates(at)[kept])
+    unbroken = rate_agreement(t, tumbling(t), at, body_rates(at))
+    assert agreement is not None
+    assert unbroken is not None
+    assert unbroken.count - agreement.count == pytest.approx(20, abs=2)
+    assert agreement.jumps == 0
 
 
 def test_repeats_and_the_longest_run() -> None:
     values = np.array([[1.0, 1.0], [1.0, 2.0], [1.0, 2.0], [1.0, 2.0], [9.0, 2.0], [9.0, 2.0]])
-    found = repeats(values)
-    assert found.share == pytest.approx(3 / 5)
-    assert (found.run_start, found.run_count) == (1, 3)
+    counts = repeats(values)
+    assert counts.share == pytest.approx(3 / 5)
+    assert (counts.run_start, counts.run_count) == (1, 3)
     assert repeats(values[:1]).share == 0.0
     steps = repeats(np.round(np.random.default_rng(1).uniform(0.0, 1.2, (500, 1))))
     assert steps.leap == 1.0
@@ -102,21 +102,21 @@ def test_flat_top_counts_runs_at_the_extremes_only() -> None:
 
 def test_clock_statistics_of_a_pause() -> None:
     t = np.concatenate([np.arange(0.0, 10.0, 0.1), np.arange(15.0, 20.0, 0.1)])
-    found = clock_statistics(t)
-    assert found is not None
-    assert found.rate_hz == pytest.approx(10.0)
-    assert found.longest_s == pytest.approx(5.1)
-    assert found.longest_at_s == pytest.approx(9.9)
-    assert found.jitter_s == pytest.approx(0.0, abs=1e-9)
+    clock = clock_statistics(t)
+    assert clock is not None
+    assert clock.rate_hz == pytest.approx(10.0)
+    assert clock.longest_s == pytest.approx(5.1)
+    assert clock.longest_at_s == pytest.approx(9.9)
+    assert clock.jitter_s == pytest.approx(0.0, abs=1e-9)
     assert clock_statistics(t[:2]) is None
 
 
 def test_bursts_come_no_faster_for_arriving_together() -> None:
     t = (np.arange(0.0, 60.0, 1.0)[:, None] + np.array([0.0, 0.007, 0.014, 0.021])).ravel()
-    found = clock_statistics(t)
-    assert found is not None
-    assert found.rate_hz == pytest.approx(4.0, rel=0.02)
-    assert found.step_s == pytest.approx(0.007)
+    clock = clock_statistics(t)
+    assert clock is not None
+    assert clock.rate_hz == pytest.approx(4.0, rel=0.02)
+    assert clock.step_s == pytest.approx(0.007)
 
 
 def test_every_jump_of_a_long_record_is_counted_the_first_samples_included() -> None:
@@ -125,23 +125,23 @@ def test_every_jump_of_a_long_record_is_counted_the_first_samples_included() -> 
     turned = np.zeros((t.size, 3))
     for jump in (0.15, 400.05, 400.75, 901.35):
         turned[t > jump, 2] += 0.5
-    found = rate_agreement(
+    agreement = rate_agreement(
         t, turned, at, 1e-3 * np.random.default_rng(1).standard_normal((at.size, 3))
     )
-    assert found is not None
-    assert found.jumps == 4
-    assert found.largest_jump == pytest.approx(0.5, abs=0.01)
-    assert np.allclose(found.std, 0.0, atol=1e-3), "jumps are left out of the comparison"
+    assert agreement is not None
+    assert agreement.jumps == 4
+    assert agreement.largest_jump == pytest.approx(0.5, abs=0.01)
+    assert np.allclose(agreement.std, 0.0, atol=1e-3), "jumps are left out of the comparison"
 
 
 def test_attitude_difference_is_the_angle_between_rotations() -> None:
     t = np.arange(0.0, 30.0, 0.1)
     euler = 0.2 * np.stack([np.sin(t), np.cos(t), t], axis=1)
     turned = euler + np.array([0.0, 0.0, 0.6 - 2.0 * np.pi])
-    found = attitude_difference(t, euler, t, turned)
-    assert found is not None
-    assert (found.angle, found.heading) == pytest.approx((0.6, 0.6))
-    assert found.tilt == pytest.approx(0.0, abs=1e-6)
+    difference = attitude_difference(t, euler, t, turned)
+    assert difference is not None
+    assert (difference.angle, difference.heading) == pytest.approx((0.6, 0.6))
+    assert difference.tilt == pytest.approx(0.0, abs=1e-6)
     rolled = attitude_difference(t, 0.0 * euler, t, np.array([0.3, 0.0, 0.0]) + 0.0 * euler)
     assert rolled is not None
     assert (rolled.angle, rolled.tilt, rolled.heading) == pytest.approx((0.3, 0.3, 0.0))
@@ -150,10 +150,10 @@ def test_attitude_difference_is_the_angle_between_rotations() -> None:
 
 def test_gravity_without_attitude_has_no_angle() -> None:
     t = np.arange(0.0, 10.0, 0.1)
-    found = gravity(t, np.tile([0.0, 0.0, -9.8], (t.size, 1)))
-    assert found is not None
-    assert found.magnitude == pytest.approx(9.8)
-    assert found.angle is None
+    level = gravity(t, np.tile([0.0, 0.0, -9.8], (t.size, 1)))
+    assert level is not None
+    assert level.magnitude == pytest.approx(9.8)
+    assert level.angle is None
     assert gravity(t, np.full((t.size, 3), np.nan)) is None
 
 
@@ -162,10 +162,10 @@ def test_following_is_not_pulled_down_by_noise() -> None:
     random = np.random.default_rng(4)
     clean = np.sin(0.3 * t)
     noisy = [clean + 0.5 * random.standard_normal(t.size) for _ in range(2)]
-    found = following(t, noisy[0], t, -2.0 * noisy[1])
-    assert found is not None
-    assert found.scale == pytest.approx(-2.0, abs=0.1)
-    assert found.correlation == pytest.approx(-0.67, abs=0.05)
+    relation = following(t, noisy[0], t, -2.0 * noisy[1])
+    assert relation is not None
+    assert relation.scale == pytest.approx(-2.0, abs=0.1)
+    assert relation.correlation == pytest.approx(-0.67, abs=0.05)
     assert following(t, np.ones(t.size), t, clean) is None
 
 
@@ -181,7 +181,7 @@ def test_response_to_several_commands_at_once() -> None:
         weight * np.interp(fine - LAG_S, t, column)
         for weight, column in zip((1.0, -2.0, 0.5), commands.T, strict=True)
     )
-    found = response_lag(
+    response = response_lag(
         t,
         commands,
         fine,
@@ -189,10 +189,10 @@ def test_response_to_several_commands_at_once() -> None:
         lags_s=(-0.5, 2.0),
         rate_hz=20.0,
     )
-    assert found is not None
-    assert found.lag_s == pytest.approx(LAG_S, abs=0.02)
+    assert response is not None
+    assert response.lag_s == pytest.approx(LAG_S, abs=0.02)
     assert (
-        found.explained > 0.7
+        response.explained > 0.7
     )  # the noise and the halves of the steps that the grid cuts off are the rest
     chance = response_lag(
         t, commands, fine, random.standard_normal(fine.size), lags_s=(-0.5, 2.0), rate_hz=20.0

@@ -99,13 +99,13 @@ def test_intervals_of_three_coasts_hold_the_law_where_their_drag_differs() -> No
 @pytest.mark.parametrize("how", ["bottom", "tether"])
 def test_a_coast_that_is_stopped_by_something_else_is_left_out(how: str) -> None:
     records = coasts(noise=0.002, seed=5, push=0.01)
-    held = records[1]
+    halted = records[1]
     stopped = (
-        np.where(held.t_s < 0.6, held.speed, 0.0)
+        np.where(halted.t_s < 0.6, halted.speed, 0.0)
         if how == "bottom"
-        else held.speed - 0.5 * np.maximum(held.t_s - 0.5, 0.0)
+        else halted.speed - 0.5 * np.maximum(halted.t_s - 0.5, 0.0)
     )
-    records[1] = CoastRecord(held.t_s, stopped, held.modelled, held.shapes, held.fading)
+    records[1] = CoastRecord(halted.t_s, stopped, halted.modelled, halted.shapes, halted.fading)
     fitted = fit_decay(records)
     assert fitted.odd.tolist() == [1]
     rate, error = fitted.rate(0.3)

@@ -105,5 +105,5 @@ def test_a_draw_is_the_nearest_point_to_that_of_the_plain_normal() -> None:
     plain = normal_draws(values, covariance, count=40, seed=2)
     drawn = draw_within(PLANE, values, covariance, [damping(PLANE)], cuts, count=40, seed=2)
     for one, point in zip(drawn.values, plain, strict=True):
-        alone = nearest_within(PLANE, point, covariance, [damping(PLANE)], cuts)
-        np.testing.assert_allclose(one, alone.values, atol=1e-9)  # the tolerance of limits
+        nearest = nearest_within(PLANE, point, covariance, [damping(PLANE)], cuts)
+        np.testing.assert_allclose(one, nearest.values, atol=1e-9)  # the tolerance of limits

@@ -73,8 +73,8 @@ def test_bounds_give_clarabel_s_minimum(dive, factor):
     equations = viscous_equations(symmetric(quadratic=True), trim=True)
     unknowns = equations.unknowns
     fit = fit_within(factor, equations, limits=[damping(unknowns)])
-    held = [i for i, u in enumerate(unknowns) if u.term in _own(u.axis)]
-    expected, scale = oracle(dive, equations, fit.noise, lambda x: [x[held] <= 0])
+    damping_places = [i for i, u in enumerate(unknowns) if u.term in _own(u.axis)]
+    expected, scale = oracle(dive, equations, fit.noise, lambda x: [x[damping_places] <= 0])
     close(fit, expected, scale)
     assert {limit.name for limit in fit.active} >= {"K_p <= 0", "M_q <= 0"}
     # Standard errors given the active limits: 0 where they fix the value.
@@ -215,14 +215,14 @@ def test_a_prior_with_its_covariance_is_the_posterior_of_the_normal_model(dive, 
     root = np.random.default_rng(3).normal(size=(3, 3)) * 0.2 + np.eye(3)
     prior = NormalPrior("campaign", chosen, np.array([-1.0, 10.0, -2.0]), root @ root.T)
     fit = fit_within(factor, equations, limits=[damping(u)], priors=[prior])
-    held = [i for i, unknown in enumerate(u) if unknown.term in _own(unknown.axis)]
+    damping_places = [i for i, unknown in enumerate(u) if unknown.term in _own(unknown.axis)]
     expected, scale = oracle(
-        dive, equations, fit.noise, lambda x: [x[held] <= 0], prior=prior.rows(u)
+        dive, equations, fit.noise, lambda x: [x[damping_places] <= 0], prior=prior.rows(u)
     )
     close(fit, expected, scale)
-    alone = fit_within(factor, equations)
+    without_prior = fit_within(factor, equations)
     places = [u.index(c) for c in chosen]
-    assert np.all(fit.standard_errors[places] <= alone.standard_errors[places])
+    assert np.all(fit.standard_errors[places] <= without_prior.standard_errors[places])
 
 
 def posterior(fit: ConstrainedFit) -> NormalPrior:
@@ -243,10 +243,10 @@ def test_the_posterior_of_one_dive_is_the_prior_of_the_next():
     np.testing.assert_allclose(after.covariance, both.covariance, rtol=1e-7)
     # Constants are of the dive and stay behind; a smaller model takes its part.
     with_trim = viscous_equations(symmetric(), trim=True)
-    whole = posterior(fit_within(first.factor(), with_trim, noise=noise))
-    assert len(whole.unknowns) == 18
+    of_all_unknowns = posterior(fit_within(first.factor(), with_trim, noise=noise))
+    assert len(of_all_unknowns.unknowns) == 18
     few = viscous_equations(diagonal())
-    assert fit_within(second.factor(), few, priors=[whole.of(few.unknowns)]).cost == 0.0
+    assert fit_within(second.factor(), few, priors=[of_all_unknowns.of(few.unknowns)]).cost == 0.0
 
 
 def test_relative_priors_leave_out_what_says_nothing():

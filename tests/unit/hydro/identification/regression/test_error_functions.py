@@ -48,8 +48,8 @@ def test_huber_is_that_of_statsmodels():
 
 def test_least_moduli_is_the_median_regression_and_its_optimum_is_proven():
     _, rows, force = data()
-    found = least_moduli(rows, force)
-    error = force - found @ rows
+    fit = least_moduli(rows, force)
+    error = force - fit @ rows
     # Duality: a vector z with |z| <= 1, A'z = 0 and z'b = sum |e| proves the minimum.
     zero = np.abs(error) < 1e-8 * np.abs(force).max()
     assert zero.sum() == len(TERMS)
@@ -61,7 +61,7 @@ def test_least_moduli_is_the_median_regression_and_its_optimum_is_proven():
     far = force.copy()
     worst = int(np.argmax(error))
     far[worst] += 1e4
-    np.testing.assert_allclose(least_moduli(rows, far), found, rtol=1e-7)
+    np.testing.assert_allclose(least_moduli(rows, far), fit, rtol=1e-7)
 
 
 def test_weights_are_repeated_samples():
@@ -81,9 +81,9 @@ def test_weights_are_repeated_samples():
 
 def test_the_least_median_bears_forty_percent_of_outliers():
     _, rows, force = data(500, noise=0.5, outliers=0.4)
-    found = least_median(rows, force)
-    np.testing.assert_allclose(found, TRUTH, rtol=0.15)
-    assert median_of_moduli(force - found @ rows) < median_of_moduli(
+    fit = least_median(rows, force)
+    np.testing.assert_allclose(fit, TRUTH, rtol=0.15)
+    assert median_of_moduli(force - fit @ rows) < median_of_moduli(
         force - least_squares(rows, force) @ rows
     )
     assert np.abs(least_squares(rows, force) / TRUTH - 1.0).max() > 0.3

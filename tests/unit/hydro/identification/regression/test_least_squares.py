@@ -193,10 +193,10 @@ def test_folds_merge_to_the_whole_bit_for_bit_in_the_same_order() -> None:
         TriangularFactor.empty(terms).update(basis_rows(nu[:, s], eta[s], terms), force[s])
         for s in (slice(0, 900), slice(900, 3000))
     ]
-    whole = TriangularFactor.empty(terms).update(basis_rows(nu, eta, terms), force)
+    one_pass = TriangularFactor.empty(terms).update(basis_rows(nu, eta, terms), force)
     once, again = (reduce(TriangularFactor.merge, legs) for _ in range(2))
     assert np.array_equal(once.R, again.R)
-    np.testing.assert_allclose(once.R, whole.R, atol=1e-10 * np.abs(whole.R).max())
+    np.testing.assert_allclose(once.R, one_pass.R, atol=1e-10 * np.abs(one_pass.R).max())
     assert once.n_samples == 3000
 
 

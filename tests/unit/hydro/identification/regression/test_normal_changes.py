@@ -64,12 +64,12 @@ def measured(seed: int, *, coriolis: float = 0.0) -> tuple[AxisFit, tuple[Normal
 @pytest.mark.parametrize("coriolis", [0.0, -200.0])
 def test_the_expected_shift_by_velocity_errors_is_that_of_the_fit(coriolis: float) -> None:
     """Force errors that go with those of sway turn the sign of the shift."""
-    found, expected = [], []
+    shifts, expected = [], []
     for seed in range(20):
         fit, changes = measured(seed, coriolis=coriolis)
-        found.append(fit.solution[:3] - TRUTH)
+        shifts.append(fit.solution[:3] - TRUTH)
         expected.append(sum(change.shift(fit) for change in changes)[:3])
-    mean, shift = np.mean(found, axis=0), np.mean(expected, axis=0)
+    mean, shift = np.mean(shifts, axis=0), np.mean(expected, axis=0)
     # Sway's error takes a tenth of what it does beside yaw rate: v is off by 10.
     assert abs(mean[0]) > 7.0
     assert np.sign(mean[0]) == (1.0 if coriolis == 0.0 else -1.0)
@@ -147,9 +147,9 @@ def test_more_samples_add_up() -> None:
 def test_pieces_of_a_leg_add_up_to_it() -> None:
     nu, force = flown(3, n=2 * STRIDE * AT_ONCE + 3)
     sd, shift = np.abs(nu), 0.1 * nu
-    whole = StridedLeg.of(nu, force, TERMS, ratio=None)
-    slopes = np.zeros((len(whole.rows), 6, 6))
-    expected = (*whole.random(sd, slopes), whole.definite(shift[::STRIDE], shift[::STRIDE]))
+    one_piece = StridedLeg.of(nu, force, TERMS, ratio=None)
+    slopes = np.zeros((len(one_piece.rows), 6, 6))
+    expected = (*one_piece.random(sd, slopes), one_piece.definite(shift[::STRIDE], shift[::STRIDE]))
     total: list[NormalChange] = []
     for place, part in StridedLeg.parts(nu, force, TERMS, ratio=None):
         own = nu[place][::STRIDE]

@@ -154,11 +154,11 @@ def test_excitation_of_a_motion() -> None:
 def test_excitation_of_legs_merges_to_that_of_all_samples() -> None:
     nu = np.random.default_rng(5).normal(0.3, [0.1, 0.02, 0.2, 0.3, 0.01, 1.0], (900, 6))
     legs = [axis_excitation(nu[rows]) for rows in (slice(0, 100), slice(100, 300), slice(300, 900))]
-    for name, whole in axis_excitation(nu).items():
+    for name, expected in axis_excitation(nu).items():
         merged = legs[0][name].merge(legs[1][name]).merge(legs[2][name])
-        assert (merged.n, merged.low, merged.high) == (900, whole.low, whole.high)
+        assert (merged.n, merged.low, merged.high) == (900, expected.low, expected.high)
         for field in ("mean", "rms", "std", "share_beyond"):
-            assert getattr(merged, field) == pytest.approx(getattr(whole, field), rel=1e-13)
+            assert getattr(merged, field) == pytest.approx(getattr(expected, field), rel=1e-13)
 
 
 def test_a_product_counts_as_excited_only_if_each_factor_is() -> None:

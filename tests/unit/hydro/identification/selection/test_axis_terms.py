@@ -26,8 +26,8 @@ def legs():
 
 
 def test_all_but_one_leg_is_the_factor_of_the_others(legs):
-    for held, fold in enumerate(without_each(legs)):
-        others = [leg for i, leg in enumerate(legs) if i != held]
+    for number, fold in enumerate(without_each(legs)):
+        others = [leg for i, leg in enumerate(legs) if i != number]
         gram = sum(leg.R.T @ leg.R for leg in others)
         np.testing.assert_allclose(fold.R.T @ fold.R, gram, rtol=1e-9, atol=1e-9 * gram.max())
         assert fold.n_samples == sum(leg.n_samples for leg in others)

@@ -47,17 +47,17 @@ def aligned(seed: int, *, noise: float = NOISE) -> ClockOffset:
 
 
 def test_a_known_shift_is_recovered_within_its_uncertainty() -> None:
-    found = [aligned(seed) for seed in range(20)]
-    errors = np.array([item.offset_s - OFFSET_S for item in found])
-    stated = np.array([item.std_s for item in found])
+    offsets = [aligned(seed) for seed in range(20)]
+    errors = np.array([item.offset_s - OFFSET_S for item in offsets])
+    stated = np.array([item.std_s for item in offsets])
     # Sub-sample: the faster record has steps of 70 ms.
     assert np.abs(errors).max() < 0.01
     assert np.abs(errors / stated).max() < 4.0
     # Twenty draws give the spread to 16 %; the bound may be conservative, not wrong by
     # a factor of three.
     assert 1.0 / 3.0 < errors.std() / stated.mean() < 1.5
-    assert all(0.9 < item.correlation <= 1.0 for item in found)
-    assert all(item.overlap_s == pytest.approx(110.0, abs=2.0) for item in found)
+    assert all(0.9 < item.correlation <= 1.0 for item in offsets)
+    assert all(item.overlap_s == pytest.approx(110.0, abs=2.0) for item in offsets)
 
 
 def test_more_noise_is_more_uncertainty() -> None:
@@ -84,11 +84,11 @@ def test_a_pause_is_no_signal() -> None:
     signal = motion(6)
     t1, t2 = np.arange(10.0, 150.0, 0.05), np.arange(20.0, 190.0, 0.1)
     t1 = t1[(t1 < 60.0) | (t1 > 90.0)]
-    found = clock_offset(
+    offset = clock_offset(
         t1, sampled(t1, signal, seed=1), t2 - OFFSET_S, sampled(t2, signal, seed=2)
     )
-    assert abs(found.offset_s - OFFSET_S) < 4.0 * found.std_s
-    assert found.overlap_s == pytest.approx(100.0, abs=2.0)
+    assert abs(offset.offset_s - OFFSET_S) < 4.0 * offset.std_s
+    assert offset.overlap_s == pytest.approx(100.0, abs=2.0)
 
 
 def test_level_and_size_of_a_signal_do_not_matter() -> None:
@@ -96,8 +96,8 @@ def test_level_and_size_of_a_signal_do_not_matter() -> None:
     signal = motion(7)
     t1, t2 = np.arange(10.0, 150.0, 0.1), np.arange(20.0, 190.0, 0.1)
     one, two = sampled(t1, signal, seed=1)[:, 0], sampled(t2, signal, seed=2)[:, 0]
-    found = clock_offset(t1, 1000.0 + one, t2 - OFFSET_S, 3.28 * two - 7.0)
-    assert abs(found.offset_s - OFFSET_S) < 4.0 * found.std_s
+    offset = clock_offset(t1, 1000.0 + one, t2 - OFFSET_S, 3.28 * two - 7.0)
+    assert abs(offset.offset_s - OFFSET_S) < 4.0 * offset.std_s
 
 
 def test_two_dives_have_a_low_correlation() -> None:

@@ -131,11 +131,11 @@ def test_pieces_of_the_filter_do_not_change_its_sums(
     motion: Motion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     leg = sensors(motion, 1)
-    whole = installation_sums(leg)
+    one_piece = installation_sums(leg)
     monkeypatch.setattr(installation, "STEPS_AT_ONCE", 97)
     pieces = installation_sums(leg)
-    assert np.array_equal(pieces.gram, whole.gram)
-    assert np.array_equal(pieces.squares, whole.squares)
+    assert np.array_equal(pieces.gram, one_piece.gram)
+    assert np.array_equal(pieces.squares, one_piece.squares)
 
 
 def test_a_straight_run_shows_no_arm() -> None:

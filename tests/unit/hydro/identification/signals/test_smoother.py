@@ -79,24 +79,24 @@ def smoothed(motion: Motion, noise: float, seed: int = 1) -> SmoothedVelocity:
 
 
 def test_exact_sensors_give_the_exact_velocity_and_bias(motion: Motion) -> None:
-    found = smoothed(motion, noise=0.0)
+    motion_estimate = smoothed(motion, noise=0.0)
     # The floors of the believed noise (1e-4) leave errors of their own order.
-    np.testing.assert_allclose(found.velocity[INNER], motion.v[INNER], atol=2e-4)
-    np.testing.assert_allclose(found.rate[INNER], motion.v_dot[INNER], atol=1e-3)
-    np.testing.assert_allclose(found.bias[INNER].mean(axis=0), BIAS, atol=1e-3)
+    np.testing.assert_allclose(motion_estimate.velocity[INNER], motion.v[INNER], atol=2e-4)
+    np.testing.assert_allclose(motion_estimate.rate[INNER], motion.v_dot[INNER], atol=1e-3)
+    np.testing.assert_allclose(motion_estimate.bias[INNER].mean(axis=0), BIAS, atol=1e-3)
 
 
 def test_noisy_sensors_stay_within_the_bounds_that_a_well_tuned_smoother_reaches(
     motion: Motion,
 ) -> None:
-    found = smoothed(motion, noise=1.0)
+    motion_estimate = smoothed(motion, noise=1.0)
     assert (
-        np.sqrt(np.mean((found.velocity - motion.v)[INNER] ** 2)) < 0.005
+        np.sqrt(np.mean((motion_estimate.velocity - motion.v)[INNER] ** 2)) < 0.005
     )  # m/s, with 0.01 m/s of noise at 4 Hz
     assert (
-        np.sqrt(np.mean((found.rate - motion.v_dot)[INNER] ** 2)) < 0.01
+        np.sqrt(np.mean((motion_estimate.rate - motion.v_dot)[INNER] ** 2)) < 0.01
     )  # m/s^2, with 0.03 m/s^2 of noise
-    assert np.abs(found.bias[INNER].mean(axis=0) - BIAS).max() < 0.003  # m/s^2
+    assert np.abs(motion_estimate.bias[INNER].mean(axis=0) - BIAS).max() < 0.003  # m/s^2
 
 
 def test_noise_is_estimated_from_the_data(motion: Motion) -> None:
@@ -111,7 +111,7 @@ def test_given_noise_is_used(motion: Motion) -> None:
     given = SmootherNoise(
         accel=np.full(3, 0.02), velocity=np.full(3, 0.05), depth=0.01, jerk_density=np.full(3, 1e-3)
     )
-    found = smooth_velocity(
+    motion_estimate = smooth_velocity(
         motion.t,
         motion.f,
         motion.euler,
@@ -122,15 +122,15 @@ def test_given_noise_is_used(motion: Motion) -> None:
         depth=motion.z,
         noise=given,
     )
-    assert found.noise == given
+    assert motion_estimate.noise == given
 
 
 def test_standard_deviations_match_the_errors(motion: Motion) -> None:
     errors, spreads = [], []
     for seed in range(5):
-        found = smoothed(motion, noise=1.0, seed=seed)
-        errors.append((found.velocity - motion.v)[INNER])
-        spreads.append(found.velocity_sd[INNER])
+        motion_estimate = smoothed(motion, noise=1.0, seed=seed)
+        errors.append((motion_estimate.velocity - motion.v)[INNER])
+        spreads.append(motion_estimate.velocity_sd[INNER])
     ratio = np.sqrt(
         np.mean(np.square(errors), axis=(0, 1)) / np.mean(np.square(spreads), axis=(0, 1))
     )
@@ -222,14 +222,17 @@ def test_constant_current_is_found_with_its_deviation(motion: Motion) -> None:
     and the velocity over ground stays what it is.
     """
     truth = np.array([0.3, -0.2, 0.02])
-    found = with_water_track(motion, np.tile(truth, (len(motion.t), 1)), noise=1.0)
-    assert found.current is not None
-    assert found.current_sd is not None
-    error, spread = found.current.mean(axis=0) - truth, found.current_sd.mean(axis=0)
+    motion_estimate = with_water_track(motion, np.tile(truth, (len(motion.t), 1)), noise=1.0)
+    assert motion_estimate.current is not None
+    assert motion_estimate.current_sd is not None
+    error, spread = (
+        motion_estimate.current.mean(axis=0) - truth,
+        motion_estimate.current_sd.mean(axis=0),
+    )
     assert np.abs(error).max() < 0.006
     assert np.all(np.abs(error) < 4.0 * spread)
     assert spread.max() < 0.004
-    assert np.sqrt(np.mean((found.velocity - motion.v)[INNER] ** 2)) < 0.005
+    assert np.sqrt(np.mean((motion_estimate.velocity - motion.v)[INNER] ** 2)) < 0.005
 
 
 def test_current_that_walks_is_followed(motion: Motion) -> None:
@@ -251,9 +254,9 @@ def test_without_water_track_there_is_no_current(motion: Motion) -> None:
     """Nothing that is measured over ground says anything of the water, so none is
     given.
     """
-    found = smoothed(motion, noise=1.0)
-    assert found.current is None
-    assert found.current_sd is None
+    motion_estimate = smoothed(motion, noise=1.0)
+    assert motion_estimate.current is None
+    assert motion_estimate.current_sd is None
 
 
 def test_water_track_of_too_few_samples_is_refused(motion: Motion) -> None:

@@ -108,8 +108,8 @@ def test_one_lambda_for_all_columns_when_shared() -> None:
     t, y = noisy_sine(200, seed=8)
     spline = smoothing_spline(t, np.column_stack([y, 1000.0 * np.cos(t) + y]), shared=True)
     assert spline.lambda_[0] == spline.lambda_[1]
-    alone = smoothing_spline(t, np.column_stack([y, 1000.0 * np.cos(t) + y]))
-    assert alone.lambda_[0] != alone.lambda_[1]
+    shared = smoothing_spline(t, np.column_stack([y, 1000.0 * np.cos(t) + y]))
+    assert shared.lambda_[0] != shared.lambda_[1]
 
 
 def test_each_column_has_the_lambda_that_it_has_alone() -> None:

@@ -70,8 +70,8 @@ def test_sound_logs_stop_nothing(campaign: Any) -> None:
 def test_one_message_holds_all_findings_that_stop_and_how_to_accept_them(campaign: Any) -> None:
     log = turned(sound())
     log.info["vehicle"] = "ArduCopter V4.5.0"
-    found = fault(campaign(), log, turned(sound()))
-    text = str(found)
+    message = fault(campaign(), log, turned(sound()))
+    text = str(message)
     assert text.count("Gyro y turns against pitch") == 2
     assert "log 'one'" in text
     assert "log 'two'" in text

@@ -70,8 +70,8 @@ class Case:
             for name, values in self.files.items()
         )
         inputs = ingest.Inputs(RawLog("log", raw), None, self.vehicle)
-        found: list[dict[str, Any]] = ingest.run(inputs, ingest.Params()).health["findings"]
-        return found
+        rows: list[dict[str, Any]] = ingest.run(inputs, ingest.Params()).health["findings"]
+        return rows
 
 
 def _csv(values: Values) -> bytes:

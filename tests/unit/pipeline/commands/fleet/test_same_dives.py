@@ -90,13 +90,13 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_short_log_within_a_long_one_is_recognised() -> None:
-    whole = motion(1, noise_seed=2)
+    long = motion(1, noise_seed=2)
     part = motion(1, noise_seed=3)
     steps = slice(120, 180)
     part = part.model_copy(
         update={"depth_m": part.depth_m[steps], "yaw_rate_rad_s": part.yaw_rate_rad_s[steps]}
     )
-    logs = [log("tlog", whole, form="telemetry"), log("bin", part, form="DataFlash")]
+    logs = [log("tlog", long, form="telemetry"), log("bin", part, form="DataFlash")]
     assert len(same_dives(logs)) == 1
 
 

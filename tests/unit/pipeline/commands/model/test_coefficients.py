@@ -14,9 +14,9 @@ ROOT = Path(__file__).parents[5]
 
 
 def test_text_shows_value_unit_formula_source_and_the_published_value():
-    shown = CliRunner().invoke(cli.app, ["coefficients", "hauv", "--set", "as_printed"])
-    assert shown.exit_code == 0
-    lines = shown.output.splitlines()
+    outcome = CliRunner().invoke(cli.app, ["coefficients", "hauv", "--set", "as_printed"])
+    assert outcome.exit_code == 0
+    lines = outcome.output.splitlines()
     at = next(index for index, line in enumerate(lines) if line.startswith("  N_v|v|"))
     assert lines[at].split()[1:6] == ["-16.016", "kg", "-16.016", "(Table", "2.10)"]
     assert r"\nu_f" in lines[at]
@@ -24,24 +24,26 @@ def test_text_shows_value_unit_formula_source_and_the_published_value():
 
 
 def test_json_holds_the_same_and_a_model_that_a_simulation_can_take():
-    shown = CliRunner().invoke(cli.app, ["coefficients", "hauv", "--set", "as_simulated", "--json"])
-    found = json.loads(shown.output)["answer"]
+    outcome = CliRunner().invoke(
+        cli.app, ["coefficients", "hauv", "--set", "as_simulated", "--json"]
+    )
+    answer = json.loads(outcome.output)["answer"]
     rows = {
-        row["name"]: row for row in found["coefficients"] if row["kind"] in ("added_mass", "drag")
+        row["name"]: row for row in answer["coefficients"] if row["kind"] in ("added_mass", "drag")
     }
     assert rows["X_u|u|"]["value"] == -67.7
     assert rows["X_u|u|"]["published"] == -4.593
-    assert found["viscous_model"]["X"] == {"u*|u|": -67.7}
+    assert answer["viscous_model"]["X"] == {"u*|u|": -67.7}
 
 
 def test_a_published_model_stands_beside_the_terms_that_both_have():
-    found = coefficients_of("vt690", model="prestero")["model"]["terms"]
-    assert {(row["axis"], row["term"]) for row in found} >= {
+    terms = coefficients_of("vt690", model="prestero")["model"]["terms"]
+    assert {(row["axis"], row["term"]) for row in terms} >= {
         ("Y", "u*v"),
         ("K", "p*|p|"),
         ("N", "r*|r|"),
     }
-    surge = next(row for row in found if row["axis"] == "X")
+    surge = next(row for row in terms if row["axis"] == "X")
     assert (surge["term"], surge["published"]) == ("u*|u|", -4.977)
 
 
@@ -74,10 +76,10 @@ def test_a_fin_outside_the_hull_is_named_with_file_and_line(tmp_path):
         .replace("x_rear: {value: -0.76,", "x_rear: {value: -1.76,")
     )
     path.write_text(text)
-    shown = CliRunner().invoke(cli.app, ["coefficients", str(path)])
-    assert isinstance(shown.exception, PipelineError)
+    outcome = CliRunner().invoke(cli.app, ["coefficients", str(path)])
+    assert isinstance(outcome.exception, PipelineError)
     line = next(number for number, row in enumerate(text.splitlines(), start=1) if "-1.76" in row)
     assert (
         f"odd.yaml, row {line}, field 'geometry.surfaces.fins.x_rear': the surface lies outside the"
-        " hull" in str(shown.exception)
+        " hull" in str(outcome.exception)
     )

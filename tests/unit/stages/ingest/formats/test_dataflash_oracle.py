@@ -158,13 +158,13 @@ def test_nothing_that_pymavlink_recovers_from_a_damaged_log_is_missing(
     starts = {
         (name, offset) for name, table in clean.messages.items() for offset in table.offset.tolist()
     }
-    whole = {
+    expected = {
         (name, part.moved(start))
         for name, start in starts
         for part in kept
         if part.start <= start and start + lengths[name] <= part.stop
     }
-    found = {
+    recovered = {
         (name, offset)
         for name, table in ours(data).messages.items()
         for offset in table.offset.tolist()
@@ -175,6 +175,6 @@ def test_nothing_that_pymavlink_recovers_from_a_damaged_log_is_missing(
         while (message := reader.recv_msg()) is not None:
             reference.add((message.get_type(), reader.offset - message.fmt.len))
         reader.close()
-    assert reference & whole <= found
-    assert len(reference & whole) > 0.9 * len(whole)
-    assert len(found & whole) >= 0.999 * len(whole)
+    assert reference & expected <= recovered
+    assert len(reference & expected) > 0.9 * len(expected)
+    assert len(recovered & expected) >= 0.999 * len(expected)

@@ -136,9 +136,9 @@ def test_values_of_each_kind(rows: int) -> None:
 
 @pytest.mark.parametrize("rows", [3, 100])
 def test_integer_field_printed_with_decimals(rows: int) -> None:
-    whole = read(HEAD + "IMU, 10.000, 1, 2\n" * rows).messages["IMU"].columns["TimeMS"]
-    assert whole.dtype == np.int64
-    assert whole.tolist() == [10] * rows
+    times = read(HEAD + "IMU, 10.000, 1, 2\n" * rows).messages["IMU"].columns["TimeMS"]
+    assert times.dtype == np.int64
+    assert times.tolist() == [10] * rows
     broken = read(HEAD + "IMU, 10.5, 1, 2\n" * rows).messages["IMU"].columns["TimeMS"]
     assert broken.tolist() == [10.5] * rows
 

@@ -224,11 +224,11 @@ def test_no_autopilot_heartbeat() -> None:
 
 
 def test_last_parameter_value_and_integers_of_px4() -> None:
-    whole = struct.unpack("<f", struct.pack("<i", -7))[0]
+    value = struct.unpack("<f", struct.pack("<i", -7))[0]
     records = [parameter(b"A", 1.0), parameter(b"SIXTEEN_LETTERS_", 2.5), parameter(b"A", 3.0, 6)]
     ardupilot = read(log([heartbeat(), *records]))
     assert ardupilot.parameters == {"A": 3.0, "SIXTEEN_LETTERS_": 2.5}
-    px4 = read(log([heartbeat(autopilot=12), parameter(b"B", 0.5), parameter(b"A", whole, 6)]))
+    px4 = read(log([heartbeat(autopilot=12), parameter(b"B", 0.5), parameter(b"A", value, 6)]))
     assert px4.parameters == {"B": 0.5, "A": -7.0}
 
 

@@ -46,10 +46,10 @@ def test_every_message_decodes_as_pymavlink_does(version: int) -> None:
             rng.bytes(size - 1) + b"\x00",
         ]
         frames = [frame(number, payload, version=version) for payload in payloads if payload]
-        found = explain(np.frombuffer(log(frames), dtype=np.uint8))
-        assert len(found.records) == len(frames)
-        assert found.status == "complete"
-        table = decode(np.frombuffer(log(frames), dtype=np.uint8), found.records, layout)
+        account = explain(np.frombuffer(log(frames), dtype=np.uint8))
+        assert len(account.records) == len(frames)
+        assert account.status == "complete"
+        table = decode(np.frombuffer(log(frames), dtype=np.uint8), account.records, layout)
         for row, content in enumerate(frames):
             assert_equal_to_message(dict(table.columns), row, parser.decode(bytearray(content)))
 

@@ -78,17 +78,19 @@ def test_parameters_and_texts_equal_pyulog(name: str) -> None:
 
 def test_wanted_topics_only_are_decoded_and_all_are_counted() -> None:
     raw = (LOGS / NAMES[1]).read_bytes()
-    whole = read(raw)
+    all_topics = read(raw)
     some = read(
         raw, frozenset({"sensor_combined", "actuator_outputs.1", "estimator_status", "none_such"})
     )
-    instances = {name for name in whole.messages if name.partition(".")[0] == "estimator_status"}
+    instances = {
+        name for name in all_topics.messages if name.partition(".")[0] == "estimator_status"
+    }
     assert set(some.messages) == {"sensor_combined", "actuator_outputs.1"} | instances
-    assert some.counts == whole.counts
-    assert some.account == whole.account
+    assert some.counts == all_topics.counts
+    assert some.account == all_topics.account
     np.testing.assert_array_equal(
         some.messages["sensor_combined"].columns["timestamp"],
-        whole.messages["sensor_combined"].columns["timestamp"],
+        all_topics.messages["sensor_combined"].columns["timestamp"],
     )
 
 

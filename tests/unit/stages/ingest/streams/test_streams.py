@@ -242,8 +242,8 @@ def test_outputs_without_a_pulse_are_left_out_and_rco2_is_paired() -> None:
 
 def test_early_battery_records_are_whole_hundredths() -> None:
     """Firmware before 2015 wrote CURR as integers: 1612 is 16.12 V."""
-    whole = message("CURR", Volt=np.full(20, 1612, np.int16), Curr=np.full(20, -250, np.int16))
-    early = dataflash(log(whole))["battery"].columns
+    hundredths = message("CURR", Volt=np.full(20, 1612, np.int16), Curr=np.full(20, -250, np.int16))
+    early = dataflash(log(hundredths))["battery"].columns
     later = dataflash(log(message("CURR", Volt=16.12, Curr=-2.5)))["battery"].columns
     for name, value in (("voltage_v", 16.12), ("current_a", -2.5)):
         assert early[name] == pytest.approx(np.full(20, value), rel=1e-12)

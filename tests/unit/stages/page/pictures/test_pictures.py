@@ -138,8 +138,8 @@ def test_an_answer_has_a_box_per_axis_and_a_free_run():
     assert len(titles(picture)) == 7
     assert "free run" in picture
     assert len(picture.encode()) < 60_000
-    alone = answer_picture("Linear", "linear", clouds, [], judged_on="training", span=(0.0, 1.0))
-    assert "free run" not in alone
+    single = answer_picture("Linear", "linear", clouds, [], judged_on="training", span=(0.0, 1.0))
+    assert "free run" not in single
 
 
 def test_names_of_a_log_cannot_act():

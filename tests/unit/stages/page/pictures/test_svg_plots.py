@@ -79,10 +79,10 @@ def test_panel_without_samples_stays_and_is_empty() -> None:
 
 @given(st.floats(-1e5, 1e5), st.floats(1e-4, 1e5), st.integers(3, 8))
 def test_ticks_are_inside_and_differ(low: float, span: float, count: int) -> None:
-    found = ticks(low, low + span, count)
-    assert 1 <= len(found) <= count + 1
-    assert all(-1e-6 <= tick.percent <= 100 + 1e-6 for tick in found)
-    assert len({tick.percent for tick in found}) == len(found)
+    places = ticks(low, low + span, count)
+    assert 1 <= len(places) <= count + 1
+    assert all(-1e-6 <= tick.percent <= 100 + 1e-6 for tick in places)
+    assert len({tick.percent for tick in places}) == len(places)
 
 
 @pytest.mark.parametrize(

@@ -111,14 +111,14 @@ def vouch(folder: Path) -> None:
 
 def test_run_against_itself_has_no_change_and_no_lonely_signal() -> None:
     side = side_of(small(), "a")
-    found, alone = pairs(side, side)
-    assert {(pair.segment, pair.kind) for pair in found} == {
+    partners, unpaired = pairs(side, side)
+    assert {(pair.segment, pair.kind) for pair in partners} == {
         (segment, kind)
         for segment in ("train", "check")
         for kind in ("state", "model linear", "model fossen")
     }
-    assert alone == []
-    assert all(change.check.value == 0.0 for change in signal_changes(found, 0.0))
+    assert unpaired == []
+    assert all(change.check.value == 0.0 for change in signal_changes(partners, 0.0))
     figures, lonely = coefficient_changes(side, side, 0.0)
     assert lonely == []
     assert figures
@@ -133,8 +133,8 @@ def test_shift_of_one_signal_is_found_where_it_is() -> None:
     two.fused["check"] = fused.set_column(
         fused.column_names.index("u_m_s"), fused.schema.field("u_m_s"), [moved]
     )
-    found, _ = pairs(side_of(one, "a"), side_of(two, "b"))
-    changed = [change for change in signal_changes(found, 1e-6) if not change.check.met]
+    partners, _ = pairs(side_of(one, "a"), side_of(two, "b"))
+    changed = [change for change in signal_changes(partners, 1e-6) if not change.check.met]
     assert [
         (change.segment, change.kind, change.check.quantity, change.check.unit)
         for change in changed
@@ -180,11 +180,11 @@ def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
         segments={"leg": document.model_copy(update={"leg_start_s": 1.05})},
         fused={"leg": fused(t[:20])},
     )
-    found, alone = pairs(one, two)
-    assert alone == []
-    assert found[0].times[[0, -1]] == pytest.approx([1.1, 2.9])
+    partners, unpaired = pairs(one, two)
+    assert unpaired == []
+    assert partners[0].times[[0, -1]] == pytest.approx([1.1, 2.9])
     np.testing.assert_allclose(
-        found[0].difference, -2.1, atol=1e-9
+        partners[0].difference, -2.1, atol=1e-9
     )  # the same ramp, 1.05 s later; rounding
     apart = replace(two, segments={"leg": document.model_copy(update={"leg_start_s": 100.0})})
     assert pairs(one, apart) == ([], ["leg: state at no common time"])
@@ -193,18 +193,18 @@ def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
 def test_what_has_no_partner_is_said() -> None:
     one, two = small(), small()
     del two.segments["check"], two.cards["coe"]
-    _, alone = pairs(side_of(one, "a"), side_of(two, "b"))
-    assert alone == ["check: state, model linear, model fossen only in a"]
+    _, unpaired = pairs(side_of(one, "a"), side_of(two, "b"))
+    assert unpaired == ["check: state, model linear, model fossen only in a"]
     _, lonely = coefficient_changes(side_of(one, "a"), side_of(two, "b"), 0.0)
     assert lonely == ["model coe: X u, X v, X w, X u*|v|, Y u, Y v and 18 more only in a"]
 
 
 def test_two_models_of_one_run_are_partners() -> None:
     run = small()
-    found, alone = pairs(side_of(run, "a", model="linear"), side_of(run, "a", model="fossen"))
-    assert {pair.kind for pair in found} == {"state", "model"}
-    assert alone == []
-    assert any((change.check.value or 0.0) > 0.1 for change in signal_changes(found, 0.0))
+    partners, unpaired = pairs(side_of(run, "a", model="linear"), side_of(run, "a", model="fossen"))
+    assert {pair.kind for pair in partners} == {"state", "model"}
+    assert unpaired == []
+    assert any((change.check.value or 0.0) > 0.1 for change in signal_changes(partners, 0.0))
 
 
 def call(*words: object) -> tuple[int, str]:
@@ -315,14 +315,14 @@ def test_bench_runs_are_compared_by_the_figures_of_every_leg_and_the_signals_of_
         "signals": 4,
     }
     assert not diff.diff(str(first), str(second))
-    found = OUTPUT.answer
-    assert [(item["of"], item["quantity"], item["value"]) for item in found["figures"]] == [
+    answer = OUTPUT.answer
+    assert [(item["of"], item["quantity"], item["value"]) for item in answer["figures"]] == [
         ("surge of leg tank", "X_udot", -14.0)
     ]
-    assert [(item["segment"], item["kind"], item["quantity"]) for item in found["signals"]] == [
+    assert [(item["segment"], item["kind"], item["quantity"]) for item in answer["signals"]] == [
         ("tank", "run", "linear")
     ]
-    assert found["signals"][0]["value"] == pytest.approx(0.1)
+    assert answer["signals"][0]["value"] == pytest.approx(0.1)
 
 
 def test_two_sides_without_anything_in_common_are_an_error_and_not_equal(
@@ -348,10 +348,10 @@ def test_signals_of_the_size_of_rounding_are_equal(tmp_path: Path) -> None:
         replace(side, fused={**fused, "train": still}),
         replace(side, fused={**fused, "train": moved}),
     )
-    found, alone = pairs(one, two)
+    partners, unpaired = pairs(one, two)
     assert (
         diff.difference(
-            diff_operands.RunData(one, {}), diff_operands.RunData(two, {}), found, alone, 1e-6
+            diff_operands.RunData(one, {}), diff_operands.RunData(two, {}), partners, unpaired, 1e-6
         ).signals
         == []
     )

@@ -136,10 +136,10 @@ def test_thinning_of_an_odd_length_loses_nothing_at_the_end() -> None:
 
 
 def test_held_is_the_last_sample_before() -> None:
-    found = last_before(
+    last = last_before(
         np.array([-1.0, 0.5, 2.0, 9.0]), np.array([0.0, 1.0, 2.0]), np.array([10.0, 11.0, 12.0])
     )
-    np.testing.assert_array_equal(found, [10.0, 10.0, 12.0, 12.0])
+    np.testing.assert_array_equal(last, [10.0, 10.0, 12.0, 12.0])
 
 
 def test_finding_stands_at_its_time_and_others_at_the_start(tmp_path: Path) -> None:
@@ -153,10 +153,10 @@ def test_finding_stands_at_its_time_and_others_at_the_start(tmp_path: Path) -> N
             {**HEALTH, "findings": [item, {**item, "text": "Whole log.", "at_s": None}]},
         )
     )
-    shown = subprocess.run(
+    result = subprocess.run(
         [str(RERUN), "rrd", "print", "-vvv", str(file)], capture_output=True, text=True, check=True
     ).stdout
-    chunk = shown[shown.index("/log/findings - ") :]
+    chunk = result[result.index("/log/findings - ") :]
     lines = [line for line in chunk.splitlines() if "1 gap." in line or "Whole log." in line][:2]
     assert "Whole log." in lines[0]
     assert "P0D" in lines[0]

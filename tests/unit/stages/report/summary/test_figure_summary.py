@@ -115,8 +115,10 @@ def test_bounds_that_cannot_fail_are_not_headlined() -> None:
         "8 of 8",
         "49 hold by construction",
     )
-    held = summarise_results({"check_published": {"title": "P", "rows": rows[1:]}}, {}, {}, VEHICLE)
-    assert held.headline == "No bound on printed values tests the method"
+    headlined = summarise_results(
+        {"check_published": {"title": "P", "rows": rows[1:]}}, {}, {}, VEHICLE
+    )
+    assert headlined.headline == "No bound on printed values tests the method"
 
 
 def test_all_determined_and_no_warning_is_good() -> None:
@@ -144,10 +146,10 @@ def test_digits_follow_the_standard_error(error: float | None, words: str) -> No
 
 def test_a_narrow_interval_is_given_as_its_width() -> None:
     exact = row("I_x", 1.7428, standard_error=1e-8, low=1.74279998, high=1.74280002)
-    shown = summarise_results(
+    summary = summarise_results(
         {"x": {"title": "T", "rows": [exact | {"unit": "kg*m^2"}]}}, {}, {}, VEHICLE
     ).figures[0]
-    assert (shown.value, shown.interval) == ("1.74280 kg m²", "± 2×10⁻⁸")
+    assert (summary.value, summary.interval) == ("1.74280 kg m²", "± 2×10⁻⁸")
 
 
 def test_page_shows_the_figures_escaped() -> None:

@@ -88,12 +88,12 @@ def read_back(format: str) -> Any:
 
 @pytest.mark.parametrize("format", ["bin", "tlog", "csv"])
 def test_our_readers_read_what_was_recorded(format: str, result: DivesResult) -> None:
-    found = read_back(format)
+    tables = read_back(format)
     streams = result.recorded["a"].streams
     tolerance = {"bin": 2e-6, "tlog": 2e-5, "csv": 1e-12}[format]
     for stream in ("imu", "attitude", "velocity", "depth"):
         columns = {name: values for name, values in streams[stream].items() if name != "time_us"}
-        table = getattr(found, stream)
+        table = getattr(tables, stream)
         assert np.array_equal(column(table, "time_us"), streams[stream]["time_us"])
         for name, values in columns.items():
             error = column(table, name) - values
@@ -102,9 +102,9 @@ def test_our_readers_read_what_was_recorded(format: str, result: DivesResult) ->
             assert np.abs(error).max() < tolerance * max(1.0, np.abs(values).max()), name
     for number in range(1, 9):
         name = f"pwm_{number}_us"
-        assert np.array_equal(column(found.actuators, name), streams["actuators"][name])
+        assert np.array_equal(column(tables.actuators, name), streams["actuators"][name])
     volts = {"bin": 1e-5, "tlog": 6e-4, "csv": 1e-12}[format]
-    battery = column(found.battery, "voltage_v") - streams["battery"]["voltage_v"]
+    battery = column(tables.battery, "voltage_v") - streams["battery"]["voltage_v"]
     assert np.abs(battery).max() < volts
 
 
@@ -126,7 +126,7 @@ def test_the_log_has_the_parameters_of_its_motors() -> None:
 def test_the_truth_table_holds_the_equation_of_motion(result: DivesResult) -> None:
     truth = result.truth["a"]
     thrust = matrix(truth, [f"thruster_{i}_N" for i in range(1, 9)])
-    found = residual_force(
+    force = residual_force(
         HEAVY,
         matrix(truth, POSE),
         matrix(truth, VELOCITY),
@@ -136,7 +136,7 @@ def test_the_truth_table_holds_the_equation_of_motion(result: DivesResult) -> No
     parts = ("viscous", "tether", "buoyancy", "thrust_loss", "inertia", "unsteady")
     total = sum(matrix(truth, force_columns(part)) for part in parts)
     np.testing.assert_allclose(total, matrix(truth, force_columns("tau_bar")), atol=1e-12)
-    np.testing.assert_allclose(found, total, atol=1e-9)
+    np.testing.assert_allclose(force, total, atol=1e-9)
 
 
 @pytest.mark.parametrize("form", ["linear", "symmetric_quadratic", "fossen"])
@@ -193,12 +193,12 @@ def test_the_chain_finds_the_force_of_exact_sensors() -> None:
     (key,) = resampled.segment
     segment, table = resampled.segment[key], resampled.resampled[key]
     fused = fuse.run(fuse.Inputs(segment, table, HEAVY, log.log_info), fuse.Params(cutoff_hz=5.0))
-    found = residual.run(
+    force = residual.run(
         residual.Inputs(segment, fused.fused, fused.fusion, table, HEAVY, log.log_info),
         residual.Params(),
     ).residual
     at = clock(fused.fused) + float(segment.leg_start_s)
     truth = true_values(outputs.truth["a"], force_columns("tau_bar"), at)
-    error = matrix(found, force_columns("tau_bar")) - truth
+    error = matrix(force, force_columns("tau_bar")) - truth
     share = np.sqrt(np.mean(error**2, axis=0) / np.mean(truth**2, axis=0))
     assert np.all(share < 0.06), share

@@ -129,8 +129,8 @@ def test_an_independent_integrator_flies_the_same_dive(dive: Dive) -> None:
 def test_the_parts_add_up_to_what_a_model_has_to_explain(dive: Dive) -> None:
     """tau_bar by the numbers of the vehicle file, from the motion alone."""
     motion = dive.motion(T)
-    found = tau_bar_of(HEAVY, motion.eta, motion.nu, motion.nu_dot, motion.bollard)
-    np.testing.assert_allclose(found, motion.tau_bar, atol=1e-10)
+    residual = tau_bar_of(HEAVY, motion.eta, motion.nu, motion.nu_dot, motion.bollard)
+    np.testing.assert_allclose(residual, motion.tau_bar, atol=1e-10)
 
 
 def test_power_and_energy_balance(dive: Dive) -> None:
@@ -171,7 +171,7 @@ def test_without_lag_and_losses_the_pulses_give_the_force() -> None:
     assert battery["voltage_v"][:5] == pytest.approx(
         dive.supply[dive.tick_of((battery["time_us"][:5] - START_US) / 1e6), 0]
     )
-    found = residual_force(
+    residual = residual_force(
         HEAVY,
         motion.eta,
         motion.nu,
@@ -179,7 +179,7 @@ def test_without_lag_and_losses_the_pulses_give_the_force() -> None:
         Control(thruster_pwm_us=pulses, voltage_v=voltage),
     ).tau_bar
     true = motion.forces["hull"] + motion.forces["tether"] + motion.forces["buoyancy"]
-    np.testing.assert_allclose(found, true, atol=1e-9)
+    np.testing.assert_allclose(residual, true, atol=1e-9)
 
 
 def test_a_truth_inside_a_form_gives_its_coefficients_back() -> None:

@@ -47,8 +47,8 @@ def test_drag_turns_with_the_velocity_of_its_points() -> None:
     """A yaw rate beside sway moves the sway force: no sum of forces of one velocity."""
     sway, turn = np.array([0, 0.4, 0, 0, 0, 0.0]), np.array([0, 0, 0, 0, 0, 0.8])
     together = FRAME.force(sway + turn)
-    alone = FRAME.force(sway) + FRAME.force(turn)
-    assert abs(together[1] - alone[1]) > 0.5
+    sum_of_two = FRAME.force(sway) + FRAME.force(turn)
+    assert abs(together[1] - sum_of_two[1]) > 0.5
 
 
 def test_the_drag_is_in_the_span_of_no_basis() -> None:

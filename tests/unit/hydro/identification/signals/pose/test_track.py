@@ -156,13 +156,13 @@ def test_a_freeze_of_one_part_is_a_freeze(frozen: str) -> None:
     """Three seconds of every 7.5, the other part alive, or repeats that rounding moves."""
     run = pose_run(np.arange(0.0, 60.0, 0.05), 5)
     position, attitude = tracked(run, 5, noise_m=2e-3, noise_rad=2e-3)
-    held = np.arange(len(run.t_s))
+    indices = np.arange(len(run.t_s))
     for at in np.flatnonzero(run.t_s % 7.5 < 3.0):
-        held[at] = held[max(at - 1, 0)]
+        indices[at] = indices[max(at - 1, 0)]
     if frozen != "attitude":
-        position = position[held]
+        position = position[indices]
     if frozen != "position":
-        attitude = attitude[held]
+        attitude = attitude[indices]
     if frozen == "rounding":
         position = position + 1e-9 * np.random.default_rng(0).normal(size=position.shape)
     track = pose_track(run.t_s, position, attitude)
