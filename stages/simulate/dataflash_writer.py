@@ -10,7 +10,7 @@ twin does not know are 0; a log has the types of the streams that were recorded.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -144,12 +144,18 @@ def in_order(blocks: list[tuple[npt.NDArray[np.int64], list[bytes]]]) -> bytes:
     return b"".join(records[index] for index in np.argsort(times, kind="stable"))
 
 
+Columns = Mapping[str, npt.NDArray[Any]]
+RecordColumns = Mapping[str, npt.NDArray[Any] | Sequence[float | bytes] | float]
+"""Columns of a message type; a number stands in every record."""
+TypedColumns = tuple[Definition, RecordColumns]
+
+
 def _start() -> npt.NDArray[np.int64]:
     return np.array([BOOT_US])
 
 
 def _rows(
-    definition: Definition, columns: Mapping[str, Any], time_us: npt.NDArray[np.int64]
+    definition: Definition, columns: RecordColumns, time_us: npt.NDArray[np.int64]
 ) -> npt.NDArray[np.void]:
     """Records (n,) of a type with these columns; the others are 0."""
     rows = np.zeros(time_us.size, definition.record)
@@ -166,7 +172,7 @@ def _rows(
 
 def _tables(
     recorded: Recorded,
-) -> list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]]:
+) -> list[tuple[Definition, RecordColumns, npt.NDArray[np.int64]]]:
     """Message type, columns and times of each stream that there is."""
     tables = []
     for stream, table in (
@@ -186,10 +192,7 @@ def _tables(
     return tables
 
 
-Columns = Mapping[str, npt.NDArray[Any]]
-
-
-def _imu(imu: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _imu(imu: Columns) -> TypedColumns:
     gyro = {f"Gyr{axis.upper()}": imu[f"gyro_{axis}_rad_s"] for axis in "xyz"}
     return IMU, gyro | {f"Acc{axis.upper()}": imu[f"accel_{axis}_m_s2"] for axis in "xyz"} | {
         "GH": 1,
@@ -198,7 +201,7 @@ def _imu(imu: Columns) -> tuple[Definition, Mapping[str, Any]]:
     }
 
 
-def _attitude(attitude: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _attitude(attitude: Columns) -> TypedColumns:
     degrees = {
         name: np.degrees(attitude[f"{symbol}_rad"])
         for name, symbol in (("Roll", "phi"), ("Pitch", "theta"), ("Yaw", "psi"))
@@ -207,7 +210,7 @@ def _attitude(attitude: Columns) -> tuple[Definition, Mapping[str, Any]]:
     return ATT, {**degrees, "AEKF": 3}
 
 
-def _velocity(velocity: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _velocity(velocity: Columns) -> TypedColumns:
     interval = (
         np.diff(velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1])
         / 1e6
@@ -217,20 +220,22 @@ def _velocity(velocity: Columns) -> tuple[Definition, Mapping[str, Any]]:
         f"PosD{name}": velocity[f"{axis}_m_s"] * interval
         for name, axis in zip("XYZ", "uvw", strict=True)
     }
-    return VISO, {"dt": interval, "conf": 100.0} | moved
+    return VISO, {"dt": interval, "conf": 100.0, **moved}
 
 
-def _depth(depth: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _depth(depth: Columns) -> TypedColumns:
     below = depth["depth_m"]
-    pressure = {"Press": STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * below}
-    return (
-        BARO,
-        {"Alt": -below, "AltAMSL": -below, "H": 1, "SMS": depth["time_us"] // 1000, "Temp": 1000}
-        | pressure,
-    )
+    return BARO, {
+        "Alt": -below,
+        "AltAMSL": -below,
+        "H": 1,
+        "SMS": depth["time_us"] // 1000,
+        "Temp": 1000,
+        "Press": STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * below,
+    }
 
 
-def _actuators(actuators: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _actuators(actuators: Columns) -> TypedColumns:
     pulses = {
         f"C{name.split('_')[1]}": values
         for name, values in actuators.items()
@@ -243,7 +248,7 @@ def _actuators(actuators: Columns) -> tuple[Definition, Mapping[str, Any]]:
     }
 
 
-def _battery(battery: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _battery(battery: Columns) -> TypedColumns:
     """The current drawn so far is summed from that of the samples."""
     hours = np.diff(battery["time_us"], prepend=battery["time_us"][0]) / 3.6e9
     return BAT, {
@@ -257,12 +262,12 @@ def _battery(battery: Columns) -> tuple[Definition, Mapping[str, Any]]:
     }
 
 
-def _mode(mode: Columns) -> tuple[Definition, Mapping[str, Any]]:
+def _mode(mode: Columns) -> TypedColumns:
     return MODE, {"Mode": mode["mode"], "ModeNum": mode["mode"], "Rsn": 1}
 
 
 def _records(
-    tables: list[tuple[Definition, Mapping[str, Any], npt.NDArray[np.int64]]],
+    tables: list[tuple[Definition, RecordColumns, npt.NDArray[np.int64]]],
 ) -> list[tuple[npt.NDArray[np.int64], list[bytes]]]:
     blocks = []
     for definition, columns, time_us in tables:

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from auvid.hydro.constants import STANDARD_PRESSURE_PA
 from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M
@@ -23,7 +24,9 @@ UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do
 ARRAY_NAME, ARRAY_ID, ARRAY_LENGTH = b"ACTU", 2759, 58
 HEARTBEAT_US = 1_000_000
 SYSTEM, COMPONENT = 1, 1
-Streams = Mapping[str, Mapping[str, Any]]
+Streams = Mapping[str, Mapping[str, npt.NDArray[Any]]]
+Messages = Iterator[tuple[int, Any]]
+"""Times [us] and messages, which are of pymavlink, without types."""
 
 
 def write_tlog(recorded: Recorded) -> bytes:
@@ -39,7 +42,7 @@ def write_tlog(recorded: Recorded) -> bytes:
     return b"".join(parts)
 
 
-def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int, Any]]:
+def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Messages:
     streams = recorded.streams
     end = max(int(stream["time_us"][-1]) for stream in streams.values())
     beats = np.arange(BOOT_US, end, HEARTBEAT_US)
@@ -74,7 +77,7 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Iterator[tuple[int,
             yield from encode(mav, streams)
 
 
-def _imu(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _imu(mav: Any, streams: Streams) -> Messages:
     imu = streams["imu"]
     for t, *values in _rows(
         imu["time_us"], *(imu[f"accel_{axis}_m_s2"] for axis in "xyz"), *_gyro(imu)
@@ -82,7 +85,7 @@ def _imu(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         yield int(t), mav.highres_imu_encode(int(t), *values, *[0.0] * 7, 0x3F)
 
 
-def _attitude(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _attitude(mav: Any, streams: Streams) -> Messages:
     attitude = streams["attitude"]
     angles = (attitude[f"{name}_rad"] for name in ("phi", "theta", "psi"))
     imu = streams["imu"]
@@ -91,7 +94,7 @@ def _attitude(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         yield int(t), mav.attitude_encode(int(t) // 1000, *values)
 
 
-def _velocity(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _velocity(mav: Any, streams: Streams) -> Messages:
     velocity = streams["velocity"]
     steps = np.diff(
         velocity["time_us"], prepend=2 * velocity["time_us"][0] - velocity["time_us"][1]
@@ -103,14 +106,14 @@ def _velocity(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         yield int(t), mav.vision_position_delta_encode(int(t), int(step), [0.0] * 3, moved, 100.0)
 
 
-def _depth(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _depth(mav: Any, streams: Streams) -> Messages:
     depth = streams["depth"]
     pressure = (STANDARD_PRESSURE_PA + FRESH_WATER_PA_M * depth["depth_m"]) / 100.0
     for t, hpa in _rows(depth["time_us"], pressure):
         yield int(t), mav.scaled_pressure2_encode(int(t) // 1000, hpa, 0.0, 2000)
 
 
-def _actuators(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _actuators(mav: Any, streams: Streams) -> Messages:
     actuators = streams["actuators"]
     pulses = [values for name, values in actuators.items() if name.startswith("pwm_")]
     if pulses:
@@ -128,7 +131,7 @@ def _actuators(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         )
 
 
-def _battery(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
+def _battery(mav: Any, streams: Streams) -> Messages:
     """Yield BATTERY_STATUS with the whole pack in the first cell, as ArduPilot does."""
     battery = streams["battery"]
     unused = [65535] * 9
@@ -138,7 +141,7 @@ def _battery(mav: Any, streams: Streams) -> Iterator[tuple[int, Any]]:
         yield int(t), mav.battery_status_encode(0, 0, 0, 32767, cells, current, -1, -1, -1)
 
 
-def _modes(streams: Streams, time_us: Any) -> list[int]:
+def _modes(streams: Streams, time_us: npt.NDArray[np.int64]) -> list[int]:
     """The number of the mode at times; 0 where the twin has none."""
     if "mode" not in streams:
         return [0] * len(time_us)
@@ -146,9 +149,9 @@ def _modes(streams: Streams, time_us: Any) -> list[int]:
     return [int(mode) for mode in streams["mode"]["mode"][np.maximum(at, 0)]]
 
 
-def _gyro(imu: Mapping[str, Any]) -> list[Any]:
+def _gyro(imu: Mapping[str, npt.NDArray[Any]]) -> list[npt.NDArray[Any]]:
     return [imu[f"gyro_{axis}_rad_s"] for axis in "xyz"]
 
 
-def _rows(*columns: Any) -> Iterator[tuple[Any, ...]]:
+def _rows(*columns: npt.NDArray[Any]) -> Iterator[tuple[float, ...]]:
     return zip(*(column.tolist() for column in columns), strict=True)
