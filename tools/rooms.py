@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -45,6 +45,14 @@ def module_files(root: Path) -> dict[str, Path]:
     return files
 
 
+def statements(tree: ast.AST) -> Iterator[ast.AST]:
+    """Yield all statements, without what stands in expressions."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):
+            yield node
+            yield from statements(node)
+
+
 def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     """Return the modules of the product that one module imports (type checking
     included).
@@ -52,7 +60,7 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     path = files[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     modules = set()
-    for node in ast.walk(ast.parse(path.read_bytes())):
+    for node in statements(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             targets = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

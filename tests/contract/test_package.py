@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 import auvid
+from tests.support.source_trees import statements, tree_of
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("data_schemas", "hydro", "stages", "export", "pipeline", "vehicles")
@@ -198,7 +199,7 @@ def test_what_is_imported_is_declared() -> None:
     imported: set[str] = set()
     for floor in ("auvid", *FLOORS):
         for path in (ROOT / floor).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for node in statements(tree_of(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.Import):
                     imported |= {item.name.partition(".")[0] for item in node.names}
                 elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
