@@ -159,10 +159,12 @@ def _lacking(
             else "docs/streams.md lists the messages that fill a stream."
         )
     needs_velocity = any("no velocity" in why or "no newtons" in why for why in reasons.values())
-    if needs_velocity and channels and "actuators" in first["streams"]:
+    driven = "actuators" in first["streams"] and _also(first) not in (IDLE, PASSIVE)
+    if needs_velocity and channels and driven:
         routes.append(
-            f"Partial use: {' and '.join(channels)} only, each from its own leg (channel:"
-            f" {channels[0]}) in a campaign of kind bench, which takes normalised commands too"
+            f"Partial use: {' and '.join(channels)} only, which takes normalised commands too: in a"
+            " campaign of kind axes, as auvid new campaign writes it from these logs (docs/axes.md),"
+            f" or each from its own leg (channel: {channels[0]}) in one of kind bench"
             " (docs/bench.md)."
         )
     routes.append(f"auvid check {campaign.name} shows what each log can be used for.")

@@ -139,10 +139,17 @@ def test_logs_without_velocity_are_refused_once_with_the_route_that_exists(campa
     assert "--until resample" in text
     assert "heave and yaw only" in text
     assert "kind bench" in text
+    assert "kind axes" in text
     assert fault(campaign(), without("velocity"), sound(), until="resample") is None
     both = str(fault(campaign(), without("velocity", "actuators"), sound()))
     assert "no velocity; no actuators" in both
     assert "bench" not in both, "without commands no channel can be identified"
+    idle = without("velocity")
+    for number in range(1, 9):
+        idle.streams["actuators"][f"pwm_{number}_us"] = np.full(idle.t_s("actuators").size, 1500.0)
+    resting = str(fault(campaign(), idle, idle))
+    assert "no velocity; no actuator acts" in resting
+    assert "Partial use" not in resting, "without a push no axis can be identified"
 
 
 def test_a_missing_accelerometer_names_the_method_that_needs_none(campaign: Any) -> None:
