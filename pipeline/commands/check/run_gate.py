@@ -163,7 +163,7 @@ def _lacking(
     if needs_velocity and channels and driven:
         routes.append(
             f"Partial use: {' and '.join(channels)} only, which takes normalised commands too: in a"
-            " campaign of kind axes, as auvid new campaign writes it from these logs (docs/axes.md),"
+            " campaign of kind axes, as auvid new campaign writes it (docs/axes.md),"
             f" or each from its own leg (channel: {channels[0]}) in one of kind bench"
             " (docs/bench.md)."
         )
