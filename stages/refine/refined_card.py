@@ -44,12 +44,12 @@ CHANGED = 0.1
 
 COVERAGE_ON_TWINS: Mapping[str, Mapping[str, float]] = {
     "filter_error": {"linear": 0.90},
-    "output_error": {"linear": 0.95, "gertler_hagen": 0.95},
+    "output_error": {"linear": 0.95, "gertler_hagen": 0.89},
 }
 """Share of the 95 % intervals of coefficients called identified that hold the truth, by the
 true model: fits to twins of the VT 690 of 33 seeds (plan matched, with an unsteady force), and
-60 and 3 (plan default; the 3 with windows of 10 s); their binomial intervals are .87 to .93,
-.94 to .96 and .88 to .98 (benchmarks/coverage.py).
+60 and 16 (plan default); their binomial intervals are .87 to .93, .94 to .96 and .86 to .92
+(benchmarks/coverage.py).
 """
 
 
