@@ -256,8 +256,9 @@ def strike(case: Case, clean: dict[str, str], folder: Path, place: int, fault: s
     wrong = []
     if outcome.startswith("internal") or (outcome == "killed") != (fault in ("kill", "torn")):
         wrong.append(outcome)
+    named = [os.strerror(getattr(errno, name)) for name in REFUSALS]
     if outcome.startswith("refused") and not any(
-        os.strerror(getattr(errno, name)) in outcome for name in REFUSALS
+        words in outcome for words in (*named, "no permission")
     ):
         wrong.append(f"not named: {outcome}")
     if vouched := falsely_vouched(workspace):

@@ -16,7 +16,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import rerun as rr
 
-from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
@@ -91,6 +90,31 @@ def record(
     per stage.
     """
     out = Recording(title, content=content, properties=properties, bins=bins, path=path)
+    try:
+        _fill(
+            out, title, summary, views, tables, fused, segments, logs, windows, path_rate_hz,
+            sections, tab,
+        )  # fmt: skip
+    except BaseException:  # a stream left open fails whatever is recorded next
+        out.discard()
+        raise
+
+
+def _fill(
+    out: Recording,
+    title: str,
+    summary: Summary,
+    views: Mapping[str, Document],
+    tables: Mapping[str, pa.Table],
+    fused: Mapping[str, pa.Table],
+    segments: Mapping[str, SegmentRecord],
+    logs: Mapping[str, LogInfo],
+    windows: Mapping[str, AxisWindowsRecord],
+    path_rate_hz: float,
+    sections: Mapping[str, Document],
+    tab: str,
+) -> None:
+    """Fill a recording, as `record`, and end it."""
     clock = make_clock(segments, logs, windows)
     groups = [(owner, group) for owner, document in views.items() for group in document["groups"]]
     out.document("answer/text", markdown(title, summary, segments, clock.segments))
@@ -108,16 +132,12 @@ def record(
         paths = send_flights(out, tables, inks_of(roles_of(sections)))
     _send_messages(out, tables, segments, clock, summary)
     lanes = _send_spans(out, tables, segments, clock)
-    try:
-        blueprint, left_out = whole_view(
-            groups,
-            VisibleTabs(logged, paths, tuple(texts), lanes),
-            tab,
-            partial(dive_view, dive, lanes) if dive else None,
-        )
-    except PipelineError:  # a tab that there is not
-        out.discard()
-        raise
+    blueprint, left_out = whole_view(
+        groups,
+        VisibleTabs(logged, paths, tuple(texts), lanes),
+        tab,
+        partial(dive_view, dive, lanes) if dive else None,
+    )
     if left_out:
         out.document(LEFT_OUT, left_out)
     out.finish(blueprint)

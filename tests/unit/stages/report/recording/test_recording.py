@@ -7,6 +7,8 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +17,12 @@ import pytest
 import rerun as rr
 import rerun.blueprint as rrb
 
+from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.tables import column, make_table
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.pipeline.store.pipes import saved_pieces
+from auvid.stages.base import Collection
 from auvid.stages.columns import VELOCITY, force_columns
 from auvid.stages.report import Params, collect, render_recording, run
 from auvid.stages.report.clock import make_clock
@@ -57,6 +62,28 @@ def rerun_rrd(*words: object) -> subprocess.CompletedProcess[str]:
 def test_rerun_accepts_the_recording(recordings: list[Path]) -> None:
     result = rerun_rrd("verify", recordings[0])
     assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts threads in /proc")
+def test_a_recording_that_fails_is_ended(example: ExampleRun) -> None:
+    """Left open, it would write into a pipe that is gone, and fail the next flush."""
+
+    def damaged() -> pa.Table:
+        raise DataError("the artefact is damaged")
+
+    def threads() -> int:
+        return len(list(Path("/proc/self/task").iterdir()))
+
+    inputs, content = example.inputs(), collect(example.inputs())
+    *others, last = inputs.tables
+    good = {name: partial(inputs.tables.__getitem__, name) for name in others}
+    tables = Collection({**good, last: damaged})
+    save = partial(render_recording, replace(inputs, tables=tables), Params(), content)
+    before = threads()
+    with pytest.raises(DataError, match="damaged") as failure:
+        list(saved_pieces(save))
+    assert threads() == before
+    assert failure.traceback  # it holds the frames, and so the stream
 
 
 def test_two_recordings_of_one_run_compare_equal(recordings: list[Path]) -> None:
