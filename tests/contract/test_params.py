@@ -25,7 +25,7 @@ def test_params_file_is_what_the_stages_declare() -> None:
     """`make declarations` writes it anew."""
     assert (ROOT / "params.yaml").read_text(encoding="utf-8") == params_yaml(
         STAGES, PARAMS["campaigns"]
-    )
+    ), "params.yaml is out of date: run make declarations"
 
 
 def test_campaigns_are_those_in_the_folder() -> None:
@@ -37,7 +37,8 @@ def test_campaigns_are_those_in_the_folder() -> None:
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: str(stage.name))
 def test_section_gives_the_defaults(stage: AnyStage) -> None:
     section = PARAMS[stage.name] or {}
-    assert section == {item.name: default_of(item) for item in fields(stage.params)}
+    defaults = {item.name: default_of(item) for item in fields(stage.params)}
+    assert section == defaults, "params.yaml is out of date: run make declarations"
     assert make_params(stage.params, section, stage=stage.name) == stage.params()
 
 

@@ -450,4 +450,5 @@ def test_px4_barometer_of_another_instance() -> None:
 @pytest.mark.parametrize("name", format_names())
 def test_the_page_shows_the_mapping_as_it_is(name: str) -> None:
     page = (Path(__file__).parents[5] / "docs/streams.md").read_text(encoding="utf-8")
-    assert mapping_table(name) in page
+    table = mapping_table(name)
+    assert table in page, f"docs/streams.md needs this table under the format {name}:\n{table}"
