@@ -180,7 +180,7 @@ def _common_fit(
 
 
 def common_shape(joining: Sequence[FittedAxis], lag_s: float) -> ForceDrive:
-    """Return the drive that a common fit starts from: the same thrusters bend all commands.
+    """Return the drive of all axes that a common fit starts from.
 
     Medians of dead band and curve over the axes that tell them, which the common fit then
     has free; straight where none does.

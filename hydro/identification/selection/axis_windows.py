@@ -60,8 +60,8 @@ def windows_of_axis(
         if why[first] >= 0:
             stretches.append(LeftOut(axis, *span, reasons[why[first]]))
         elif (last - first) * step < SHORTEST_WINDOW_S:
-            beside = [why[at] for at in (first - 1, last) if 0 <= at < t_s.size]
-            cut = "" if not beside else f" beside: {reasons[min(beside)]}"
+            neighbours = [why[at] for at in (first - 1, last) if 0 <= at < t_s.size]
+            cut = "" if not neighbours else f" beside: {reasons[min(neighbours)]}"
             stretches.append(LeftOut(axis, *span, f"shorter than {SHORTEST_WINDOW_S:g} s{cut}"))
         else:
             parts = max(1, round((last - first) * step / window_s))
