@@ -66,7 +66,7 @@ def _write_parquet(table: pa.Table, sink: BinaryIO) -> None:
 
 
 def in_pieces(artefact: object, name: str, *, file: object) -> Generator[bytes]:
-    """Give the bytes of an artefact; of a `FileWriter` or a long table as they are saved."""
+    """Give the bytes of an artefact; of a writer or a long table as they are saved."""
     kind = schema(name).kind
     if kind == "bytes" and callable(artefact):
         yield from saved_pieces(artefact)
@@ -100,8 +100,8 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
     if kind == "bytes":
         return content
     try:
-        wanted = {*columns, schema(name).clock} if columns else set()
-        value = _read_parquet(path, wanted) if kind == "table" else json.loads(content)
+        names = {*columns, schema(name).clock} if columns else set()
+        value = _read_parquet(path, names) if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         raise SchemaError(
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
@@ -112,14 +112,14 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
     return value
 
 
-def _read_parquet(path: Path, wanted: Collection[str | None]) -> pa.Table:
-    """Return the table of a file, or those columns that are `wanted`.
+def _read_parquet(path: Path, names: Collection[str | None]) -> pa.Table:
+    """Return the table of a file, or those columns that are `names`.
 
     It is read column by column: the bytes of the file are never all in memory.
     """
     with pa.OSFile(str(path)) as file:
         parquet = pq.ParquetFile(file)
-        names = [item for item in parquet.schema_arrow.names if not wanted or item in wanted]
+        names = [item for item in parquet.schema_arrow.names if not names or item in names]
         return parquet.read(names, use_threads=False)
 
 

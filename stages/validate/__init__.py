@@ -340,7 +340,7 @@ def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -
 def _forces(
     inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
 ) -> Mapping[str, Array]:
-    """Return the force (n, 6) of each model on a segment, worked out when it is asked for."""
+    """Return the force (n, 6) of each model on a segment, when it is asked for."""
     fused = _fused(inputs, models, key)
     return Collection(
         {name: partial(model.force, residual, fused) for name, model in models.items()}

@@ -74,8 +74,8 @@ def _cause(size: float, estimate: Gravity) -> str:
     if estimate.angle is None or math.degrees(estimate.angle) > limit("accelerometer_direction"):
         return ""
     factor = size / STANDARD_GRAVITY
-    for known, words in NAMED_UNITS.items():
-        if abs(math.log(factor / known)) < limit("accelerometer_unit"):
+    for unit, words in NAMED_UNITS.items():
+        if abs(math.log(factor / unit)) < limit("accelerometer_unit"):
             return f": {words}"
     return ""
 
