@@ -100,8 +100,8 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
     if kind == "bytes":
         return content
     try:
-        names = {*columns, schema(name).clock} if columns else set()
-        value = _read_parquet(path, names) if kind == "table" else json.loads(content)
+        chosen = {*columns, schema(name).clock} if columns else set()
+        value = _read_parquet(path, chosen) if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         raise SchemaError(
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
@@ -112,14 +112,14 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
     return value
 
 
-def _read_parquet(path: Path, names: Collection[str | None]) -> pa.Table:
-    """Return the table of a file, or those columns that are `names`.
+def _read_parquet(path: Path, chosen: Collection[str | None]) -> pa.Table:
+    """Return the table of a file, or the `chosen` columns of it.
 
     It is read column by column: the bytes of the file are never all in memory.
     """
     with pa.OSFile(str(path)) as file:
         parquet = pq.ParquetFile(file)
-        names = [item for item in parquet.schema_arrow.names if not names or item in names]
+        names = [item for item in parquet.schema_arrow.names if not chosen or item in chosen]
         return parquet.read(names, use_threads=False)
 
 
