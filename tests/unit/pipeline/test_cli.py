@@ -72,8 +72,8 @@ def auvid(
         cli.main()
     except SystemExit as end:
         code = end.code or 0
-    said = capsys.readouterr()
-    return int(code), said.out, said.err
+    captured = capsys.readouterr()
+    return int(code), captured.out, captured.err
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -108,14 +108,14 @@ def test_blas_threads_and_the_memory_of_arrow_are_set_before_either_is_loaded() 
         " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS']);"
         "import pyarrow; print(pyarrow.default_memory_pool().backend_name)"
     )
-    said = subprocess.run(
+    answer = subprocess.run(
         [sys.executable, "-c", program],
         capture_output=True,
         text=True,
         check=True,
         env={"OMP_NUM_THREADS": "8"},
     ).stdout
-    assert said.split() == ["False", "1", "1", "system"]
+    assert answer.split() == ["False", "1", "1", "system"]
 
 
 @pytest.mark.parametrize(

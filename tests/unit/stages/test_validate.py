@@ -373,7 +373,7 @@ def test_memory_of_a_training_leg_does_not_grow_with_the_models() -> None:
 
 
 def test_the_residual_force_is_never_read_with_all_its_components() -> None:
-    cards, whole = run(legs(names=("one", "check")))
+    cards, at_once = run(legs(names=("one", "check")))
     tables = {name: residual_table(*legs()[name]) for name in ("one", "check")}
 
     def part_of(key: str, columns: Sequence[str]) -> pa.Table:
@@ -385,9 +385,9 @@ def test_the_residual_force_is_never_read_with_all_its_components() -> None:
         Collection(dict.fromkeys(tables, lambda: pytest.fail("read as a whole")), part_of),
         collection({name: segment_document(name, LEGS[name]) for name in tables}),
     )
-    found = validate.run(inputs, validate.Params())
-    assert found.error_table.equals(whole.error_table)
-    assert found.predictions["one"].equals(whole.predictions["one"])
+    outputs = validate.run(inputs, validate.Params())
+    assert outputs.error_table.equals(at_once.error_table)
+    assert outputs.predictions["one"].equals(at_once.predictions["one"])
 
 
 def test_force_without_motion_has_no_ratio() -> None:

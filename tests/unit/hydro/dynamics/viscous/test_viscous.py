@@ -242,11 +242,11 @@ def test_force_is_the_sum_of_coefficient_times_term():
 
 def test_a_long_series_needs_the_terms_of_a_piece_at_a_time(monkeypatch):
     model, (nu, ratio) = IdentifiedModel("coe", published("coe")), sample(50)
-    whole, still = model.force(nu, ratio), model.force(nu, np.ones(()))
+    every_force, still = model.force(nu, ratio), model.force(nu, np.ones(()))
     monkeypatch.setattr(models, "PIECE", 16)
     most = []
     monkeypatch.setattr(models, "basis", lambda nu, *more: most.append(len(nu)) or basis(nu, *more))
-    np.testing.assert_allclose(model.force(nu, ratio), whole, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(model.force(nu, ratio), every_force, rtol=1e-12, atol=1e-9)
     np.testing.assert_allclose(model.force(nu, np.ones(())), still, rtol=1e-12, atol=1e-9)
     assert max(most) == 16
 

@@ -296,11 +296,13 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
 ) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
     band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
-    found = _values(table, band, (), _part_of(example.tables), "x")
-    np.testing.assert_allclose(found, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
-    whole = _values(table, {**band, "roles": ["fitted"]}, (), _part_of(example.tables), "x")
-    np.testing.assert_allclose(whole, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12)  # rounding
-    settled = _settled([{**band, "roles": ["fitted"]}], whole)
+    series = _values(table, band, (), _part_of(example.tables), "x")
+    np.testing.assert_allclose(series, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
+    without_band = _values(table, {**band, "roles": ["fitted"]}, (), _part_of(example.tables), "x")
+    np.testing.assert_allclose(
+        without_band, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12
+    )  # rounding
+    settled = _settled([{**band, "roles": ["fitted"]}], without_band)
     np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
@@ -335,10 +337,10 @@ def test_long_series_show_their_extremes_and_the_recording_says_so(
 def test_preview_is_smaller(example: ExampleRun, tmp_path: Path) -> None:
     long = example_run({"train": 900.0})
     content = collect(long.inputs())
-    preview, whole = tmp_path / "preview.rrd", tmp_path / "whole.rrd"
+    preview, full = tmp_path / "preview.rrd", tmp_path / "whole.rrd"
     render_recording(long.inputs(), Params(), content, str(preview), preview=True)
-    render_recording(long.inputs(), Params(), content, str(whole))
-    assert preview.stat().st_size < 0.8 * whole.stat().st_size
+    render_recording(long.inputs(), Params(), content, str(full))
+    assert preview.stat().st_size < 0.8 * full.stat().st_size
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="threads as Linux counts them")

@@ -59,11 +59,11 @@ def card(combinations: list[dict[str, Any]] | None = None, **axes: list[TermCard
 def test_damping_has_unit_and_interval(
     axis: str, name: str, value: float, error: float, words: str
 ) -> None:
-    (found,) = findings(card(**{axis: [term(name, value, error)]}))
-    assert found.label == {"X": "surge damping", "N": "yaw damping"}[axis]
-    assert found.figures == (words,)
+    (finding,) = findings(card(**{axis: [term(name, value, error)]}))
+    assert finding.label == {"X": "surge damping", "N": "yaw damping"}[axis]
+    assert finding.figures == (words,)
     assert (
-        found.note
+        finding.note
         == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs"
         " went."
     )
@@ -72,8 +72,8 @@ def test_damping_has_unit_and_interval(
 def test_assumed_figures_widen_the_interval_and_stand_beside_noise() -> None:
     """Half of it is 1.96 sqrt(.7^2 + 11.7^2) = 23.0."""
     item = term("u", -57.9, 0.7).model_copy(update={"assumed_shifts": {"thrust": 11.7}})
-    (found,) = findings(card(X=[item]))
-    assert found.figures == ("X_u = −58 ± 23 N s/m (noise ± 1, scale of the thrust curve ± 23)",)
+    (finding,) = findings(card(X=[item]))
+    assert finding.figures == ("X_u = −58 ± 23 N s/m (noise ± 1, scale of the thrust curve ± 23)",)
 
 
 def test_only_identified_coefficients_stand_there() -> None:
@@ -89,22 +89,24 @@ def test_determined_sum_of_inseparable_terms_counts_as_damping() -> None:
     one = {"weights": {"u": 1.0, "|u|": 1.0}, "value": -88.83, "standard_error": 4.72}
     none = {"weights": {"u*u": 1.0, "u*|u|": 1.0}, "value": 1.0, "standard_error": 4.72}
     mixed = {"weights": {"u": 1.0, "v": 1.0}, "value": -88.83, "standard_error": 4.72}
-    (found,) = findings(card([one, none, mixed]))
-    assert found.figures == ("X_u + X_|u| = −88.8 ± 9.3 N s/m",)
+    (finding,) = findings(card([one, none, mixed]))
+    assert finding.figures == ("X_u + X_|u| = −88.8 ± 9.3 N s/m",)
 
 
 def test_constant_forces_and_couplings_stand_apart() -> None:
-    found = findings(
+    by_kind = findings(
         card(
             Z=[term("constant", -4.477, 0.067), term("u", 13.4, 0.94)],
             Y=[term("u", 5.54, 0.73)],
             K=[term("u", -1.1, 0.1)],
         )
     )
-    assert [item.label for item in found] == ["constant force per axis", "couplings"]
-    assert found[0].figures == ("Z = −4.48 ± 0.13 N",)
-    assert found[1].figures == ("3 identified, in Models and coefficients",)
-    assert found[1].note.startswith("2 of them a hull symmetric to port and starboard cannot have")
+    assert [item.label for item in by_kind] == ["constant force per axis", "couplings"]
+    assert by_kind[0].figures == ("Z = −4.48 ± 0.13 N",)
+    assert by_kind[1].figures == ("3 identified, in Models and coefficients",)
+    assert by_kind[1].note.startswith(
+        "2 of them a hull symmetric to port and starboard cannot have"
+    )
 
 
 def segment(use: str, start: float, length: float, log: str = "dive") -> SegmentRecord:
