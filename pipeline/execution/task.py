@@ -25,6 +25,11 @@ from auvid.pipeline.store.fingerprints import as_document
 from auvid.pipeline.store.manifest import Hashes, Record
 from auvid.pipeline.store.package_versions import package_versions
 
+TOO_LONG = "the memory that this process may take is not enough"
+SHORTER = (
+    "Raise its limit (ulimit -v), cut long legs (start_s, end_s), or lower rate_hz of resample."
+)
+
 
 @dataclass(frozen=True)
 class Task:
@@ -60,6 +65,8 @@ def execute(task: Task) -> Outcome:
         return Outcome(task.item, record=_run(task))
     except PipelineError as fault:
         return Outcome(task.item, fault=fault)
+    except MemoryError as fault:
+        return Outcome(task.item, fault=PipelineError(f"{TOO_LONG}: {fault}", remedy=SHORTER))
     except Exception as crash:
         if isinstance(crash, OSError) and crash.errno in REMEDIES:
             return Outcome(task.item, fault=refusal(crash, "the system refused a file"))

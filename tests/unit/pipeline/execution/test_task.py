@@ -100,3 +100,13 @@ def test_asking_for_a_key_loads_nothing() -> None:
     pieces = Collection({"a": load})
     assert "a" in pieces
     assert "b" not in pieces
+
+
+def test_memory_that_runs_out_is_no_fault_of_auvid(tmp_path: Path) -> None:
+    def make(key: str) -> Any:
+        raise MemoryError("Unable to allocate 8.21 MiB")
+
+    outcome = execute(task_of(tmp_path, make))
+    assert outcome.crash is None
+    assert "8.21 MiB. Raise its limit (ulimit -v), cut long legs" in str(outcome.fault)
+    assert files(tmp_path) == []
