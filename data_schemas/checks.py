@@ -156,13 +156,13 @@ class LogFinding:
     others: int
 
     @property
-    def words(self) -> str:
-        """What was found, and the name of the check."""
-        return f"{self.text} ({self.check}{', accepted' if self.accepted else ''})"
+    def whose(self) -> str:
+        """The log, and how many others have it too."""
+        more = f" and {self.others} other{'s' * (self.others > 1)}" if self.others else ""
+        return f"log '{self.log}'{more}"
 
     def __str__(self) -> str:
-        more = f" and {self.others} other{'s' * (self.others > 1)}" if self.others else ""
-        return f"log '{self.log}'{more}: {self.words}"
+        return f"{self.whose}: {self.text} ({self.check}{', accepted' if self.accepted else ''})"
 
 
 def log_findings(

@@ -9,11 +9,11 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison
-from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate
+from auvid.hydro.identification.glide.fit import UNKNOWNS
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
 from auvid.stages.glide.glider import Glider
 from auvid.stages.glide.legs import GlideLegs
-from auvid.stages.number_format import significant
+from auvid.stages.number_format import estimate, significant
 from auvid.stages.presentation import (
     Block,
     equation,
@@ -44,7 +44,7 @@ def glide_section(
             f" {significant(_stretch_s(glides), 2)} s. Coefficients are referred to S ="
             f" {significant(body.area_m2, 3)} m². Depth rate is the slope of a smoothing spline of"
             " the pressure over rho g. Intervals are clustered by yo: what disturbs a dive"
-            " and the climb after it disturbs all of both. What stands as `from the prior` is the"
+            " and the climb after it disturbs all of both. What is 'from the prior' is the"
             " vehicle file's; its spread is in the intervals of the others."
         ),
         equation(
@@ -109,8 +109,8 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
     words = [
         remark(
             f"At {abs(np.degrees(mean_pitch(glides))):.1f} deg of pitch: C_D"
-            f" {_with_interval(estimate, *at['C_D'])}, angle of attack"
-            f" {_with_interval(estimate, *(np.degrees(item) for item in at['alpha']))} deg;"
+            f" {_with_interval(*at['C_D'])}, angle of attack"
+            f" {_with_interval(*(np.degrees(item) for item in at['alpha']))} deg;"
             f" depth rates of held-out glides are predicted to {comparison.fit_percent:.0f} %.",
             "finding",
         )
@@ -161,8 +161,8 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
     return words
 
 
-def _with_interval(estimate: GlideEstimate, value: float, error: float) -> str:
-    return f"{value:.3g} ± {significant(NORMAL_95 * error, 2)}"
+def _with_interval(value: float, error: float) -> str:
+    return estimate(value, NORMAL_95 * error)
 
 
 def _figures_table(comparison: GlideComparison) -> Block:

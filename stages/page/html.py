@@ -195,7 +195,7 @@ def render(
         pictures=pictures,
         axis_words=AXIS_WORDS,
         alerts=alerts(summary, sections),
-        chapters=arrange(sections),
+        chapters=arrange(without_quoted(sections, summary.explanation)),
         style=Markup(_text("templates/style.css") + _text("pictures/pictures.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -213,6 +213,19 @@ def render(
         printed_unit=printed_unit,
     )
     return words.encode("utf-8")
+
+
+def without_quoted(sections: Mapping[str, Document], answer: str) -> dict[str, Document]:
+    """Return the sections without the findings that the answer quotes."""
+
+    def quoted(block: Mapping[str, Any]) -> bool:
+        is_finding = block["kind"] == "remark" and block["level"] == "finding"
+        return is_finding and str(block["text"]) in answer
+
+    return {
+        path: {**document, "blocks": [b for b in document["blocks"] if not quoted(b)]}
+        for path, document in sections.items()
+    }
 
 
 def arrange(sections: Mapping[str, Document]) -> tuple[Chapter, ...]:

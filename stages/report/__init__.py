@@ -22,6 +22,7 @@ from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Collection, Document, FileWriter, Stage, every, param, port
+from auvid.stages.model_use import partial_words
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Alert, Level, Summary, anchor
 from auvid.stages.page.html import render
@@ -159,8 +160,15 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
         log_of = {str(leg["id"]): str(leg.get("log")) for leg in inputs.campaign.get("legs") or ()}
         summary = summarise_results(results, logs, sections, inputs.vehicle.document, log_of)
         if part is not None and part.partial is not None and inputs.ranking is not None:
-            uses = uses_of(part.partial, inputs.ranking.usable)
-            summary = replace(summary, uses=uses, rule=f"Judged by {inputs.ranking.rule}.")
+            usable = inputs.ranking.usable
+            use = partial_words(part.partial, usable).partition(";")[0]
+            count = summary.headline.partition(":")[0]
+            summary = replace(
+                summary,
+                headline=f"{use[:1].upper()}{use[1:]}; {count[:1].lower()}{count[1:]}",
+                uses=uses_of(part.partial, usable),
+                rule=f"Judged by {inputs.ranking.rule}.",
+            )
     elif part is not None and inputs.ranking is not None:
         summary = summarise_axes(
             part, inputs.ranking, logs, sections, inputs.vehicle, inputs.shelf or {}
@@ -189,13 +197,18 @@ def without_kilograms(cards: Mapping[str, ModelCard]) -> bool:
 
 
 def finding_alerts(inputs: Inputs) -> tuple[Alert, ...]:
-    """Return the findings of the logs with the place of each log's health."""
+    """Return the findings of the logs with the place of each log's health.
+
+    The names of the checks stand there.
+    """
     health = dict(inputs.health or {})
     alerts = []
     for item in log_findings(inputs.campaign, health):
         level: Level = "poor" if checks()[item.check].severity == "error" else "fair"
         place = anchor("ingest", item.log)
-        alerts.append(Alert(str(item) if len(health) > 1 else item.words, place, level))
+        words = f"{item.whose}: {item.text}" if len(health) > 1 else item.text
+        words += " (accepted)" if item.accepted else ""
+        alerts.append(Alert(words, place, level))
     return tuple(alerts)
 
 

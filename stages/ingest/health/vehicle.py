@@ -44,7 +44,7 @@ def missing_findings(log: CheckedLog) -> Iterator[Finding]:
             there = f" ({'; '.join(refused)})" if refused else ""
             yield finding(
                 f"no_{stream}",
-                f"Nothing in the log fills the stream {stream}{there}.",
+                f"The log has no data for the stream {stream}{there}.",
                 stream=stream,
             )
     if log.has("actuators") and not log.has("battery") and log.thrusters():

@@ -10,7 +10,13 @@ from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.model_use import FITTED, axes_listed, partial_words
-from auvid.stages.number_format import estimate, printed_unit, significant, true_minus
+from auvid.stages.number_format import (
+    fixed,
+    places_of_error,
+    printed_unit,
+    significant,
+    true_minus,
+)
 from auvid.stages.page.first_screen import (
     AXIS_WORDS,
     Alert,
@@ -158,13 +164,12 @@ def uses_of(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
     lacking = "no axis is lacking"
     if part.lacking:
         lacking = f"{axes_listed(list(part.lacking))} held as at the start"
+    needs = "damping identified and a held-out fit of half or more"
     uses = [
         Use("Simulation", axes_listed(usable.simulation), lacking),
-        Use(
-            "Control design",
-            axes_listed(usable.control) if usable.control else "no axis",
-            "damping identified and a held-out fit of half or more",
-        ),
+        Use("Control design", axes_listed(usable.control), needs)
+        if usable.control
+        else Use("Control design", "no axis", f"it needs {needs}"),
     ]
     parts = []
     for name, speed in usable.speeds.items():
@@ -178,15 +183,16 @@ def uses_of(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
 def _figure(item: MassFreeFigure) -> Figure:
     """Return a figure that needs no newtons, angles in degrees but for damping."""
     ends = item.interval_95
-    half = None if ends is None else (ends[1] - ends[0]) / 2.0
     unit = printed_unit(item.unit)
-    interval = ""
-    if ends is not None:
-        interval = f"{significant(ends[0])} to {significant(ends[1])}"
+    value, interval = significant(item.value), ""
+    if ends is not None and ends[1] > ends[0]:
+        places = places_of_error((ends[1] - ends[0]) / 2.0)
+        value = fixed(item.value, places)
+        interval = f"{fixed(ends[0], places)} to {fixed(ends[1], places)}"
     return Figure(
         AXIS_WORDS[item.axis],
         item.quantity,
-        true_minus(f"{estimate(item.value, half).partition(' ±')[0]} {unit}"),
+        true_minus(f"{value} {unit}"),
         true_minus(interval),
         item.verdict,
         "",

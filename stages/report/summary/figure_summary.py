@@ -140,7 +140,7 @@ def _headline(judged: int, good: int, bounds: list[Document]) -> str:
         if bounds_met
         else words
         if good in (judged, 0)
-        else f"{words}: the others say why not"
+        else f"{words}: the table says what is wrong with the others"
     )
 
 

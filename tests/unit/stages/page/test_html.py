@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from auvid.stages.number_format import number, printed_unit, symbols, term, visible
-from auvid.stages.page.html import Chapter, anchor, arrange, cells, heat, lead
+from auvid.stages.page.html import Chapter, anchor, arrange, cells, heat, lead, without_quoted
 from auvid.stages.presentation import remark, section, table, text
 from auvid.stages.report import Params, run
 from tests.support.example_run import ExampleRun, example_run
@@ -65,6 +65,12 @@ def test_sections_stand_by_order_and_share_a_heading_per_stage() -> None:
 def test_sections_with_titles_of_their_own_keep_them() -> None:
     sections = {"rlse/a": section("Surge", [], order=5), "rlse/b": section("Heave", [], order=5)}
     assert titles(arrange(sections)) == [("Surge", [""]), ("Heave", [""])]
+
+
+def test_a_finding_that_the_answer_quotes_stands_there_alone() -> None:
+    blocks = [remark("C_D 0.2.", "finding"), remark("It dives.", "finding"), text("C_D 0.2.")]
+    left = without_quoted({"glide": section("Glides", blocks, order=1)}, "At 22 deg: C_D 0.2.")
+    assert left["glide"]["blocks"] == blocks[1:]
 
 
 def test_anchors_of_different_names_differ() -> None:

@@ -298,11 +298,11 @@ def test_a_finding_that_two_logs_share_leads_to_the_log_that_it_names() -> None:
     health = {name: log.health() for name in ("dive_1", "dive_10")}
     inputs = example_run({"train": 4.0}).inputs()
     both = finding_alerts(replace(inputs, health=collection(health)))
-    (alert,) = [words for words in both if "no_velocity" in words]
+    (alert,) = [words for words in both if "stream velocity" in words]
     assert alert.startswith("log 'dive_1' and 1 other: ")
     assert alert.place == anchor("ingest", "dive_1")
     one = finding_alerts(replace(inputs, health=collection({"dive_10": health["dive_10"]})))
-    (of_one_log,) = [words for words in one if "no_velocity" in words]
+    (of_one_log,) = [words for words in one if "stream velocity" in words]
     assert not of_one_log.startswith("log ")
     assert of_one_log.place == anchor("ingest", "dive_10")
 
