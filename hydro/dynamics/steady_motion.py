@@ -59,7 +59,7 @@ class Floating:
                     parts[f"{axis}_{term.replace('*', '')}"] = (
                         np.eye(6)[i] * self.model.matrix[i, j] * values[j]
                     )
-            parts[f"{axis}_constant"] = np.eye(6)[i] * self.constant[i]
+            parts[f"{axis}_0"] = np.eye(6)[i] * self.constant[i]
         return parts
 
     def balance(self, nu: Array, tilt: Array) -> Array:

@@ -38,6 +38,7 @@ from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.force_input import driven_by_force
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import ORIGIN, TILTED, TILTS, damping_of, listed, own_drives
+from auvid.stages.number_format import true_minus
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 DRIVEN = ("X", "Y", "Z", "N")
@@ -282,7 +283,7 @@ def _words(check: MotionCheck) -> str:
     if check.rest_rad is not None and max(map(abs, check.rest_rad)) > TILTED_RAD:
         roll, pitch = np.degrees(check.rest_rad) + 0.0
         words.append(f"at rest it floats at roll {round(roll)}, pitch {round(pitch)} degrees")
-    return "; ".join(words)
+    return true_minus("; ".join(words))
 
 
 def _tips(items: Sequence[SteadyRange]) -> list[str]:

@@ -77,7 +77,7 @@ def test_a_vehicle_that_floats_askew_is_said_to() -> None:
     assert check.verdict == "holds"
     assert check.rest_rad is not None
     assert check.rest_rad[1] == pytest.approx(-np.arcsin(0.45 / check.righting_N_m[1]), rel=1e-6)
-    assert "at rest it floats at roll 0, pitch -20 degrees" in check.words
+    assert "at rest it floats at roll 0, pitch −20 degrees" in check.words
 
 
 def checked_model(
@@ -89,6 +89,12 @@ def checked_model(
         np.zeros(6) if constant is None else constant,
     )
     return motion_check(floating, card(), minimum_speed=0.05)
+
+
+def test_a_constant_moment_that_tips_it_over_has_its_name_in_the_table_of_coefficients() -> None:
+    check = checked_model(DAMPED, np.array([0.0, 0.0, 0.0, 0.0, -0.9, 0.0]))
+    assert "(most of it by M_0, 0.9 N m)" in check.words
+    assert "-" not in check.words
 
 
 def test_quadratic_damping_with_a_constant_heave_force_stays_upright() -> None:
