@@ -344,7 +344,7 @@ def surge_input(record: AxisRecord) -> Array:
     from auvid.hydro.identification.axes.drive import lagged_columns
 
     step = float(record.t_s[1] - record.t_s[0])
-    return lagged_columns(step, record.force["X"][:, None], SURGE_LAG_S)[:, 0]
+    return lagged_columns(step, np.nan_to_num(record.force["X"])[:, None], SURGE_LAG_S)[:, 0]
 
 
 def hull_input(record: AxisRecord, inertia: Array) -> Array:
@@ -356,7 +356,9 @@ def hull_input(record: AxisRecord, inertia: Array) -> Array:
     step = float(record.t_s[1] - record.t_s[0])
     parts = max(1, round(step / HULL_STEP_S))
     h, u, v, out = step / parts, 0.0, 0.0, []
-    columns = (record.force["X"] / m_1, record.force["Y"] / m_2, np.nan_to_num(record.rate["r"]))
+    columns = np.nan_to_num(  # where outputs are not logged nothing drives, as in all inputs
+        [record.force["X"] / m_1, record.force["Y"] / m_2, record.rate["r"]]
+    )
     for ahead, aside, r in zip(*(column.tolist() for column in columns), strict=True):
         out.append(u * v)
         for _ in range(parts):

@@ -17,7 +17,7 @@ from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
-from auvid.hydro.identification.axes.single_axis import fit_axis, refusal
+from auvid.hydro.identification.axes.single_axis import fit_axis, hull_input, refusal, surge_input
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
 from tests.support.axis_legs import axis_leg, scaled_force
@@ -297,6 +297,17 @@ def test_a_hull_whose_speeds_nobody_measures_is_no_inertia_of_yaw() -> None:
     off = [abs(fit.inertia.value / HULL_INERTIA[5] - 1.0) for fit in (plain, with_hull)]
     assert off[1] < 0.04 < 0.06 < off[0], off
     assert any("Munk" in note for note in with_hull.notes)
+
+
+def test_a_pause_of_the_outputs_does_not_end_the_speeds_that_forces_give() -> None:
+    t_s = np.arange(0.0, 10.0, 0.1)
+    force = np.where((t_s > 2.0) & (t_s < 3.0), np.nan, 20.0)
+    record = AxisRecord(
+        t_s, {"r": np.full(t_s.size, 0.3)}, None, np.zeros((t_s.size, 3)),
+        {"X": force, "Y": 0.0 * t_s}, False, {}, (), {},
+    )  # fmt: skip
+    assert np.isfinite(hull_input(record, np.array([20.0, 30.0, 40.0, 1.0, 1.0, 1.0]))).all()
+    assert np.isfinite(surge_input(record)).all()
 
 
 def test_commands_without_a_velocity_say_what_counts_as_inertia() -> None:
