@@ -5,6 +5,7 @@ Runs in any process and never raises.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import traceback
 import warnings
@@ -20,7 +21,12 @@ from auvid.pipeline.execution.memory import give_back
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.artefacts import in_pieces
-from auvid.pipeline.store.atomic_files import REMEDIES, refusal, write_atomically
+from auvid.pipeline.store.atomic_files import (
+    REMEDIES,
+    SYSTEM_REFUSALS,
+    refusal,
+    write_atomically,
+)
 from auvid.pipeline.store.fingerprints import as_document
 from auvid.pipeline.store.manifest import Hashes, Record
 from auvid.pipeline.store.package_versions import package_versions
@@ -66,6 +72,7 @@ def execute(task: Task) -> Outcome:
     except PipelineError as fault:
         return Outcome(task.item, fault=fault)
     except MemoryError as fault:
+        SYSTEM_REFUSALS.append(OSError(errno.ENOMEM, TOO_LONG))
         return Outcome(task.item, fault=PipelineError(f"{TOO_LONG}: {fault}", remedy=SHORTER))
     except Exception as crash:
         if isinstance(crash, OSError) and crash.errno in REMEDIES:

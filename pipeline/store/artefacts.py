@@ -20,7 +20,7 @@ from auvid.data_schemas.documents import check_document, delivered, written
 from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import check_table
-from auvid.pipeline.store.atomic_files import readable
+from auvid.pipeline.store.atomic_files import REMEDIES, readable, refusal
 from auvid.pipeline.store.file_hashes import hash_bytes, hash_file
 from auvid.pipeline.store.pipes import saved_pieces
 
@@ -103,6 +103,8 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
         chosen = {*columns, schema(name).clock} if columns else set()
         value = _read_parquet(path, chosen) if kind == "table" else json.loads(content)
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
+        if isinstance(fault, OSError) and fault.errno in REMEDIES:
+            raise refusal(fault, "artefact cannot be read", path) from fault
         raise SchemaError(
             f"cannot be read: {fault}", file=path, remedy="Remove the file and run again."
         ) from fault

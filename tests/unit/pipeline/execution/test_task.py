@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,6 +16,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.execution.task import Task, execute
 from auvid.pipeline.graph import Graph
+from auvid.pipeline.store.atomic_files import SYSTEM_REFUSALS
 from auvid.stages.base import Collection, Stage, port
 
 
@@ -106,7 +108,9 @@ def test_memory_that_runs_out_is_no_fault_of_auvid(tmp_path: Path) -> None:
     def make(key: str) -> Any:
         raise MemoryError("Unable to allocate 8.21 MiB")
 
+    before = len(SYSTEM_REFUSALS)
     outcome = execute(task_of(tmp_path, make))
+    assert [fault.errno for fault in SYSTEM_REFUSALS[before:]] == [errno.ENOMEM]
     assert outcome.crash is None
     assert "8.21 MiB. Raise its limit (ulimit -v), cut long legs" in str(outcome.fault)
     assert files(tmp_path) == []

@@ -5,6 +5,7 @@ is the same bytes for the same content.
 from __future__ import annotations
 
 import ast
+import errno
 import json
 import os
 import stat
@@ -25,6 +26,7 @@ from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store import artefacts, pipes
 from auvid.pipeline.store.artefacts import encode, in_pieces, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import (
+    SYSTEM_REFUSALS,
     TEMPORARY,
     contents,
     refuse_linked_folders,
@@ -110,6 +112,21 @@ def test_altered_artefact_is_noticed_by_its_hash(tmp_path: Path) -> None:
     write_atomically(tmp_path / "depth.parquet", encode(depth_table(), "depth", file="x"))
     with pytest.raises(SchemaError, match="not what its manifest says"):
         load(tmp_path / "depth.parquet", "depth", expected="0" * 64)
+
+
+def test_a_disk_that_refuses_a_table_is_no_damage_of_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    path = tmp_path / "depth.parquet"
+    path.write_bytes(b"")
+    monkeypatch.setattr(artefacts, "_read_parquet", refuse)
+    with pytest.raises(PipelineError, match="cannot be read: Input/output error") as caught:
+        load(path, "depth")
+    assert not isinstance(caught.value, SchemaError)
+    assert SYSTEM_REFUSALS.pop().errno == errno.EIO
 
 
 def test_documents_hold_plain_finite_values_only() -> None:
