@@ -94,7 +94,7 @@ def _drift(
         stream="actuators" if outputs else "velocity",
         value=velocity,
         remedy=(
-            f"Multiply the times of the {whose} by"
+            f"Multiply the times of the {whose}, from the start of the log, by"
             f" {1.0 + rate if outputs else 1.0 - rate:.4f} before the export, or log all with one"
             " clock."
         ),

@@ -9,6 +9,7 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Mask
 from auvid.hydro.identification.checks.response import without_drift
+from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent, significant
@@ -89,7 +90,9 @@ def _never_changing(log: CheckedLog, still: str) -> Finding:
 
 def _frozen(log: CheckedLog, moving: Mask) -> Finding | None:
     """Return outputs that stop changing, while the vehicle goes on as under others."""
-    names, t_s = [*log.thrusters(), *log.commands()], log.t_s("actuators")
+    there = log.tables["actuators"].column_names
+    others = [name for name in ("propeller_rev_s", *FINS) if name in there]
+    names, t_s = [*log.thrusters(), *log.commands(), *others], log.t_s("actuators")
     if len(t_s) < 2 or not names:
         return None
     same = np.append(False, ~np.diff(log.values("actuators", names), axis=0).any(axis=1))

@@ -926,6 +926,15 @@ def test_one_axis_that_freezes_halfway_is_named() -> None:
     assert findings["value"] == pytest.approx(30.0, abs=0.3)  # s
 
 
+def test_tunnel_thrusters_that_rest_while_fins_steer_are_not_frozen() -> None:
+    log = sound()
+    at("actuators", 20.0, 99.0, **{f"pwm_{number}_us": 1500.0 for number in range(1, 9)})(log)
+    t_s = log.t_s("actuators")
+    log.streams["actuators"]["propeller_rev_s"] = 20.0 + np.sin(0.3 * t_s)
+    log.streams["actuators"]["fin_s_rad"] = 0.2 * np.sin(0.4 * t_s)
+    assert "outputs_frozen" not in log.ids()
+
+
 def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
     log = sound()
     at("velocity", 0.0, 99.0, v_m_s=0.0)(log)
