@@ -170,8 +170,8 @@ COMPILE = echo "setuptools>=77" | uv pip compile pyproject.toml - --universal --
 lock:
 	$(COMPILE) --extra view -o requirements.lock
 	$(COMPILE) --extra view --extra dvc -c requirements.lock -o requirements-dvc.lock
-	$(COMPILE) --extra view --extra dask -c requirements.lock -o requirements-dask.lock
-	$(COMPILE) --extra view --extra dvc --extra dask --extra test --extra docs -c requirements-dvc.lock -c requirements-dask.lock -o requirements-test.lock
+	$(COMPILE) --extra view --extra catalog --extra dask -c requirements.lock -o requirements-dask.lock
+	$(COMPILE) --extra view --extra catalog --extra dvc --extra dask --extra test --extra docs -c requirements-dvc.lock -c requirements-dask.lock -o requirements-test.lock
 
 bench: $(RUN) $(TEST)
 	@python -m benchmarks

@@ -3,7 +3,7 @@
     python -m benchmarks.catalogue [--recordings N]
 
 Two recordings have one title and differ in content, as two runs of one campaign. The
-query needs datafusion (pip install 'rerun-sdk[catalog]'); without it, it is null. Asked
+query needs datafusion (pip install 'auvid[catalog]'); without it, it is null. Asked
 are at most 3 s, .5 s, and none dropped.
 """
 

@@ -24,8 +24,8 @@ LOOPBACK = "127.0.0.1"
 SUFFIX = ".rrd"
 HIGHEST_PORT = 65535
 QUERIES = (
-    "queries in Python and the table of properties need datafusion: pip install"
-    " 'rerun-sdk[catalog]'"
+    "queries in Python and the table of properties need the datafusion of this Rerun: pip install"
+    " 'auvid[catalog]'"
 )
 INTERRUPT_EVERY_S = 0.5
 
@@ -81,11 +81,14 @@ def served(paths: Sequence[Path], name: str, port: int = 0) -> Iterator[Server]:
 def segments(server: Server, name: str) -> int | None:
     """Return how many recordings the server has, with the blueprint of a dataset set.
 
-    None where that cannot be told, without datafusion.
+    None where that cannot be told: without datafusion, or with another than Rerun's.
     """
     if find_spec("datafusion") is None:
         return None
-    dataset = server.client().get_dataset(name)
+    try:
+        dataset = server.client().get_dataset(name)
+    except ImportError:
+        return None
     with tempfile.TemporaryDirectory() as folder:
         dataset.register_blueprint(_blueprint(Path(folder) / "catalog.rbl").as_uri())
         return len(dataset.segment_ids())

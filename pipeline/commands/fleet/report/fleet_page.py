@@ -118,7 +118,11 @@ def _summary(
         if count > 1
     ]
     look = max(vehicles, key=lambda each: each.concerns, default=None)
-    first = f"; look at {look.vehicle} first" if look is not None and look.concerns else ""
+    first = ""
+    if look is not None and look.concerns:
+        own = [words for words in doubts if words.startswith(f"{look.vehicle}: ")]
+        why = own[0].removeprefix(f"{look.vehicle}: ") if own else ""
+        first = f"; look at {look.vehicle} first: {why}".rstrip(": ")
     agreed = _agreed(vehicles)
     level = "poor" if not counts["done"] else "fair" if doubts or notes else "good"
     return Summary(

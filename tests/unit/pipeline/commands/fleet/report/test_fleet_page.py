@@ -127,7 +127,7 @@ def test_a_healthy_fleet_raises_nothing_and_gives_the_next_dive() -> None:
 
 def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> None:
     page = fleet_page("disk", tables(fouled_from=6, weak=True)).decode()
-    assert "look at rov first" in page
+    assert "look at rov first: drag in surge at 0.3 m/s changed by" in page
     assert "drag in surge at 0.3 m/s changed by" in page
     assert "thruster 3 is weak in dive9.BIN" in page
     assert "Vehicles and findings over time" in page
