@@ -85,6 +85,7 @@ def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
         {
             "hash": log.hash,
             "files": log.paths,
+            "fault": log.fault,
             "vehicle": hash_of_file(log.vehicle),
             "auvid": _code(),
         }
@@ -155,8 +156,10 @@ def refused_survey(log: FleetLog, key: str, reason: str) -> LogSurvey:
 def _survey(inputs: Inputs, _: Params) -> SurveyOutputs:
     log, before = inputs.log, len(SYSTEM_REFUSALS)
     with _holding(inputs):
-        if log.fault or not log.unchanged:
-            return SurveyOutputs(refused_survey(log, AGAIN, log.fault or GROWING))
+        if log.fault:
+            return SurveyOutputs(refused_survey(log, inputs.key, log.fault))
+        if not log.unchanged:
+            return SurveyOutputs(refused_survey(log, AGAIN, GROWING))
         try:
             document = _surveyed(inputs)
         except PipelineError as fault:
