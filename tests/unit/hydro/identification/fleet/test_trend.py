@@ -86,3 +86,12 @@ def test_four_dives_say_nothing() -> None:
     assert trend(TIMES[:4], TIMES[:4], np.ones(4)) is None
     with pytest.raises(DataError, match="one time"):
         trend(np.zeros(7), TIMES, np.ones(7))
+
+
+def test_of_many_dives_those_that_are_hardly_known_hide_no_trend() -> None:
+    random, times = np.random.default_rng(1), np.arange(400.0)
+    errors = np.where(np.arange(400) % 7 == 0, 50.0, 0.1)
+    drift = trend(times, times / 400.0 + errors * random.standard_normal(400), errors)
+    assert drift is not None
+    assert drift.p < 1e-6
+    assert drift.slope == pytest.approx(1.0 / 400.0, rel=0.1)
