@@ -213,6 +213,8 @@ def _balanced(
     for _ in range(ITERATIONS):
         balance, slope = yield nu, tilt
         missing = balance + force * drive
+        if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(slope))):
+            return None  # a step led to a pitch of 90 degrees, where roll has no rate
         if np.max(np.abs(missing)) < SETTLED * (1.0 + abs(force)):
             return nu, tilt, force
         slope[range(6), range(6)] -= np.sqrt(np.abs(missing[:6]) * inertia)

@@ -12,6 +12,7 @@ from auvid.hydro.dynamics.steady_motion import (
     Floating,
     SteadyDrive,
     SteadyMotion,
+    _balanced,
     growth_about,
     overturning,
     rest_tilt,
@@ -135,3 +136,13 @@ def test_the_end_is_bisected() -> None:
     motions, _ = along(model, "X", speeds, np.eye(6)[0])
     limit = np.sin(TIPPED_RAD) * RIGHTING / 3.0
     assert limit - 1.0 / 7.0 / 30.0 < motions[-1].speed <= limit
+
+
+def test_a_step_to_a_pitch_of_90_degrees_finds_no_balance() -> None:
+    """There roll has no rate, so the balance and its slopes are no numbers."""
+    model, pitched = floating(), np.array([0.0, np.pi / 2.0])
+    search = _balanced(model, np.zeros(6), pitched, 0.0, list(range(6)), np.zeros(6))
+    nu, tilt = next(search)
+    with pytest.raises(StopIteration) as end:
+        search.send((model.balance(nu, tilt), model.slopes(nu, tilt)))
+    assert end.value.value is None
