@@ -38,6 +38,12 @@ LOOK_FOR = (
     " intervals. 100 % is the measured rate itself, 0 % its mean."
 )
 
+COVERAGE_TOGETHER = (
+    "Take intervals of axes fitted together that are narrower than 5 % for 5 %: in five made-up"
+    " laboratories they held 76 of 114 true values, of which none was more than 4.5 % off."
+)
+"""Share of 95 % intervals that held what a simulator knew (decision 0032)."""
+
 
 def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     """Return the section on fits, axes that are lacking, and what needs no newtons."""
@@ -49,6 +55,8 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     ]
     if fits.together is not None:
         blocks.append(remark(together_words(fits.together)))
+        if fits.together.chosen:
+            blocks.append(remark(COVERAGE_TOGETHER, "warning"))
     if fits.markers is not None:
         wrong = fits.markers.departs and not fits.markers.used
         blocks.append(remark(markers_words(fits.markers), "warning" if wrong else "note"))

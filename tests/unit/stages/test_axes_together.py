@@ -19,7 +19,7 @@ from auvid.stages.fit_axes.coupling import filed_inertia, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
-from auvid.stages.fit_axes.presentation import fit_section
+from auvid.stages.fit_axes.presentation import COVERAGE_TOGETHER, fit_section
 from auvid.stages.fit_axes.scaling import scaled
 from tests.support.axis_legs import axis_leg
 from tests.support.axis_twin import leg
@@ -161,6 +161,7 @@ def test_a_body_with_coriolis_force_is_fitted_together() -> None:
     assert yaw.unused_legs == {"leg_2": "not commanded"}
     section = str(fit_section(fitted, card_of(fitted)))
     assert "Fitted together, with Coriolis force" in section
+    assert COVERAGE_TOGETHER in section
     assert "not commanded" in section
     assert all(item.whole_legs["leg_3"] > 85.0 for item in fitted.fitted)
 

@@ -178,7 +178,11 @@ GLIDER: tuple[tuple[str, str], ...] = (
 """Columns of a glider by their words; a column of the buoyancy drive tells one."""
 SIDES = {"forward": "u", "starboard": "v", "right": "v", "left": "v", "down": "w", "up": "w"}
 """A velocity whose columns are called by where they point."""
-FLIPPED = ("left", "up")
+SHORT_SIDES = {"fwd": "u", "stbd": "v", "port": "v"}
+"""These may be thrusters, too: a velocity where their unit is that of a speed."""
+AHEAD, ASIDE = {"forward", "fwd"}, {"left", "right", "starboard", "stbd", "port"}
+FLIPPED = ("left", "port", "up")
+SPEED_UNITS, RATE_UNITS = ("m/s", "cm/s", "mm/s", "knot"), ("rad/s", "deg/s")
 
 
 @dataclass(frozen=True)
@@ -198,7 +202,7 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     stems = [words for words, _ in parts]
     # Beside commands of surge and sway a bare `yaw` is one as well, but not that of a pose.
     steered = {"surge", "sway"} <= set(stems) and not _is_pose(stems)
-    pointed = {"forward"} <= set(stems) and bool({"left", "right", "starboard"} & set(stems))
+    pointed = bool(AHEAD & set(stems)) and bool(ASIDE & set(stems))
     glides = any(BUOYANCY.search(words) for words in stems)
     result = []
     for name, (words, unit) in zip(names, parts, strict=True):
@@ -207,11 +211,22 @@ def named_columns(names: Sequence[str]) -> list[NamedColumn]:
             place = _place_on_glider(words) or place
         if steered and words in ("yaw", "roll", "pitch") and not unit:
             place = ("actuators", f"command_{words}")
-        if pointed and words in SIDES:
-            place = ("velocity", f"{SIDES[words]}_m_s")
+        place = _place_by_unit(words, unit) or place
+        sides = SIDES | SHORT_SIDES if unit in SPEED_UNITS else SIDES
+        if pointed and words in sides:
+            place = ("velocity", f"{sides[words]}_m_s")
             frame = "flu" if words in FLIPPED else ""
         result.append(NamedColumn(name, words, unit, place, frame))
     return result
+
+
+def _place_by_unit(words: str, unit: str) -> tuple[str, str] | None:
+    """Return the place of an axis whose unit tells a speed or a rate, else None."""
+    if unit in SPEED_UNITS and words in ("surge", "sway", "heave"):
+        return "velocity", f"{SPEED[words]}_m_s"
+    if unit in RATE_UNITS and words in ("roll", "pitch", "yaw"):
+        return "imu", f"gyro_{AXIS[words]}_rad_s"
+    return None
 
 
 def _is_pose(stems: Sequence[str]) -> bool:

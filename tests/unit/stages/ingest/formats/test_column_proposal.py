@@ -70,6 +70,24 @@ def test_velocity_called_by_where_it_points_has_its_frame() -> None:
     ]
 
 
+def test_a_unit_tells_a_velocity_from_a_command() -> None:
+    names = ["time_s", "surge_mps", "sway [m/s]", "heave_mps", "yaw [deg/s]", "roll_deg"]
+    _, proposed = draft(names)
+    assert {item["column"]: (item["field"], item["unit"]) for item in proposed["columns"]} == {
+        "surge_mps": ("u_m_s", "m/s"),
+        "sway [m/s]": ("v_m_s", "m/s"),
+        "heave_mps": ("w_m_s", "m/s"),
+        "yaw [deg/s]": ("gyro_z_rad_s", "deg/s"),
+        "roll_deg": ("phi_rad", "deg"),
+    }
+    _, proposed = draft(["time_s", "fwd_mps", "port_mps", "down_mps"])
+    assert [(item["field"], item.get("frame")) for item in proposed["columns"]] == [
+        ("u_m_s", None),
+        ("v_m_s", "flu"),
+        ("w_m_s", None),
+    ]
+
+
 @pytest.mark.parametrize(
     "names",
     [("a", "b"), ("t",), ("",), ("x: {y", "- '\"", "depth\t\\", "no"), ("time", "é", "深度_m")],
