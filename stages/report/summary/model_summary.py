@@ -29,6 +29,7 @@ from auvid.stages.model_use import (
     listed,
     lost_tilts,
     recommendation,
+    tipping_axes,
 )
 from auvid.stages.number_format import fixed, true_minus
 from auvid.stages.page.first_screen import (
@@ -110,6 +111,12 @@ RESTS = {
 }
 
 
+def _runs(model: MeritRecord, axis: str) -> bool:
+    """Return whether the free runs of an axis err less than the guess."""
+    error = model.axes[axis].free_run
+    return error is not None and error < 1.0
+
+
 def _uses(
     ranking: RankingRecord, chosen: MeritRecord | None, card: ModelCard | None
 ) -> tuple[Use, ...]:
@@ -132,7 +139,11 @@ def _uses(
         reason = f"all {chosen.runs} free runs hold;{horizon} they beat the guess of {GUESS}"
         steadied = usable.under_attitude_hold
         rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
-        reason += f", but not in {axes_listed(rest)}" if rest else ""
+        upset = (*tipping_axes(chosen), *TILTS) if tipping_axes(chosen) else ()
+        upset = tuple(axis for axis in upset if axis in rest and _runs(chosen, axis))
+        worse = [axis for axis in rest if axis not in upset]
+        reason += f", but not in {axes_listed(worse)}" if worse else ""
+        reason += f"; its own drive upsets it: not in {axes_listed(upset)}" if upset else ""
         reason += _unexcited_damping([axis for axis in rest if axis in usable.forces], card)
         reason += (
             f"; {axes_listed(steadied)} where an autopilot holds roll and pitch" if steadied else ""

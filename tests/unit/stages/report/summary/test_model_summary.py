@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from auvid.data_schemas.records.models import VelocityRange
+from auvid.data_schemas.records.models import MotionCheck, SteadyRange, VelocityRange
 from auvid.stages.base import collection
 from auvid.stages.page.first_screen import Alert, Summary
 from auvid.stages.page.html import anchor
@@ -194,6 +194,31 @@ def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun)
     (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")
     assert use.axes == "surge, sway, roll, pitch and yaw"
     assert use.reason.endswith("not in heave (heave: damping not excited)")
+
+
+def test_an_axis_whose_own_drive_upsets_it_is_not_blamed_on_its_free_runs(
+    run: ExampleRun,
+) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "identified", "XYZKMN")
+    run.free_run = free_runs("coe", lost=0, error=0.1)
+    along_surge = SteadyRange.model_construct(axis="X", drive="thrusters", tips_in="unstable")
+    motion = MotionCheck.model_construct(
+        ranges=[along_surge], verdict="unstable", words="", remedies=[]
+    )
+    ranking = run.ranking("coe")
+    assert ranking.usable is not None
+    ranking = ranking.model_copy(
+        update={
+            "models": [item.model_copy(update={"motion": motion}) for item in ranking.models],
+            "usable": ranking.usable.model_copy(update={"simulation": ["Y", "Z", "N"]}),
+        }
+    )
+    uses = summarise(run.cards, ranking, run.segments, run.logs, run.sections, run.vehicle, {}).uses
+    (use,) = (use for use in uses if use.label == "Simulation")
+    assert "but not in" not in use.reason
+    assert "its own drive upsets it: not in surge, roll and pitch" in use.reason
 
 
 @pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
