@@ -79,11 +79,15 @@ def test_a_recording_that_fails_is_ended(example: ExampleRun) -> None:
     good = {name: partial(inputs.tables.__getitem__, name) for name in others}
     tables = Collection({**good, last: damaged})
     save = partial(render_recording, replace(inputs, tables=tables), Params(), content)
-    before = threads()
-    with pytest.raises(DataError, match="damaged") as failure:
-        list(saved_pieces(save))
-    assert threads() == before
-    assert failure.traceback  # it holds the frames, and so the stream
+    failures = []
+    counts = []
+    for _ in range(3):
+        with pytest.raises(DataError, match="damaged") as failure:
+            list(saved_pieces(save))
+        failures.append(failure.traceback)  # it holds the frames, and so the stream
+        counts.append(threads())
+    # An open stream keeps two threads. Pools of other libraries may start one of their own.
+    assert counts[-1] - counts[0] < 2 * (len(counts) - 1)
 
 
 def test_two_recordings_of_one_run_compare_equal(recordings: list[Path]) -> None:
