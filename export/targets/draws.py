@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,12 +14,19 @@ from auvid.export.exported import Exported, Request, Target
 from auvid.export.losses import flown_ranges
 from auvid.export.text import number
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.draws import (
     draw_within,
     flown_limits,
     printed_covariance,
 )
-from auvid.hydro.identification.constrained.equations import Unknown, added_mass_unknown
+from auvid.hydro.identification.constrained.equations import (
+    ACCELERATIONS,
+    Unknown,
+    added_mass_change,
+    added_mass_unknown,
+)
+from auvid.hydro.identification.constrained.limits import bounds, positive_inertia
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 
 SEED = 0
@@ -58,10 +66,13 @@ def export(request: Request) -> Exported:
     flown = flown_ranges(model.validity)
     # Passive whatever the limits of the fit were: a simulator may not gain energy.
     rows, cuts = flown_limits(unknowns, "dissipative", flown)
+    inertia_rows, inertia_cuts = _inertia_limits(model, unknowns, values)
+    rows, cuts = [*rows, *inertia_rows], [*cuts, *inertia_cuts]
     drawn = draw_within(unknowns, values, covariance, rows, cuts, count=count, seed=SEED)
     counts = (
         f"{count} draws, of which {drawn.moved} were not passive (they give energy to a motion of"
-        " the flown range) and stand at the nearest passive model"
+        " the flown range, or have an inertia that no body has) and stand at the nearest passive"
+        " model"
     )
     often = sorted(drawn.outside.items(), key=lambda item: -item[1])[:MOST_LIMITS]
     limits_hit = "; ".join(f"{name}: {times}" for name, times in often)
@@ -106,6 +117,27 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
         place_of = unknowns.index(added_mass_unknown(item.name))
         covariance[place_of, place_of] = item.standard_error**2
     return unknowns, np.array(values), covariance
+
+
+def _inertia_limits(
+    model: ModelFile, unknowns: Sequence[Unknown], values: Array
+) -> tuple[list[InequalityRows], list[Cuts]]:
+    """Return limits that keep the inertia positive, and added mass where it is so.
+
+    Unknowns of inertia are whole added masses here, so the rest counts as the vehicle.
+    """
+    rest = np.array(model.dynamics.added_mass)
+    added = {
+        u: x for u, x in zip(unknowns, values.tolist(), strict=True) if u.term in ACCELERATIONS
+    }
+    rest -= added_mass_change(added)
+    passive = {
+        u: 0.0
+        for u, x in added.items()
+        if AXES.index(u.axis) == ACCELERATIONS.index(u.term) and x <= 0.0
+    }
+    rigid = np.array(model.dynamics.rigid_body)
+    return [bounds(unknowns, upper=passive)], [positive_inertia(unknowns, rigid - rest)]
 
 
 def _column(unknown: Unknown) -> str:

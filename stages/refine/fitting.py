@@ -22,10 +22,9 @@ from auvid.hydro.identification.constrained.equations import (
 )
 from auvid.hydro.identification.constrained.estimates import LimitedEstimate, nearest_within
 from auvid.hydro.identification.constrained.limits import (
-    added_mass_bounds,
     damping_limits,
     flown_reach,
-    positive_inertia,
+    inertia_limits,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
@@ -153,10 +152,9 @@ class CardUnknowns:
         """Return the limits of the card on physical values, as rows and as cuts."""
         flown = {name: (span.low, span.high) for name, span in self.card.conditions.items()}
         rows, cuts = damping_limits(self.unknowns, self.card.damping, flown_reach(flown))
-        if self.inertia:
-            rows.append(added_mass_bounds(self.unknowns, self.vehicle.added_mass))
-            cuts.append(positive_inertia(self.unknowns, self.vehicle.mass_matrix))
-        return rows, cuts
+        vehicle = self.vehicle
+        inertia = inertia_limits(self.unknowns, vehicle.added_mass, vehicle.mass_matrix)
+        return [*rows, *inertia[0]], [*cuts, *inertia[1]]
 
 
 @dataclass(frozen=True)

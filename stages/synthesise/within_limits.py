@@ -44,10 +44,9 @@ from auvid.hydro.identification.constrained.equations import (
 from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_within, force_error
 from auvid.hydro.identification.constrained.inertia import inertia_against_lag
 from auvid.hydro.identification.constrained.limits import (
-    added_mass_bounds,
     damping_limits,
     flown_reach,
-    positive_inertia,
+    inertia_limits,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
 from auvid.hydro.identification.constrained.statuses import (
@@ -170,10 +169,8 @@ def _physics(
     """Return the limits as rows, and as cuts that are made while solving."""
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
     rows, cuts = damping_limits(unknowns, limits.damping, flown_reach(flown))
-    if limits.inertia:
-        rows.append(added_mass_bounds(unknowns, vehicle.added_mass))
-        cuts.append(positive_inertia(unknowns, vehicle.mass_matrix))
-    return rows, cuts
+    inertia = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)
+    return [*rows, *inertia[0]], [*cuts, *inertia[1]]
 
 
 def _noise(

@@ -373,7 +373,7 @@ def _flights(
     }
     chosen, card = models[choice], cards[choice]
     model = ModelDraws((chosen.viscous,), chosen.trim[None], chosen.added_mass[None])
-    draws = draw_models(card, count=params.free_run_draws, seed=SEED)
+    draws = draw_models(card, inputs.vehicle, count=params.free_run_draws, seed=SEED)
     window_s = params.free_run_horizons_s[-1]
     windows = sum(math.ceil(segment.duration_s / window_s) for segment in segments.values())
     flights: dict[str, FreeFlight] = {}
@@ -395,7 +395,7 @@ def _flights(
         if flight is not None:
             flights[key] = flight
     flights = dict(zip(flights, calibrated(list(flights.values())), strict=True))
-    blocks = flight_blocks(choice, card.title, flights, segments, draws, window_s=window_s)
+    blocks = flight_blocks(choice, card, flights, segments, draws, window_s=window_s)
     return flights, blocks
 
 

@@ -8,7 +8,7 @@ legs widen the band to what legs really did.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyarrow as pa
@@ -22,6 +22,7 @@ from auvid.hydro.dynamics.simulation.free_run import (
     fly_freely,
     wrapped,
 )
+from auvid.hydro.dynamics.simulation.growth import Growth, growth
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.draws import (
@@ -34,6 +35,7 @@ from auvid.hydro.identification.constrained.equations import (
     added_mass_change,
     added_mass_unknown,
 )
+from auvid.hydro.identification.constrained.limits import inertia_limits
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
 from auvid.stages.columns import ATTITUDE, VELOCITY
@@ -54,13 +56,15 @@ LOW, HIGH = (tuple(name.replace("_", f"_{edge}_", 1) for name in NAMES) for edge
 class ModelDraws:
     """Models drawn from a posterior, with constant forces (n, 6) and inertia (n, 6, 6).
 
-    moved: how many lay outside the physical limits and are at the nearest point within.
+    moved: how many lay outside the physical limits and are at the nearest point within;
+    outside: by limit, where one draw may count for several.
     """
 
     models: tuple[IdentifiedModel, ...]
     trims: Array
     added_mass: Array
     moved: int = 0
+    outside: Mapping[str, int] = field(default_factory=dict)
 
     def first(self, count: int) -> ModelDraws:
         """Return the first so many."""
@@ -78,7 +82,7 @@ class FreeFlight:
 
     Restarted from the measured state at `starts_s`, with a row of nan before. low, high:
     edges of the band. flown, lost: draws in the first window, and how many of them left
-    all bounds in any.
+    all bounds in any. cause: what grows in the first of these, where it starts.
     """
 
     t_s: Array
@@ -89,6 +93,7 @@ class FreeFlight:
     starts_s: tuple[float, ...]
     flown: int
     lost: int
+    cause: Growth | None = None
 
     def coverage(self) -> Array:
         """Return the share (9,) of the time that the measured state is in the band."""
@@ -114,8 +119,8 @@ class FreeFlight:
         return make_table("simulated_motion", columns)
 
 
-def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
-    """Return models drawn from the coefficients of a card, within its limits.
+def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> ModelDraws:
+    """Return models drawn from the coefficients of a card, within the limits of its fit.
 
     Each axis has its covariance, in the size of the printed standard errors; axes and
     inertia count as independent. What the card has no error of stays as it is. A draw
@@ -138,6 +143,8 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
         covariance[i, i] = item.standard_error**2
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
     rows, cuts = flown_limits(unknowns, card.damping, flown)
+    inertia_rows, inertia_cuts = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)
+    rows, cuts = [*rows, *inertia_rows], [*cuts, *inertia_cuts]
     drawn = draw_within(unknowns, np.array(values), covariance, rows, cuts, count=count, seed=seed)
     kept = drawn.values
     models: list[IdentifiedModel] = []
@@ -154,7 +161,7 @@ def draw_models(card: ModelCard, *, count: int, seed: int) -> ModelDraws:
                 inertia[unknown] = value
         models.append(IdentifiedModel(card.name, coefficients))
         added_mass[number] = added_mass_change(inertia)
-    return ModelDraws(tuple(models), trims, added_mass, drawn.moved)
+    return ModelDraws(tuple(models), trims, added_mass, drawn.moved, drawn.outside)
 
 
 def force_errors(
@@ -214,7 +221,7 @@ def fly(
         return None
     count = min(len(draws.models), max(FEWEST, len(draws.models) * WINDOWS // windows))
     some = draws.first(count)
-    lost = np.zeros(count, dtype=bool)
+    lost, cause = np.zeros(count, dtype=bool), None
     parts: list[list[Array]] = []
     for number, start in enumerate(motion.samples(starts)):
         last = min(start + motion.samples(window_s), len(motion.t_s) - 1)
@@ -244,6 +251,10 @@ def fly(
         (run,), _ = states(model, None)
         wander = WanderingForce(np.tile(errors[0], (count, 1)), errors[1], seed=number * count)
         around, gone = states(some, wander)
+        if cause is None and np.isfinite(gone).any():
+            first = int(np.nanargmin(gone))
+            inertia = replace(vehicle, added_mass=vehicle.added_mass + some.added_mass[first])
+            cause = growth(inertia, some.models[first], motion.state[start, :6])
         lost |= np.isfinite(gone)
         measured = motion.state[start + steps][:, COMPARED]
         measured[:, 8] = np.unwrap(measured[:, 8])
@@ -266,7 +277,7 @@ def fly(
         parts.append(part)
     t_s, measured, run, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
     return FreeFlight(
-        t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost))
+        t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost)), cause
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS
 from auvid.stages.columns import ATTITUDE, VELOCITY
@@ -16,11 +17,13 @@ from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, FreeFlight, Mo
 SEGMENTS_DRAWN = 3
 """Segments with a picture on the page; the recording has all of them."""
 TAB = "Free run"
+LIMITS_NAMED = 3
+"""Limits that are named, those of most draws."""
 
 
 def flight_blocks(
     name: str,
-    title: str,
+    card: ModelCard,
     flights: Mapping[str, FreeFlight],
     segments: Mapping[str, SegmentRecord],
     draws: ModelDraws,
@@ -29,11 +32,11 @@ def flight_blocks(
 ) -> list[Block]:
     """Return a picture per segment of the chosen model's flight, and its reach."""
     blocks = [
-        _picture(name, title, segments[key], flight, window_s)
+        _picture(name, card.title, segments[key], flight, window_s)
         for key, flight in list(flights.items())[:SEGMENTS_DRAWN]
     ]
     if flights:
-        blocks.append(_coverage(title, list(flights.values()), draws, window_s))
+        blocks.append(_coverage(card, list(flights.values()), draws, window_s))
     return blocks
 
 
@@ -66,7 +69,7 @@ def _picture(
 
 
 def _coverage(
-    title: str, flights: Sequence[FreeFlight], draws: ModelDraws, window_s: float
+    card: ModelCard, flights: Sequence[FreeFlight], draws: ModelDraws, window_s: float
 ) -> Block:
     shares = np.mean([flight.coverage() for flight in flights], axis=0)
     lost, flown = max(flight.lost for flight in flights), max(flight.flown for flight in flights)
@@ -78,9 +81,9 @@ def _coverage(
         kind += " training, larger by as much as the actuators push harder here; not calibrated:"
         kind += f" that takes {LEAST_LEGS} validation legs"
     words = f"Band for {100 * LEVEL:g} % of the time: {kind}."
-    words += f" Of {len(draws.models)} draws of {title}'s coefficients {draws.moved} lay outside"
-    words += " the physical limits and count at the nearest point within; none was rejected"
-    words += f"; of {flown} that flew {window_s:g} s each, {lost} diverged."
+    words += f" Of {len(draws.models)} draws of {card.title}'s coefficients"
+    words += f" {_moved_words(card, draws)}; of {flown} that flew {window_s:g} s each"
+    words += f" {lost} diverged{_cause_words(flights)}."
     heads = ["state", "all", *map(symbol, NAMES)]
     cells = [f"{100 * share:.0f} %" for share in (float(np.mean(shares)), *shares.tolist())]
     return table(
@@ -89,6 +92,29 @@ def _coverage(
         [["in the band", *cells]],
         note=words,
     )
+
+
+def _moved_words(card: ModelCard, draws: ModelDraws) -> str:
+    """Return how many draws lay outside which limit, and why so many."""
+    if card.damping == "free" and not draws.moved:
+        return "none was moved, as no limit on damping was asked for"
+    words = f"{draws.moved} lay outside the physical limits"
+    if draws.outside:
+        often = sorted(draws.outside.items(), key=lambda item: -item[1])[:LIMITS_NAMED]
+        words += f" ({', '.join(f'{name}: {count}' for name, count in often)})"
+    words += " and count at the nearest point within, none rejected"
+    if card.limits and 2 * draws.moved > len(draws.models):
+        words += " (the estimate itself lies on the limit, so most draws around it lie outside)"
+    return words
+
+
+def _cause_words(flights: Sequence[FreeFlight]) -> str:
+    """Return what grows in the first lost draw; nothing where none was lost or grows."""
+    cause = next((flight.cause for flight in flights if flight.cause is not None), None)
+    if cause is None or cause.rate <= 0.0:
+        return ""
+    term = f", mostly by {cause.cause}" if cause.cause else ""
+    return f" (the first in {cause.axis}, which grows at {cause.rate:.2g} 1/s{term})"
 
 
 def flight_views(name: str, segments: Sequence[str]) -> list[dict[str, Any]]:

@@ -213,6 +213,18 @@ def added_mass_bounds(
     )
 
 
+def inertia_limits(
+    unknowns: Sequence[Unknown], added_mass: ArrayLike, mass_matrix: ArrayLike
+) -> tuple[list[InequalityRows], list[Cuts]]:
+    """Return the limits on inertia; none where no added mass is among the unknowns.
+
+    Both (6, 6), of the vehicle file: `added_mass_bounds` and `positive_inertia`.
+    """
+    if not any(u.term in ACCELERATIONS for u in unknowns):
+        return [], []
+    return [added_mass_bounds(unknowns, added_mass)], [positive_inertia(unknowns, mass_matrix)]
+
+
 def semidefinite(
     name: str, constant: Array, parts: Mapping[Unknown, Array], unknowns: Sequence[Unknown]
 ) -> Cuts:

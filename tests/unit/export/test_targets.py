@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.model_file import ModelFile
-from auvid.data_schemas.records.models import UsableFor
+from auvid.data_schemas.records.models import InertiaCard, UsableFor
 from auvid.export import prepare, write
 from auvid.export.body import Body, body_of, floated, floated_words
 from auvid.export.losses import sample_envelope
@@ -356,6 +356,21 @@ def test_draws_are_passive_and_moved_ones_counted() -> None:
     share = 1.0 - (0.5 * (1.0 + math.erf(1.0 / math.sqrt(2.0)))) ** 2
     moved = int(prepared.losses.notes[0].split()[4])
     assert moved / 1000 == pytest.approx(share, abs=0.05)
+
+
+def test_no_draw_has_an_inertia_that_no_body_has() -> None:
+    """Half of the normal draws of a yaw added mass of 0 +- 1 kg m2 lie above 0."""
+    inertia = InertiaCard.model_construct(name="N_rdot", change=0.0, standard_error=1.0)
+    model = model_file({"N": {"r": -2.0}}, error=0.01)
+    model.dynamics.added_mass[5][5] = 0.0
+    fitted = model.model_copy(update={"fitted_inertia": [inertia]})
+    prepared = prepare(fitted, "draws", name="rov", draws=40)
+    header, _, *rows = prepared.files["rov_draws.csv"].split()
+    assert header.endswith("N_rdot")
+    values = [float(row.split(",")[-1]) for row in rows]
+    assert max(values) <= 1e-9
+    assert min(values) < -0.5
+    assert "an inertia that no body has" in prepared.losses.notes[0]
 
 
 def test_draws_are_those_of_the_bands_of_validation() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.likelihood import LegFit, LikelihoodFit
-from auvid.data_schemas.records.models import CovarianceCard, ModelCard
+from auvid.data_schemas.records.models import CovarianceCard, InertiaCard, LimitCard, ModelCard
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.simulation.free_run import (
@@ -101,7 +101,7 @@ def usual(seed: int) -> FreeFlight:
 
 
 def test_draws_have_the_printed_errors_and_stay_within_the_limits() -> None:
-    drawn = draw_models(card({"X": 3.0, "K": 2.0}, K=-0.5), count=4000, seed=1)
+    drawn = draw_models(card({"X": 3.0, "K": 2.0}, K=-0.5), VEHICLE, count=4000, seed=1)
     X = np.array([model.coefficients["X"]["u"] for model in drawn.models])
     K = np.array([model.coefficients["K"]["p"] for model in drawn.models])
     assert X.std() == pytest.approx(3.0, rel=0.05)
@@ -111,14 +111,27 @@ def test_draws_have_the_printed_errors_and_stay_within_the_limits() -> None:
     assert len(drawn.models) == 4000
     assert np.sum(K > -1e-9) == drawn.moved, "the nearest point within is the limit"
     assert np.all(drawn.trims == 0.5)
-    free = draw_models(card({"K": 2.0}, damping="free", K=-0.5), count=500, seed=1)
+    free = draw_models(card({"K": 2.0}, damping="free", K=-0.5), VEHICLE, count=500, seed=1)
     assert (free.moved, len(free.models)) == (0, 500)
 
 
 def test_where_no_draw_is_within_all_are_moved_onto_the_limits() -> None:
-    drawn = draw_models(card({"K": 2.0}, K=19.0), count=200, seed=1)
+    drawn = draw_models(card({"K": 2.0}, K=19.0), VEHICLE, count=200, seed=1)
     assert drawn.moved == len(drawn.models) == 200
     assert max(model.coefficients["K"]["p"] for model in drawn.models) <= 1e-9
+
+
+def test_a_drawn_inertia_is_one_that_the_fit_allows() -> None:
+    """A normal of 1.9 +- 1 kg m2 has a share below 0; none below the rigid body's stays."""
+    inertia = InertiaCard.model_construct(name="N_rdot", change=-1.0, standard_error=1.0)
+    fitted = card({}).model_copy(update={"inertia": [inertia]})
+    drawn = draw_models(fitted, VEHICLE, count=200, seed=1)
+    change = drawn.added_mass[:, 5, 5]
+    assert change.std() > 0.5
+    assert np.max(VEHICLE.added_mass[5, 5] + change) <= 1e-12
+    (name,) = drawn.outside
+    assert name.startswith("N_rdot <= ")
+    assert drawn.moved == drawn.outside[name] > 10
 
 
 def test_the_band_holds_as_often_as_it_says_where_its_force_error_is_the_true_one() -> None:
@@ -160,6 +173,14 @@ def test_lost_draws_leave_the_band_open_above() -> None:
     )
     assert flight is not None
     assert flight.lost == 10
+    assert flight.cause is not None
+    assert (flight.cause.axis, flight.cause.cause) == ("X", "X_u")
+    note = flight_blocks(
+        "coe", card({}), {"a": flight}, {"a": segment_document("a", "validation")},
+        ModelDraws(models, *none), window_s=8.0,
+    )[-1]["note"]  # fmt: skip
+    assert "10 diverged (the first in X, which grows at" in note
+    assert "mostly by X_u)" in note
     assert np.isinf(flight.high[-1, 0])
     assert np.isfinite(flight.low[-1, 0])
 
@@ -207,14 +228,21 @@ def test_page_and_recording_name_the_band_and_count_the_draws(legs: int, kind: s
     flight = usual(0)
     names = [f"leg{number}" for number in range(legs)]
     segments = {name: segment_document(name, "validation") for name in names}
-    draws = replace(draw_models(card({}), count=1000, seed=1), moved=782)
+    draws = replace(
+        draw_models(card({}), VEHICLE, count=1000, seed=1), moved=782, outside={"K_p <= 0": 782}
+    )
+    limited = card({}).model_copy(
+        update={"title": "Coe", "limits": [LimitCard(name="K_p <= 0", unknowns=["K_p"])]}
+    )
     blocks = flight_blocks(
-        "coe", "Coe", dict.fromkeys(names, flight), segments, draws, window_s=8.0
+        "coe", limited, dict.fromkeys(names, flight), segments, draws, window_s=8.0
     )
     assert [block["kind"] for block in blocks] == ["plot"] * min(legs, 3) + ["table"]
     assert kind in blocks[-1]["note"]
     assert "Of 1000 draws of Coe's coefficients 782 lay outside" in blocks[-1]["note"]
-    assert "of 300 that flew 8 s each, 0 diverged" in blocks[-1]["note"]
+    assert "limits (K_p <= 0: 782) and count at the nearest point within" in blocks[-1]["note"]
+    assert "the estimate itself lies on the limit" in blocks[-1]["note"]
+    assert "of 300 that flew 8 s each 0 diverged." in blocks[-1]["note"]
     assert blocks[-1]["rows"][0][1] == f"{100 * flight.coverage().mean():.0f} %"
     groups = flight_views("coe", names)
     assert len(groups) == 3 * legs * len(NAMES)
