@@ -84,7 +84,7 @@ def published_model(vehicle: Vehicle, *, vehicle_hash: str, version: str) -> Mod
         origin=OriginEntry(
             campaign="none", logs={}, vehicle_hash=vehicle_hash, code={}, parameters={}, packages={}
         ),
-    )
+    ).sealed()
 
 
 def missing_parts(vehicle: Vehicle) -> list[str]:

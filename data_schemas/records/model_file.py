@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
@@ -391,6 +393,10 @@ class ModelFile(Model):
     """Axes that the model has and lacks, and its unit of mass; absent where it has six axes
     in newtons.
     """
+    content_sha256: str | None = None
+    """Of everything else in the file, so that a damaged copy is refused. Whoever changes a
+    figure by hand deletes this line.
+    """
 
     @model_validator(mode="after")
     def _format_of_a_part(self) -> ModelFile:
@@ -398,3 +404,13 @@ class ModelFile(Model):
         if self.format != right:
             raise Faults(fault("a model file with `partial` has format 2", value=self.format))
         return self
+
+    def content_hash(self) -> str:
+        """Return the SHA-256 of all fields but `content_sha256`, in whatever layout."""
+        content = self.model_dump(mode="json", exclude_none=True, exclude={"content_sha256"})
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def sealed(self) -> ModelFile:
+        """Return the model file with the hash of its content."""
+        return self.model_copy(update={"content_sha256": self.content_hash()})

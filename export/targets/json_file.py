@@ -25,7 +25,7 @@ model = json.load(open("{name}.json"))
 def export(request: Request) -> Exported:
     """Return `NAME.json`, the model file as it is; nothing is lost."""
     return Exported(
-        {f"{request.name}.json": request.model.model_dump_json(indent=1) + "\n"},
+        {f"{request.name}.json": request.model.sealed().model_dump_json(indent=1) + "\n"},
         (),
         CONVENTION,
         _USAGE.format(name=request.name),

@@ -18,7 +18,8 @@ def read_model(path: Path) -> ModelFile:
     """Read a model file.
 
     Raises `SchemaError`, all faults together: no JSON, no model file, a format that
-    this version does not read, unknown or missing keys, NaN, wrong types.
+    this version does not read, unknown or missing keys, NaN, wrong types, a content that
+    its hash does not fit.
     """
     with readable(path, file=path, what="model file"):
         content = path.read_bytes()
@@ -64,9 +65,19 @@ def read_model(path: Path) -> ModelFile:
                 + ("install that version, or a newer one." if newer else "run its campaign again.")
             ),
         )
-    return parse(ModelFile, document, file=path)
+    model = parse(ModelFile, document, file=path)
+    if model.content_sha256 not in (None, model.content_hash()):
+        raise SchemaError(
+            "the model file is not as it was written: it was damaged, or changed by hand",
+            file=path,
+            field="content_sha256",
+            value=model.content_sha256,
+            allowed="the hash of the rest",
+            remedy="Copy it anew. If you changed it on purpose, delete the line content_sha256.",
+        )
+    return model
 
 
 def write_model(model: ModelFile, path: Path) -> None:
     """Write a model file; what `read_model` reads back is equal, and the bytes too."""
-    write_output(path, encode(model, "model_file", file=path))
+    write_output(path, encode(model.sealed(), "model_file", file=path))

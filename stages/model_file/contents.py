@@ -112,6 +112,7 @@ def model_document(
     )
     if part is not None and part.unit_of_mass is not None:
         dynamics = figures_in_unit(dynamics, part.unit_of_mass)
+    absent_or_partial: dict[str, Any] = {} if part is None else {"partial": part}
     return ModelFile(
         format=FORMAT if part is None else PARTIAL_FORMAT,
         kind="auvid model",
@@ -154,8 +155,8 @@ def model_document(
             },
             packages=dict(provenance["packages"]),
         ),
-        **({} if part is None else {"partial": part}),
-    )
+        **absent_or_partial,
+    ).sealed()
 
 
 def as_logged(vehicle: Vehicle, log: LogInfo) -> Vehicle:

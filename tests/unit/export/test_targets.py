@@ -390,7 +390,7 @@ def test_draws_are_those_of_the_bands_of_validation() -> None:
 def test_json_is_the_model_file(tmp_path: Path) -> None:
     model = model_file()
     (path, _) = write(model, "json", tmp_path)
-    assert read_model(path).model_dump() == model.model_dump()
+    assert read_model(path).model_dump() == model.sealed().model_dump()
 
 
 def test_code_of_python_imports_math_alone(tmp_path: Path) -> None:

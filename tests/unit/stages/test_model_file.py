@@ -152,6 +152,39 @@ def test_a_file_comes_back_bit_for_bit(run: ExampleRun, tmp_path: Path) -> None:
         assert second.read_bytes() == first.read_bytes()
 
 
+def test_no_flipped_bit_of_a_file_is_read_as_another_model(
+    linear: ModelFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "m.json"
+    write_model(linear, path)
+    content = path.read_bytes()
+    for bit in np.random.default_rng(1).choice(8 * len(content), 60, replace=False).tolist():
+        damaged = bytearray(content)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        try:
+            model = read_model(path)
+        except PipelineError:
+            continue
+        assert model == linear  # a character between the fields
+
+
+def test_a_file_that_was_changed_by_hand_is_read_without_its_hash(
+    linear: ModelFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "m.json"
+    write_model(linear, path)
+    text = json.loads(path.read_text())
+    text["coefficients"][0]["predictor"] += 0.25
+    path.write_text(json.dumps(text))
+    with pytest.raises(PipelineError, match="delete the line content_sha256"):
+        read_model(path)
+    del text["content_sha256"]
+    path.write_text(json.dumps(text))
+    changed = linear.coefficients[0].predictor + 0.25
+    assert read_model(path).coefficients[0].predictor == changed
+
+
 def test_the_file_gives_mass_and_forces_of_the_judged_model(
     run: ExampleRun, linear: ModelFile
 ) -> None:
