@@ -16,6 +16,8 @@ class TimeEntry(Model):
     """Unit; iso8601 or time_of_day (12:30:05.2) for text; hhmmss for 123005.2."""
     epoch: Literal["boot", "unix", "arbitrary"] | None = None
     """What zero means; default boot."""
+    nanoseconds: str | None = None
+    """Column of the nanoseconds within the second, as stamps of ROS have."""
     shift_s: float | None = None
     """Added to every time, where another clock is to be met."""
     start: object = None

@@ -113,6 +113,12 @@ class ColumnMap:
     accelerometer: Accelerometer | None
     shift_us: float = 0.0
     clock: bool = False
+    nanoseconds: str | None = None
+
+    @property
+    def of_time(self) -> tuple[str, ...]:
+        """The columns of the time."""
+        return (self.time, *([self.nanoseconds] if self.nanoseconds else []))
 
 
 def dialect_map(header: Sequence[str]) -> tuple[Mapping[str, Any], str] | None:
@@ -202,6 +208,7 @@ def column_map(raw: Mapping[str, Any], header: Sequence[str], *, file: str) -> C
         accelerometer=raw.get("accelerometer"),
         shift_us=1e6 * float(time.get("shift_s", 0.0)),
         clock=time["unit"] == CLOCK_DIGITS,
+        nanoseconds=time.get("nanoseconds"),
     )
 
 
@@ -301,6 +308,15 @@ def _unit(unit: str, target: str, path: str, faults: MapFaults) -> tuple[float, 
 
 def _time_factor(time: Mapping[str, Any], header: Sequence[str], faults: MapFaults) -> float | None:
     _check_header(time["column"], header, "time.column", faults)
+    if time.get("nanoseconds"):
+        _check_header(time["nanoseconds"], header, "time.nanoseconds", faults)
+        if time["unit"] != "s":
+            faults.add(
+                "nanoseconds stand within a second",
+                field="time.unit",
+                value=time["unit"],
+                allowed="s, where time.nanoseconds names a column",
+            )
     if time["unit"] in TEXT_TIMES:
         return None
     if time["unit"] == CLOCK_DIGITS:

@@ -11,12 +11,15 @@ from auvid.data_schemas.streams import STREAMS
 
 WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")
 BRACKET = re.compile(r"\s*[\[(]([^\[\]()]*)[\])]\s*$")
+INDEX = re.compile(r"(?<=\w)[\[(]([0-9])[\])]\s*$")
+"""`gyro[1]` is the second of several, `gain [1]` has no unit."""
 NO_MEASUREMENT = re.compile(
-    r"\b(?:desired|target|setpoint|set point|reference|goal|std|sd|sigma|variance|covariance|fom"
-    r"|temperature|temp|magnetometer|mag|north|east|ned|enu|error|err|valid|status|raw count)\b"
+    r"\b(?:desired|target|setpoint|set point|reference|ref|sp|goal|cmd vel|command vel|std|sd|sigma"
+    r"|variance|covariance|fom|temperature|temp|magnetometer|mag(?! heading)|north|east|ned|enu"
+    r"|error|err|valid|status|raw count)\b"
 )
 """What is commanded, says how sure something is, or is no field: velocities over ground too."""
-TIME = re.compile(r"\b(?:t|time|timestamp|stamp|times|datetime|utc|elapsed|secs|seconds|epoch)\b")
+TIME = re.compile(r"\b(?:t|time|timestamp|stamp|times|datetime|utc|elapsed|secs?|seconds|epoch)\b")
 QUATERNION = re.compile(r"^(?:.* )?(?:q|quat|quaternion|orientation|rotation) ?[wxyz]$|^q[wxyz]$")
 UNIT_WORDS: tuple[tuple[str, str], ...] = (
     (r"m s 2|mps 2|ms 2|m per s 2|mps2|m s s", "m/s^2"),
@@ -34,7 +37,7 @@ UNIT_WORDS: tuple[tuple[str, str], ...] = (
     (r"kn|knot|knots|kt", "knot"),
     (r"us|usec|micros|microseconds", "us"),
     (r"ms|msec|millis|milliseconds", "ms"),
-    (r"ns|nsec|nanos|nanoseconds|nanosec", "ns"),
+    (r"ns|nsecs?|nanos|nanosecs?|nanoseconds", "ns"),
     (r"s|sec|secs|seconds", "s"),
     (r"mv|millivolt|millivolts", "mV"),
     (r"volt|volts", "V"),
@@ -97,6 +100,7 @@ SPEED = {"surge": "u", "sway": "v", "heave": "w", "x": "u", "y": "v", "z": "w"}
 SPEED |= {"u": "u", "v": "v", "w": "w"}
 ANGLE = {"roll": "phi", "pitch": "theta", "yaw": "psi", "heading": "psi", "hdg": "psi"}
 ANGLE |= {"phi": "phi", "theta": "theta", "psi": "psi", "compass": "psi"}
+ANGLE |= {"x": "phi", "y": "theta", "z": "psi"}
 COMMAND = {"x": "surge", "y": "sway", "z": "heave", "k": "roll", "m": "pitch", "n": "yaw"}
 GLOBE = {"lat": "latitude", "lon": "longitude", "lng": "longitude", "long": "longitude"}
 PLACE = {"northing": "x", "easting": "y"}
@@ -108,7 +112,7 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
         "gyro_{}_rad_s",
         AXIS,
     ),
-    (r"^(?:gyro |rate |imu |body )?([pqr])$", "imu", "gyro_{}_rad_s", AXIS),
+    (r"^(?:gyro |rate |imu |body |nu )?([pqr])(?: rate| body)?$", "imu", "gyro_{}_rad_s", AXIS),
     (r"\b(roll|pitch|yaw) ?(?:rate|speed|vel|velocity|spd)", "imu", "gyro_{}_rad_s", AXIS),
     (
         r"\b(?:accel|accelerometer|acceleration|acc|linear acceleration|specific force|a)"
@@ -119,12 +123,19 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
     ),
     (r"\b(surge|sway|heave) (?:rate|speed|velocity|vel)\b", "velocity", "{}_m_s", SPEED),
     (
-        r"\b(?:vel|velocity|speed|linear velocity|linear|twist linear|v) ?([xyz])\b",
+        r"\b(?:vel|velocity|speed|linear velocity|linear|twist linear|v)"
+        r"(?: (?:body|b|dvl|bt|frd|bottom track))? ?([xyz])\b",
         "velocity",
         "{}_m_s",
         SPEED,
     ),
-    (r"^(?:dvl |body |vel )?([uvw])$", "velocity", "{}_m_s", SPEED),
+    (
+        r"^(?:(?:dvl|body|vel|velocity|speed|bottom track|bt|nu) )*([uvw])"
+        r"(?: ?(?:dvl|body|bt|b))?$",
+        "velocity",
+        "{}_m_s",
+        SPEED,
+    ),
     (
         r"^(surge|sway|heave)$|^(?:cmd|command|u|tau|ctrl|control|input|joy|thrust|force|demand)"
         r" ?(surge|sway|heave|roll|pitch|yaw|x|y|z|k|m|n)$"
@@ -134,9 +145,10 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
         COMMAND,
     ),
     (
-        r"^(?:pwm|pulse|servo|motor|thruster|output|thr|rcou|rc out|esc|servo output|mot|thrust)"
-        r"(?: out| c| pwm)? ?(\d+)(?: raw| pwm| output)?$"
-        r"|^(?:ch|chan|channel|c|t|m) ?(\d+)(?: out)?$",
+        r"^(?:pwm|pulse|servo|motor|thruster|output|thr|rcou|rc out|esc|servo output|mot|thrust)s?"
+        r"(?: out| c| pwm| cmd| command| chan| channel| ch)? ?(\d+)"
+        r"(?: raw| pwm| output| cmd| command)*$"
+        r"|^(?:ch|chan|channel|c|t|m) ?(\d+)(?: out| raw| pwm| cmd)*$",
         "actuators",
         "pwm_{}_us",
         {},
@@ -148,8 +160,20 @@ PATTERNS: tuple[tuple[str, str, str, dict[str, str]], ...] = (
         "{}_rad",
         ANGLE,
     ),
-    (r"\b(?:depth(?: value)?|pressure|press|water pressure)$", "depth", "depth_m", {}),
-    (r"^(?:pos|position|pose position|p|loc|location)? ?([xyz])$", "position", "{}_m", {}),
+    (r"\b(?:euler|rpy|euler angles?) ?([xyz])$", "attitude", "{}_rad", ANGLE),
+    (
+        r"\b(?:depth(?: (?:value|sensor|filtered|measured))?|pressure|press|water pressure)$",
+        "depth",
+        "depth_m",
+        {},
+    ),
+    (
+        r"^(?:p|loc|location|mocap|marker|odom)? ?([xyz])$"
+        r"|\b(?:pos|position|translation) ?([xyz])$",
+        "position",
+        "{}_m",
+        {},
+    ),
     (
         r"^(?:usbl |ugps |gps |acoustic )?(lat|latitude|lon|lng|long|longitude)$",
         "fixes",
@@ -182,7 +206,13 @@ SHORT_SIDES = {"fwd": "u", "stbd": "v", "port": "v"}
 """These may be thrusters, too: a velocity where their unit is that of a speed."""
 AHEAD, ASIDE = {"forward", "fwd"}, {"left", "right", "starboard", "stbd", "port"}
 FLIPPED = ("left", "port", "up")
+OF_ANY = ("pitch_rad", "pressure_pa")
+"""Fields of a glider by name, which other vehicles have too."""
 SPEED_UNITS, RATE_UNITS = ("m/s", "cm/s", "mm/s", "knot"), ("rad/s", "deg/s")
+VELOCITY_WORDS = re.compile(r"(?:^|\b)(?:velocity|vel|speed|spd|dvl|body|bt|bottom track|v)\b ?")
+VECTORS: Mapping[int, str] = {3: "xyz", 4: "wxyz", 6: "uvwpqr"}
+"""Letters of the numbered parts of a vector, by how many there are."""
+OF_VECTORS = ("imu", "velocity", "position", "attitude")
 
 
 @dataclass(frozen=True)
@@ -198,34 +228,64 @@ class NamedColumn:
 
 def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     """Return what every name of a header means."""
-    parts = [split_unit(name) for name in names]
+    parts = _without_numbers([split_unit(name) for name in names])
     stems = [words for words, _ in parts]
     # Beside commands of surge and sway a bare `yaw` is one as well, but not that of a pose.
     steered = {"surge", "sway"} <= set(stems) and not _is_pose(stems)
-    pointed = bool(AHEAD & set(stems)) and bool(ASIDE & set(stems))
+    directions = [VELOCITY_WORDS.sub("", words).strip() for words in stems]
+    pointed = bool(AHEAD & set(directions)) and bool(ASIDE & set(directions))
     glides = any(BUOYANCY.search(words) for words in stems)
     result = []
-    for name, (words, unit) in zip(names, parts, strict=True):
+    for name, (words, unit), direction in zip(names, parts, directions, strict=True):
         place, frame = place_of(name, words, glides=glides), ""
         if glides:
             place = _place_on_glider(words) or place
         if steered and words in ("yaw", "roll", "pitch") and not unit:
             place = ("actuators", f"command_{words}")
         place = _place_by_unit(words, unit) or place
-        sides = SIDES | SHORT_SIDES if unit in SPEED_UNITS else SIDES
-        if pointed and words in sides:
-            place = ("velocity", f"{sides[words]}_m_s")
-            frame = "flu" if words in FLIPPED else ""
+        speed = unit in SPEED_UNITS or direction != words
+        sides = SIDES | SHORT_SIDES if speed else SIDES
+        if pointed and direction in sides and not NO_MEASUREMENT.search(words):
+            place = ("velocity", f"{sides[direction]}_m_s")
+            frame = "flu" if direction in FLIPPED else ""
         result.append(NamedColumn(name, words, unit, place, frame))
     return result
 
 
+def _without_numbers(parts: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return words and units with letters for the numbers of a vector's parts.
+
+    A vector of 3, 4 or 6 parts, counted from 0 or 1, that no other column continues, and
+    whose letters name something: gyro 0, 1, 2 are gyro x, y, z; nu 1 to 6 u to r.
+    """
+    numbers: dict[str, dict[int, int]] = {}
+    for at, (words, _) in enumerate(parts):
+        match = re.fullmatch(r"((?:.* )?(?:[a-z]{2,}|q)) (\d)", words)
+        if match:
+            numbers.setdefault(match[1], {})[int(match[2])] = at
+    result = list(parts)
+    for stem, places in numbers.items():
+        first, count = min(places), len(places)
+        letters = VECTORS.get(count, "")
+        if first > 1 or sorted(places) != list(range(first, first + count)) or not letters:
+            continue
+        named = [f"{stem} {letter}" for letter in letters]
+        meanings = [place_of("", words) for words in named]
+        quaternion = all(QUATERNION.search(words) for words in named)
+        if quaternion or all(place and place[0] in OF_VECTORS for place in meanings):
+            for number, at in places.items():
+                result[at] = named[number - first], parts[at][1]
+    return result
+
+
 def _place_by_unit(words: str, unit: str) -> tuple[str, str] | None:
-    """Return the place of an axis whose unit tells a speed or a rate, else None."""
+    """Return the place of a column whose unit tells what it measures, else None."""
     if unit in SPEED_UNITS and words in ("surge", "sway", "heave"):
         return "velocity", f"{SPEED[words]}_m_s"
     if unit in RATE_UNITS and words in ("roll", "pitch", "yaw"):
         return "imu", f"gyro_{AXIS[words]}_rad_s"
+    if unit == "rpm" and re.fullmatch(r"(?:propeller|prop|shaft|motor|thruster)", words):
+        return "actuators", "propeller_rev_s"
     return None
 
 
@@ -255,12 +315,16 @@ def split_unit(name: str) -> tuple[str, str]:
     """
     unit = ""
     for stream in STREAMS:
-        spec = None if name == "pitch_rad" else schema(stream).columns.get(name)
+        spec = None if name in OF_ANY else schema(stream).columns.get(name)
         if spec is not None and spec.dtype.startswith("float") and spec.unit:
             return _words(name), spec.unit
     towed = TOW_UNITS.search(_words(name)) if TOW_WORDS.search(_words(name)) else None
     if towed and towed.lastgroup:
         return _words(name)[: towed.start()], towed.lastgroup
+    index = INDEX.search(name)
+    if index:
+        words, unit = split_unit(name[: index.start()])
+        return f"{words} {index[1]}", unit
     bracket = BRACKET.search(name)
     if bracket:
         inner = bracket[1].strip()

@@ -140,7 +140,7 @@ def read_csv(
     unused = [
         name
         for name in head.names
-        if name not in {item.column for item in mapping.columns} | {mapping.time}
+        if name not in {item.column for item in mapping.columns} | {*mapping.of_time}
     ]
     if note is not None:
         notes.append(f"{file.name}: {note}")
@@ -244,7 +244,8 @@ def _parse(
         item.column: {"string": pa.string(), "bool": pa.bool_()}.get(item.dtype, pa.float64())
         for item in columns
     }
-    types[mapping.time] = pa.float64() if mapping.time_factor is not None else ISO_TIME
+    clock = pa.float64() if mapping.time_factor is not None else ISO_TIME
+    types |= dict.fromkeys(mapping.of_time, clock)
     form = Form(head.names, head.delimiter, decimal, mapping.missing, head.late)
     if head.late is not None:
         return read_sound_rows(file.buffer.tobytes(), types, form, file=file.name)
@@ -306,6 +307,9 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
                 value=float(numbers[0]),
                 remedy=f"Set unit: {CLOCK_DIGITS} for the time column.",
             )
+        if mapping.nanoseconds is not None:
+            within = np.asarray(table[mapping.nanoseconds].to_numpy(), dtype=np.float64)
+            return numbers * mapping.time_factor + within * 1e-3
         return numbers * mapping.time_factor
     result = np.full(len(values), np.nan)
     stamps = iso_microseconds(values)

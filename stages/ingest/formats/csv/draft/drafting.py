@@ -85,16 +85,17 @@ def draft_columns(
     values = {name: numbers_of(cells, decimal) for name, cells in texts.items()}
     columns = [item for item in named_columns(head.names) if item.name in texts]
     time, time_check = time_column(columns, values, texts, file.name)
-    rest = [item for item in columns if item.name != time["column"]]
+    of_time = {time["column"], time.get("nanoseconds")}
+    rest = [item for item in columns if item.name not in of_time]
     rest = with_pulses(with_pose(rest), values)
-    t_s = seconds_of(time, values[time["column"]], texts[time["column"]])
+    t_s = seconds_of(time, values, texts[time["column"]])
     draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
     finite = t_s[np.isfinite(t_s)]
     draft = replace(draft, span_s=(float(finite[0]), float(finite[-1])))
     for run in runs:
         more, _ = cells_of(run, head.names, head.delimiter, head.encoding)
         own = {name: numbers_of(cells, decimal) for name, cells in more.items()}
-        later = seconds_of(time, own[time["column"]], more[time["column"]])
+        later = seconds_of(time, own, more[time["column"]])
         t_s = np.append(t_s, later - np.nanmin(later) + np.nanmax(t_s) + BETWEEN_RUNS_S)
         values = {name: np.append(values[name], own[name]) for name in values}
     named = dict(commands or {})
@@ -178,6 +179,8 @@ def _with_columns(
                 "z up: commands answer so" if item.frame else "ned, z down: else frame flu or enu"
             )
             check = "; ".join(filter(None, (check, f"frame {words}")))
+        if name.startswith("q_") and not item.name.lower().endswith(name[-1]):
+            check = "; ".join(filter(None, (check, "w first of the four assumed")))
         sign = -1 if item.frame in REVERSED else 1
         frame = item.frame if item.frame in ("frd", "flu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))

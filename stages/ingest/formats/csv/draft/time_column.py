@@ -26,6 +26,8 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Length of a unit of time [s]."""
 UNIX_TIMES = ((9e17, "ns"), (9e14, "us"), (9e11, "ms"), (9e8, "s"))
 """Unix time of this century in the unit is beyond this number."""
+NANOSECONDS = re.compile(r" ?\b(?:secs?|seconds|n(?:ano)?secs?|nanoseconds|ns)$")
+"""How stamps in two columns call them."""
 POSSIBLE_STEPS = (5e-4, 10.0)
 """Steps [s] between rows of a log."""
 
@@ -44,7 +46,7 @@ def time_column(
     for item in named:
         entry = _clock(item, values[item.name], texts[item.name])
         if entry is not None:
-            return entry
+            return entry[0] | _nanoseconds(item, entry[0], columns, values), entry[1]
     for item in unnamed:
         steps = np.diff(values[item.name])
         if item.place is None and steps.size > 10 and (steps > 0.0).all():
@@ -108,11 +110,41 @@ def _clock(
     }, f"unit {unit} by the rate of the rows"
 
 
-def seconds_of(time: Mapping[str, str], values: Array, texts: Sequence[str]) -> Array:
-    """Return the time of every row (n,) [s]."""
+def _nanoseconds(
+    item: NamedColumn,
+    entry: Mapping[str, str],
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+) -> dict[str, str]:
+    """Return the entry of the nanoseconds that stand beside whole seconds."""
+    seconds = values[item.name][np.isfinite(values[item.name])]
+    if entry["unit"] != "s" or (seconds != np.rint(seconds)).any():
+        return {}
+    stem = NANOSECONDS.sub("", item.words)
+    for other in columns:
+        within = values.get(other.name, np.empty(0))
+        within = within[np.isfinite(within)]
+        same_stem = NANOSECONDS.sub("", other.words) == stem
+        if (
+            other.name != item.name
+            and same_stem
+            and (other.unit == "ns" or NANOSECONDS.search(other.words))
+            and within.size
+            and within.min() >= 0.0
+            and 1e6 < within.max() < 1e9
+        ):
+            return {"nanoseconds": other.name}
+    return {}
+
+
+def seconds_of(time: Mapping[str, str], values: Mapping[str, Array], texts: Sequence[str]) -> Array:
+    """Return the time of every row (n,) [s]; texts: cells of the time column."""
+    numbers = values[time["column"]]
     if time["unit"] == CLOCK_DIGITS:
-        return clock_seconds(values)
+        return clock_seconds(numbers)
+    if "nanoseconds" in time:
+        return numbers + 1e-9 * values[time["nanoseconds"]]
     if time["unit"] not in TEXT_TIMES:
-        return values * SECONDS[time["unit"]]
+        return numbers * SECONDS[time["unit"]]
     stamps = iso_microseconds(pa.array([text for text in texts if text]))
     return np.zeros(1) if stamps is None else np.asarray(stamps.to_numpy()) / 1e6

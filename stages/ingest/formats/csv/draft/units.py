@@ -45,6 +45,8 @@ def unit_of(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -
     depth = "" if stream != "depth" or "depth" in item.words else f"depth from {item.name}"
     if depth and item.unit in PRESSURES:
         depth = "pressure as depth of sea water; its zero may not be the surface"
+    if name.startswith("gyro") and item.unit in ("rad", "deg"):
+        return f"{item.unit}/s", f"a rate, though the name says {item.unit}"
     if item.unit:
         return item.unit, depth
     size = percentile(group)

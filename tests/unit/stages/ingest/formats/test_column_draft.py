@@ -8,7 +8,7 @@ import pytest
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
-from auvid.stages.columns import ATTITUDE, POSITION
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_names import named_columns, split_unit
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
@@ -16,6 +16,7 @@ from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 
 T_S = np.arange(0.0, 60.0, 0.1)
+PULSES = tuple(f"pwm_{number}_us" for number in range(1, 5))
 
 
 def drafted(
@@ -65,6 +66,16 @@ def test_units_in_names(name: str, words: str, unit: str) -> None:
         (("forward", "left", "up"), ("u_m_s", "v_m_s", "w_m_s")),
         (("vel_north", "target_depth", "depth_std"), (None, None, None)),
         (("surge", "sway", "yaw"), ("command_surge", "command_sway", "command_yaw")),
+        (("odom_pose_position_x", "translation.y"), ("x_m", "y_m")),
+        (("velocity_body_x", "v_b", "body_w"), ("u_m_s", "v_m_s", "w_m_s")),
+        (("vel_forward", "v_stbd", "vel_down"), ("u_m_s", "v_m_s", "w_m_s")),
+        (("nu[0]", "nu[1]", "nu[2]", "nu[3]", "nu[4]", "nu[5]"), (*LINEAR_VELOCITY, *GYRO)),
+        (("omega_1", "omega_2", "omega_3", "r_rate"), (*GYRO, "gyro_z_rad_s")),
+        (("rpy[0]", "rpy[1]", "rpy[2]", "mag_heading"), (*ATTITUDE, "psi_rad")),
+        (("T1_pwm", "motor_cmd_2", "chan3_raw", "thrusters[4]"), PULSES),
+        (("pressure_pa", "prop_rpm"), ("depth_m", "propeller_rev_s")),
+        (("cmd_vel.linear.x", "ref_roll", "fwd_thruster"), (None, None, None)),
+        (("gain1", "gain2", "gain3", "p1", "p2", "p3"), (None,) * 6),
         (
             ("x", "y", "z", "roll", "pitch", "yaw", "surge", "sway", "yaw_cmd"),
             (*POSITION, *ATTITUDE, "command_surge", "command_sway", "command_yaw"),
@@ -130,6 +141,14 @@ def test_velocities_that_may_be_of_world_axes_are_marked(
     assert {item.check for item in draft.columns} == {check}
 
 
+def test_a_numbered_quaternion_is_taken_with_w_first_and_marked() -> None:
+    turn = wave(0.2)
+    parts = (np.cos(turn), 0.0 * turn, 0.0 * turn, np.sin(turn))
+    draft = drafted({"t_s": T_S, **{f"q[{n}]": part for n, part in enumerate(parts)}})
+    assert [item.field for item in draft.columns] == ["q_w", "q_x", "q_y", "q_z"]
+    assert all("w first" in item.check for item in draft.columns)
+
+
 def test_semicolons_and_decimal_commas() -> None:
     draft = drafted({"t_s": T_S, "depth_m": 3.0 + wave(1.0)}, delimiter=";", decimal=",")
     assert (draft.delimiter, draft.decimal) == (";", ",")
@@ -140,6 +159,28 @@ def test_semicolons_and_decimal_commas() -> None:
 def test_unix_times_tell_their_unit(factor: float, unit: str) -> None:
     draft = drafted({"stamp": (1.7e9 + T_S) * factor, "depth_m": 3.0 + wave(1.0)})
     assert dict(draft.time) == {"column": "stamp", "unit": unit, "epoch": "unix"}
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"),
+    [("header.stamp.sec", "header.stamp.nanosec"), ("secs", "nsecs"), ("stamp_s", "stamp_ns")],
+)
+def test_stamps_of_ros_are_read_from_their_two_columns(seconds: str, nanoseconds: str) -> None:
+    whole = np.floor(1.7e9 + T_S)
+    columns = {
+        seconds: whole,
+        nanoseconds: np.rint((1.7e9 + T_S - whole) * 1e9),
+        "depth_m": 3.0 + wave(1.0),
+    }
+    draft = drafted(columns)
+    assert draft.time == {
+        "column": seconds,
+        "unit": "s",
+        "epoch": "unix",
+        "nanoseconds": nanoseconds,
+    }
+    assert draft.unused == ()
+    assert np.ptp(draft.span_s) == pytest.approx(T_S[-1], abs=1e-6)
 
 
 @pytest.mark.parametrize(("start", "factor"), [(1e8, 1e6), (2e9, 1e6), (1e12, 1e9)])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvid.data_schemas.errors import CampaignError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.reader import CSV, read_csv
 
@@ -140,6 +141,20 @@ def test_time_becomes_microseconds(unit: str, stamps: list[str], expected: list[
         np.rint(read_csv(file)[0].messages["depth"].columns["time_us"].astype(float)).tolist()
         == expected
     )
+
+
+def test_nanoseconds_stand_beside_whole_seconds() -> None:
+    text = "sec,nanosec,d\n1700000000,250000000,1\n1700000001,5000,1\n"
+    clock = {"column": "sec", "unit": "s", "nanoseconds": "nanosec"}
+    log, _ = read_csv(csv_file(text, DEPTH, time=clock))
+    assert log.messages["depth"].columns["time_us"].tolist() == [
+        1.70000000025e15,
+        1.700000001000005e15,
+    ]
+    with pytest.raises(CampaignError, match="within a second; found 'ms'"):
+        read_csv(csv_file(text, DEPTH, time=clock | {"unit": "ms"}))
+    with pytest.raises(CampaignError, match="no such column; found 'nsec'"):
+        read_csv(csv_file(text, DEPTH, time=clock | {"nanoseconds": "nsec"}))
 
 
 def test_held_stream_keeps_changes_only() -> None:
