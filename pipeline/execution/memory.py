@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +21,7 @@ MEMORY_INFO = Path("/proc/meminfo")
 LIMIT = Path("/sys/fs/cgroup/memory.max")
 USED = Path("/sys/fs/cgroup/memory.current")
 DETAIL = Path("/sys/fs/cgroup/memory.stat")
+OWN_PAGES = Path("/proc/self/statm")
 
 
 def give_back() -> None:
@@ -37,14 +39,15 @@ def give_back() -> None:
 
 
 def available_bytes() -> float | None:
-    """Return the memory that is left, of the machine or of its control group.
+    """Return the memory that is left, of the machine, its control group or this process.
 
     What a group holds of files that nobody reads now counts as left: the system gives it
     up on demand. None where the system does not tell (it is no Linux).
     """
+    limited = _bytes_to_own_limit()
     try:
         rows = dict(row.split(":", 1) for row in MEMORY_INFO.read_text().splitlines())
-        free = 1024.0 * int(rows["MemAvailable"].split()[0])
+        free = min(limited, 1024.0 * int(rows["MemAvailable"].split()[0]))
     except (OSError, KeyError, ValueError):
         return None
     try:
@@ -53,6 +56,22 @@ def available_bytes() -> float | None:
         return min(free, left + float(detail["inactive_file"]))
     except (OSError, ValueError):  # no group, or "max"
         return free
+
+
+def _bytes_to_own_limit() -> float:
+    """Return what the limit of this process's addresses (`ulimit -v`) leaves; inf for none."""
+    if os.name != "posix":
+        return math.inf
+    import resource
+
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return math.inf
+    try:
+        pages = int(OWN_PAGES.read_text().split()[0])
+    except (OSError, ValueError):
+        pages = 0
+    return max(0.0, float(limit) - pages * resource.getpagesize())
 
 
 def shortage(

@@ -134,6 +134,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     info.notes.extend((*motion.notes, *acoustic.notes))
     dropped = dropped_table(files, rejected)
     others = other_sources(files, forced, set_us=set_us)
+    del decoded, files, merged  # the checks need memory of their own
     health = check_health(
         tables, info, dropped, vehicle=inputs.vehicle, others=others, track=motion.track
     )

@@ -72,7 +72,8 @@ def signal(
     if rows.size < MIN_SAMPLES:
         return None
     names = tuple(name for name in table.column_names if name != "time_us")
-    t, values = t[rows], matrix(table, names)[rows]
+    first, last = int(rows[0]), int(rows[-1])
+    t, values = t[rows], matrix(table.slice(first, last + 1 - first), names)[rows - first]
     spans = tuple(
         (float(t[first]), float(t[last - 1]))
         for first, last in gaps(t, max_gap_s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import sys
 from pathlib import Path
 
@@ -66,6 +67,18 @@ def test_memory_left_is_that_of_the_machine_or_of_its_group(
     assert memory.available_bytes() == 200_000
     (tmp_path / "DETAIL").write_text("anon 40000\ninactive_file 60000\n")
     assert memory.available_bytes() == 260_000, "files that nobody reads are given up"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc is Linux's")
+def test_a_limit_of_the_process_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `ulimit -v` sets it: what it leaves above the addresses that are in use."""
+    for name in ("MEMORY_INFO", "LIMIT", "USED", "DETAIL", "OWN_PAGES"):
+        monkeypatch.setattr(memory, name, tmp_path / name)
+    (tmp_path / "MEMORY_INFO").write_text("MemAvailable:   90000000 kB\n")
+    (tmp_path / "OWN_PAGES").write_text("1000 200 100 1 0 300 0\n")
+    in_use = 1000 * resource.getpagesize()
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (in_use + 7_000_000, -1))
+    assert memory.available_bytes() == 7_000_000
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the resident size is Linux's")
