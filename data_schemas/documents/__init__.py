@@ -103,7 +103,10 @@ def check_document(document: object, name: str, *, file: object = None) -> None:
 
 
 def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
+    kind = type(value)
+    if kind is str or kind is float or kind is int or value is None:
+        return value
+    if kind is dict or isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if not isinstance(value, list | tuple):
         return value

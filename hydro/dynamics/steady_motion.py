@@ -6,8 +6,8 @@ Nothing holds the vehicle but its own righting moment: roll and pitch are free.
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,9 +36,9 @@ TILT = [3, 4]
 """Places of phi and theta in eta."""
 STATES = [0, 1, 2, 3, 4, 5, 9, 10]
 """Places in [nu, eta] of what a steady motion keeps: velocities, roll and pitch."""
+ROUNDING = 8 * np.finfo(float).eps
+"""Slopes with less than this share of the largest count as none."""
 R = TypeVar("R")
-Search = Generator[tuple[Array, Array], tuple[Array, Array], R]
-"""Newton's steps: yields nu and tilt, is sent the balance there and its slopes."""
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,25 @@ class SteadyMotion:
     grows_on: str
 
 
+class Guess(NamedTuple):
+    """Where a search for a balance stands: nu (6,), tilt (2,), force of its drive (8,).
+
+    place: of the velocity in nu that is given, in whose stead the force is sought; None
+    where nothing drives it.
+    """
+
+    nu: Array
+    tilt: Array
+    force: float
+    drive: Array
+    place: int | None
+
+
+Search = Generator[Guess, tuple[Array, Array] | None, R]
+"""Newton's steps: yields a guess; is sent what is missing in its balance and the step
+(8,) that would mend it, None where they are no numbers."""
+
+
 @dataclass(frozen=True)
 class SteadyDrive:
     """Speeds along an axis, and the force (6,) of the actuators at f = 1."""
@@ -136,39 +155,74 @@ def steady_motions(
     end: `roll` or `pitch` beyond `TIPPED_RAD`, `NO_MOTION` where none was found, empty
     where all speeds have one.
     """
-    return _solved(floating, [_along(floating, drive, minimum_speed) for drive in drives])
+    tracks = _solved(floating, [_along(floating, drive) for drive in drives])
+    steady = [motion for motions, _ in tracks for motion in motions]
+    if steady:
+        nu, tilt = (np.array([getattr(item, name) for item in steady]) for name in ("nu", "tilt"))
+        growths = zip(*growths_about(floating, nu, tilt, minimum_speed=minimum_speed), strict=True)
+        grown = iter(
+            [
+                replace(item, growth=g, grows_on=on)
+                for item, (g, on) in zip(steady, growths, strict=True)
+            ]
+        )
+        tracks = [([next(grown) for _ in motions], end) for motions, end in tracks]
+    return tracks
 
 
 def _solved(floating: Floating, searches: Sequence[Search[R]]) -> list[R]:
     """Return the results of searches that take their steps together, as one batch."""
     results: dict[int, R] = {}
-    states: dict[int, tuple[Array, Array]] = {}
+    guesses: dict[int, Guess] = {}
 
     def go_on(number: int, answer: tuple[Array, Array] | None) -> None:
         try:
-            search = searches[number]
-            states[number] = next(search) if answer is None else search.send(answer)
+            guesses[number] = searches[number].send(answer)
         except StopIteration as end:
-            states.pop(number, None)
+            guesses.pop(number, None)
             results[number] = end.value
 
     for number in range(len(searches)):
         go_on(number, None)
-    while states:
-        order = list(states)
-        nu, tilt = (np.array([states[number][k] for number in order]) for k in (0, 1))
-        for number, *answer in zip(
-            order, floating.balance(nu, tilt), floating.slopes(nu, tilt), strict=True
+    while guesses:
+        for number, answer in zip(
+            list(guesses), _newton_steps(floating, list(guesses.values())), strict=True
         ):
-            go_on(number, (answer[0], answer[1]))
+            go_on(number, answer)
     return [results[number] for number in range(len(searches))]
 
 
-def _along(
-    floating: Floating, drive: SteadyDrive, minimum_speed: float
-) -> Search[tuple[list[SteadyMotion], str]]:
-    i, direction = AXES.index(drive.axis), np.asarray(drive.direction, dtype=np.float64)
-    free = [j for j in range(6) if j != i]
+def _newton_steps(floating: Floating, guesses: Sequence[Guess]) -> list[tuple[Array, Array] | None]:
+    """Return what is missing in the balance (8,) of each guess, and Newton's step (8,).
+
+    Of the velocity that is given the step is that of the force. The slope of each
+    velocity is lowered by sqrt(|missing force| M_jj): quadratic damping has no slope at
+    rest.
+    """
+    nu, tilt, force, drives = (
+        np.array([getattr(guess, name) for guess in guesses])
+        for name in ("nu", "tilt", "force", "drive")
+    )
+    missing = floating.balance(nu, tilt) + force[:, None] * drives
+    slope = floating.slopes(nu, tilt)
+    good = np.isfinite(missing).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
+    missing[~good], slope[~good] = 0.0, 0.0
+    slope[:, range(6), range(6)] -= np.sqrt(
+        np.abs(missing[:, :6]) * np.diag(floating.vehicle.mass_matrix)
+    )
+    for number, guess in enumerate(guesses):
+        if guess.place is not None:
+            slope[number, :, guess.place] = guess.drive
+    steps = -(np.linalg.pinv(slope, ROUNDING) @ missing[:, :, None])[:, :, 0]
+    return [
+        pair if there else None for there, *pair in zip(good.tolist(), missing, steps, strict=True)
+    ]
+
+
+def _along(floating: Floating, drive: SteadyDrive) -> Search[tuple[list[SteadyMotion], str]]:
+    """Search the steady motions along a drive; their growth is not sought yet."""
+    i = AXES.index(drive.axis)
+    push = np.append(np.asarray(drive.direction, dtype=np.float64), [0.0, 0.0])
     nu, tilt, force = np.zeros(6), np.zeros(2), 0.0
     motions: list[SteadyMotion] = []
     ahead = np.asarray(drive.speeds, dtype=np.float64).tolist()[::-1]
@@ -176,14 +230,13 @@ def _along(
     while ahead:
         nu = nu.copy()
         nu[i] = ahead[-1]
-        balanced = yield from _balanced(floating, nu, tilt, force, free, direction)
-        if balanced is not None and np.max(np.abs(balanced[1])) < TIPPED_RAD:
-            nu, tilt, force = balanced
-            growth = growth_about(floating, nu, tilt, minimum_speed=minimum_speed)
-            motions.append(SteadyMotion(ahead.pop(), force, nu, tilt, *growth))
+        balanced = yield from _balanced(Guess(nu, tilt, force, push, i))
+        if balanced is not None and np.max(np.abs(balanced.tilt)) < TIPPED_RAD:
+            nu, tilt, force = balanced[:3]
+            motions.append(SteadyMotion(ahead.pop(), force, nu, tilt, 0.0, ""))
             continue
         if not motions or halvings == HALVINGS:
-            over = NO_MOTION if balanced is None else TILTS[np.argmax(np.abs(balanced[1]))]
+            over = NO_MOTION if balanced is None else TILTS[np.argmax(np.abs(balanced.tilt))]
             return motions, over
         ahead.append((motions[-1].speed + ahead[-1]) / 2.0)
         halvings += 1
@@ -192,54 +245,47 @@ def _along(
 
 def rest_tilt(floating: Floating) -> Array | None:
     """Return roll and pitch (2,) [rad] without any drive; None where not upright."""
-    free = list(range(6))
-    rest = _balanced(floating, np.zeros(6), np.zeros(2), 0.0, free, np.zeros(6))
+    rest = _balanced(Guess(np.zeros(6), np.zeros(2), 0.0, np.zeros(8), None))
     (balanced,) = _solved(floating, [rest])
-    if balanced is None or np.max(np.abs(balanced[1])) >= TIPPED_RAD:
+    if balanced is None or np.max(np.abs(balanced.tilt)) >= TIPPED_RAD:
         return None
-    return balanced[1]
+    return balanced.tilt
 
 
-def _balanced(
-    floating: Floating, nu: Array, tilt: Array, force: float, free: list[int], direction: Array
-) -> Search[tuple[Array, Array, float] | None]:
-    """Return nu, tilt and force of a balance, by Newton's steps; None for none found.
-
-    The slope of each velocity is lowered by sqrt(|missing force| M_jj): quadratic damping
-    has no slope at rest.
-    """
-    nu, inertia = nu.copy(), np.diag(floating.vehicle.mass_matrix)
-    drive = np.append(direction, [0.0, 0.0])
+def _balanced(guess: Guess) -> Search[Guess | None]:
+    """Return the nu, tilt and force of a balance, by Newton's steps; None for none found."""
     for _ in range(ITERATIONS):
-        balance, slope = yield nu, tilt
-        missing = balance + force * drive
-        if not (np.all(np.isfinite(missing)) and np.all(np.isfinite(slope))):
+        answer = yield guess
+        if answer is None:
             return None  # a step led to a pitch of 90 degrees, where roll has no rate
-        if np.max(np.abs(missing)) < SETTLED * (1.0 + abs(force)):
-            return nu, tilt, force
-        slope[range(6), range(6)] -= np.sqrt(np.abs(missing[:6]) * inertia)
-        columns = np.column_stack([slope[:, free], drive, slope[:, 6:]])
-        step = np.linalg.lstsq(columns, -missing, rcond=None)[0]
-        step *= min(1.0, 0.3 / max(np.max(np.abs(step[-2:])), 1e-12))
-        nu[free] += step[:-3]
-        force, tilt = force + float(step[-3]), tilt + step[-2:]
+        missing, step = answer
+        if np.max(np.abs(missing)) < SETTLED * (1.0 + abs(guess.force)):
+            return guess
+        step = step * min(1.0, 0.3 / max(np.max(np.abs(step[6:])), 1e-12))
+        nu, force = guess.nu + step[:6], guess.force
+        if guess.place is not None:
+            nu[guess.place] = guess.nu[guess.place]
+            force += float(step[guess.place])
+        guess = guess._replace(nu=nu, tilt=guess.tilt + step[6:], force=force)
     return None
 
 
-def growth_about(
+def growths_about(
     floating: Floating, nu: Array, tilt: Array, *, minimum_speed: float
-) -> tuple[float, str]:
-    """Return the fastest growth [1/s] about a steady motion, and the axis it shows on.
+) -> tuple[list[float], list[str]]:
+    """Return the fastest growth [1/s] about steady motions, and the axis each shows on.
 
-    Of the eigenvalues of d[nu, phi, theta]/dt under a constant force. The axis is that of
-    the largest part of kinetic energy, by the diagonal of M.
+    nu (n, 6), tilt (n, 2). Of the eigenvalues of d[nu, phi, theta]/dt under a constant
+    force. The axis is that of the largest part of kinetic energy, by the diagonal of M.
     """
     slope = floating.slopes(nu, tilt, minimum_speed=minimum_speed)
-    slope[:6] = floating.vehicle.mass_matrix_inverse @ slope[:6]
+    slope[:, :6] = floating.vehicle.mass_matrix_inverse @ slope[:, :6]
     values, vectors = np.linalg.eig(slope)
-    fastest = int(np.argmax(values.real))
-    energy = np.abs(vectors[:6, fastest]) ** 2 * np.diag(floating.vehicle.mass_matrix)
-    return float(values[fastest].real), AXES[int(np.argmax(energy))]
+    fastest = np.argmax(values.real, axis=1)
+    each = np.arange(len(fastest))
+    energy = np.abs(vectors[each, :6, fastest]) ** 2 * np.diag(floating.vehicle.mass_matrix)
+    growth = values.real[each, fastest]
+    return growth.tolist(), [AXES[place] for place in np.argmax(energy, axis=1)]
 
 
 def overturning(

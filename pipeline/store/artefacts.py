@@ -9,6 +9,7 @@ import io
 import json
 import math
 from collections.abc import Collection, Generator, Mapping, Sequence
+from json.encoder import encode_basestring
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -28,6 +29,7 @@ LINE = 120
 LONG_TABLE_BYTES = 16_000_000
 """In memory; the file of a longer table is written while it is encoded."""
 SCALARS = {float, int, bool, type(None)}
+CONTAINERS = (dict, list)
 
 
 def encode(artefact: object, name: str, *, file: object) -> bytes:
@@ -127,7 +129,10 @@ def _read_parquet(path: Path, chosen: Collection[str | None]) -> pa.Table:
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
     """Return a document of plain Python values; NaN and infinity are refused."""
-    if isinstance(value, Mapping):
+    kind = type(value)
+    if kind is str or kind is int or kind is bool or value is None:
+        return value
+    if kind is dict or isinstance(value, Mapping):
         return {
             str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key))
             for key, item in value.items()
@@ -143,7 +148,7 @@ def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
         raise SchemaError(
             "no number", file=file, field=at, value=value, allowed="finite numbers, or null"
         )
-    if value is None or isinstance(value, str | int | float | bool):
+    if isinstance(value, str | int | float):
         return value
     raise SchemaError(
         "a document cannot hold this", file=file, field=at, value=type(value).__name__
@@ -155,23 +160,28 @@ def to_json(value: Any, indent: int = 0) -> str:
 
     One key a line; short containers and lists of scalars on one line.
     """
-    if not isinstance(value, dict | list) or not value:
+    if type(value) not in CONTAINERS or not value:
         return _line(value)
     items = value.values() if isinstance(value, dict) else value
-    if isinstance(value, list) and set(map(type, value)).isdisjoint((dict, list)):
-        return _line(value)
-    if not any(isinstance(item, dict | list) and item for item in items):
+    if set(map(type, items)).isdisjoint(CONTAINERS):
+        line = _line(value)
+        if isinstance(value, list) or len(line) + indent <= LINE:
+            return line
+    elif not any(item for item in items if type(item) in CONTAINERS):
         line = _line(value)
         if len(line) + indent <= LINE:
             return line
     pad = " " * (indent + 1)
     if isinstance(value, dict):
-        inner = [f"{pad}{_line(key)}: {to_json(item, indent + 1)}" for key, item in value.items()]
+        inner = [
+            f"{pad}{encode_basestring(key)}: {to_json(item, indent + 1)}"
+            for key, item in value.items()
+        ]
         return "{\n" + ",\n".join(inner) + "\n" + pad[1:] + "}"
     return (
         "[\n" + ",\n".join(pad + to_json(item, indent + 1) for item in value) + "\n" + pad[1:] + "]"
     )
 
 
-def _line(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+_line = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
+"""Text of a value on one line."""

@@ -20,7 +20,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.equations_of_motion import Control, actuator_force
-from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
+from auvid.hydro.dynamics.simulation.plant_constants import Tables, padded, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -173,16 +173,15 @@ def fly_freely(
     for i, model in enumerate(coefficients):
         batches.setdefault((model.terms, float(lags[i])), []).append(i)
     for (_, lag_s), members in batches.items():
-        tables = [
-            plant_tables(vehicle, coefficients[i], lag_s=0.0, minimum_speed=minimum_speed)
-            for i in members
-        ]
+        tables = plant_tables(
+            vehicle, coefficients[members[0]], lag_s=0.0, minimum_speed=minimum_speed
+        )
         wander = np.zeros((len(members), 6)) if disturbance is None else disturbance.deviation
         rho = np.zeros(6) if disturbance is None else np.exp(-motion.step_s / disturbance.time_s)
         models = ModelRows(
             coriolis * masses[members].reshape(-1, 36),
             np.asarray(np.linalg.inv(masses[members]), dtype=np.float64).reshape(-1, 36),
-            np.stack([item.coefficients for item in tables]),
+            padded(np.stack([coefficients[i].matrix for i in members])).reshape(len(members), -1),
             trims[members],
             np.ascontiguousarray(wander if disturbance is None else wander[members]),
             rho,
@@ -194,7 +193,7 @@ def fly_freely(
         def run(
             start: int,
             models: ModelRows = models,
-            tables: Tables = tables[0],
+            tables: Tables = tables,
             out: Array = out,
             gone: Array = gone,
             share: int = share,

@@ -69,7 +69,7 @@ def plant_tables(
         for term in model.terms
     ]
     factors += [[0, 0, 0]] * (-len(factors) % WIDTH)
-    strips, surfaces = _padded(physical.strips.T), _padded(physical.surfaces.T)
+    strips, surfaces = padded(physical.strips.T), padded(physical.surfaces.T)
     rho, moment = (
         vehicle.water_density,
         vehicle.r_G * vehicle.weight - vehicle.r_B * vehicle.buoyancy,
@@ -83,7 +83,7 @@ def plant_tables(
         propeller=np.zeros(6) if propeller is None else propeller.coefficients(rho).flatten(),
         inflow_per_u=0.0 if propeller is None else propeller.inflow_per_u,
         factors=np.array(factors, dtype=np.int64).flatten(),
-        coefficients=_padded(model.matrix).flatten(),
+        coefficients=padded(model.matrix).flatten(),
         strips=strips.flatten(),
         surfaces=surfaces.flatten(),
         counts=(len(factors), strips.shape[1], surfaces.shape[1]),
@@ -96,9 +96,10 @@ def plant_tables(
     )
 
 
-def _padded(columns: Array) -> Array:
-    """Return a table with columns of zeros added up to a multiple of WIDTH."""
-    return np.pad(columns, ((0, 0), (0, -columns.shape[1] % WIDTH)))
+def padded(columns: Array) -> Array:
+    """Return tables (..., r, c) with columns of zeros added up to a multiple of WIDTH."""
+    missing = -columns.shape[-1] % WIDTH
+    return np.concatenate([columns, np.zeros((*columns.shape[:-1], missing))], axis=-1)
 
 
 _NO_PHYSICS = PhysicalViscous(

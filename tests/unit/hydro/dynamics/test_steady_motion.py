@@ -10,10 +10,12 @@ from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
     Floating,
+    Guess,
     SteadyDrive,
     SteadyMotion,
     _balanced,
-    growth_about,
+    _newton_steps,
+    growths_about,
     overturning,
     rest_tilt,
     steady_motions,
@@ -90,7 +92,8 @@ def test_growth_is_that_of_a_damped_pendulum() -> None:
     )
     inertia = VEHICLE.mass_matrix[3, 3]
     expected = np.roots([inertia, -0.3, RIGHTING]).real.max()
-    rate, axis = growth_about(model, np.zeros(6), np.zeros(2), minimum_speed=0.05)
+    still = np.zeros((1, 6)), np.zeros((1, 2))
+    (rate,), (axis,) = growths_about(model, *still, minimum_speed=0.05)
     assert rate == pytest.approx(expected, rel=1e-9)
     assert axis == "K"
 
@@ -141,8 +144,11 @@ def test_the_end_is_bisected() -> None:
 def test_a_step_to_a_pitch_of_90_degrees_finds_no_balance() -> None:
     """There roll has no rate, so the balance and its slopes are no numbers."""
     model, pitched = floating(), np.array([0.0, np.pi / 2.0])
-    search = _balanced(model, np.zeros(6), pitched, 0.0, list(range(6)), np.zeros(6))
-    nu, tilt = next(search)
+    upright = Guess(np.zeros(6), np.zeros(2), 0.0, np.zeros(8), None)
+    search = _balanced(upright._replace(tilt=pitched))
+    answer, other = _newton_steps(model, [next(search), upright])
+    assert answer is None
+    assert other is not None
     with pytest.raises(StopIteration) as end:
-        search.send((model.balance(nu, tilt), model.slopes(nu, tilt)))
+        search.send(answer)
     assert end.value.value is None
