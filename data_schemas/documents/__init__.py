@@ -46,6 +46,7 @@ MODELS = {
 }
 """Document -> its model, counted from data_schemas."""
 NUMBERS = {float, int, bool, type(None)}
+SCALARS = {str, *NUMBERS}
 
 
 def model_of(name: str) -> type[Model]:
@@ -103,10 +104,9 @@ def check_document(document: object, name: str, *, file: object = None) -> None:
 
 
 def _plain(value: object) -> object:
-    kind = type(value)
-    if kind is str or kind is float or kind is int or value is None:
+    if type(value) in SCALARS:
         return value
-    if kind is dict or isinstance(value, Mapping):
+    if isinstance(value, dict | Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if not isinstance(value, list | tuple):
         return value

@@ -215,7 +215,8 @@ def _newton_steps(floating: Floating, guesses: Sequence[Guess]) -> list[tuple[Ar
             slope[number, :, guess.place] = guess.drive
     steps = -(np.linalg.pinv(slope, ROUNDING) @ missing[:, :, None])[:, :, 0]
     return [
-        pair if there else None for there, *pair in zip(good.tolist(), missing, steps, strict=True)
+        (lack, step) if there else None
+        for there, lack, step in zip(good.tolist(), missing, steps, strict=True)
     ]
 
 

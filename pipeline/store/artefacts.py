@@ -30,6 +30,7 @@ LONG_TABLE_BYTES = 16_000_000
 """In memory; the file of a longer table is written while it is encoded."""
 SCALARS = {float, int, bool, type(None)}
 CONTAINERS = (dict, list)
+PLAIN = {str, int, bool, type(None)}
 
 
 def encode(artefact: object, name: str, *, file: object) -> bytes:
@@ -129,10 +130,9 @@ def _read_parquet(path: Path, chosen: Collection[str | None]) -> pa.Table:
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:
     """Return a document of plain Python values; NaN and infinity are refused."""
-    kind = type(value)
-    if kind is str or kind is int or kind is bool or value is None:
+    if type(value) in PLAIN:
         return value
-    if kind is dict or isinstance(value, Mapping):
+    if isinstance(value, dict | Mapping):
         return {
             str(key): to_plain(item, file=file, at=f"{at}.{key}" if at else str(key))
             for key, item in value.items()
