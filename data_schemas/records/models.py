@@ -73,6 +73,8 @@ class TermCombination(Model):
     """Standard error of the sum."""
     reading: str
     """The sum and its value as printed."""
+    assumed_shifts: dict[str, float] = Field(default_factory=dict)
+    """As of a term, of the sum."""
 
 
 class AxisCard(Model):
@@ -178,6 +180,10 @@ class InertiaCard(Model):
     """Of inertia and lag: near 1 or -1 they are one parameter."""
     verdict: Literal["identified", "weak", "not excited", "inseparable"]
     """Inseparable: from the thrust lag."""
+    assumed_shifts: dict[str, float] = Field(default_factory=dict)
+    """Assumed figure of the vehicle -> what one standard deviation of it moves `value` by;
+    its own in the vehicle file does not move the total.
+    """
 
 
 class ModelCard(Model):

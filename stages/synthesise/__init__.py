@@ -40,6 +40,7 @@ from auvid.hydro.identification.regression.error_functions import (
     SQUARES,
 )
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.folds import parts_of
@@ -60,10 +61,12 @@ from auvid.stages.synthesise.presentation import synthesise_section
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
+    DataErrors,
     LegTables,
     TrainingData,
     TrainingSegment,
     coloured_covariances,
+    merged_figures,
     motion_factor,
     others_of,
 )
@@ -273,7 +276,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         }
     elif structures := [model for model in models if model.name not in published]:
         limits = PhysicalLimits(params.damping, params.inertia, prior, sources)
-        moving = data.factor
+        moving, figures = data.factor, {}
         if params.inertia:
             factors = {}
             for name, own_factor in zip(
@@ -282,6 +285,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 factor_kept = factors.get(name)
                 factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
             moving = reduce(TriangularFactor.merge, factors.values())
+            figures = _motion_figures(inputs, training, structures)
         for model in structures:
             squares = cards[model.name]
             per_one = {
@@ -289,7 +293,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 for axis in AXES
             }
             cards[model.name] = within_limits(
-                squares, model, moving, limits, inputs.vehicle, per_one, factors
+                squares, model, moving, limits, inputs.vehicle, per_one, factors, figures
             )
             conflicts += prior_conflicts(squares, cards[model.name], limits)
     factor = FactorRecord(
@@ -382,11 +386,26 @@ def _with_motion(
             "fitting inertia needs the acceleration, and there is no fused state",
             field="stages.synthesise.inertia",
         )
+    terms, fused = _motion_terms(structures), inputs.fused
+    return [motion_factor(inputs.residual[key], fused[key], terms) for key in training]
+
+
+def _motion_terms(structures: Sequence[ViscousModel]) -> tuple[str, ...]:
+    """Return the terms of structures, and the products of the Coriolis force."""
     used = {term for model in structures for row in model.terms.values() for term in row}
     used |= {f"{a}*{b}" for a in VELOCITIES for b in VELOCITIES}
-    terms = tuple(term for term in basis_term_names() if term in used)
-    fused = inputs.fused
-    return [motion_factor(inputs.residual[key], fused[key], terms) for key in training]
+    return tuple(term for term in basis_term_names() if term in used)
+
+
+def _motion_figures(
+    inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel]
+) -> dict[str, tuple[NormalChange, ...]]:
+    """Return what assumed figures do to the normal equations with accelerations."""
+    terms = _motion_terms(structures)
+    legs = (TrainingSegment.of(_tables(inputs, key), with_ratio=False) for key in training)
+    return reduce(
+        merged_figures, (DataErrors.of_motion(leg, terms, inputs.vehicle) for leg in legs)
+    )
 
 
 STAGE = Stage(

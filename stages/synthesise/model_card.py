@@ -76,7 +76,7 @@ def model_card(
             [change.shift(fit) for change in (*(errors.velocities or ()), *errors.smoothing)],
         )
         figures = {
-            name: np.sqrt(sum(change.shift(fit) ** 2 for change in changes))
+            name: np.array([change.shift(fit) for change in changes])
             for name, changes in errors.figures.items()
         }
         means = {
@@ -148,11 +148,12 @@ def _axis_entry(
     """Return what the data say of every term of one axis.
 
     Verdicts are of `fit` with `covariance`; numbers and errors are those with the
-    prior, `after` with `wide`. figures: assumed figure -> shifts (k,) by one standard
-    deviation.
+    prior, `after` with `wide`. figures: assumed figure -> shifts (c, k) by one standard
+    deviation of each of its c numbers.
     """
+    sizes = {name: np.linalg.norm(shifts, axis=0) for name, shifts in figures.items()}
     verdicts, determined = judge_with_motion(
-        fit, motion, covariance=covariance, turns=turns, figures=figures
+        fit, motion, covariance=covariance, turns=turns, figures=sizes
     )
     errors = np.sqrt(np.maximum(np.diag(wide), 0.0))
     summed = {term for item in determined for term in item.weights}
@@ -175,9 +176,7 @@ def _axis_entry(
                     list(verdict.partners) if verdict.status == INSEPARABLE else None
                 ),
                 assumed_shifts=(
-                    {name: float(shifts[index]) for name, shifts in figures.items()}
-                    if has_number
-                    else {}
+                    {name: float(size[index]) for name, size in sizes.items()} if has_number else {}
                 ),
                 turns_without=list(turns[term]) if has_number and term in turns else None,
             )
@@ -197,11 +196,20 @@ def _axis_entry(
                 value=item.value,
                 standard_error=_finite(item.standard_error),
                 reading=str(item),
+                assumed_shifts=_shifts_of_sum(fit, item.weights, figures),
             )
             for item in determined
         ],
         covariance=_covariance_entry(fit.terms, wide),
     )
+
+
+def _shifts_of_sum(
+    fit: AxisFit, weights: Mapping[str, float], figures: Mapping[str, Array]
+) -> dict[str, float]:
+    """Return what assumed figures move a weighted sum of coefficients by."""
+    own = np.array([weights.get(term, 0.0) for term in fit.terms])
+    return {name: float(np.linalg.norm(shifts @ own)) for name, shifts in figures.items()}
 
 
 def _covariance_entry(terms: Sequence[str], covariance: Array) -> CovarianceCard:

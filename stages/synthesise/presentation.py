@@ -192,13 +192,19 @@ def _remarks(card: ModelCard) -> list[dict[str, Any]]:
         blocks.append(_prior_remark(card, card.prior))
     blocks += [_prior_remark(card, prior) for prior in card.measured_priors]
     blocks += _limit_blocks(card)
+    budget = ["± 95 % by assumed figures"] if card.spreads else []
     sums = [
-        [axis, item.reading, half_95(item.standard_error)]
+        [
+            axis,
+            item.reading,
+            half_95(item.standard_error),
+            *([shift_words(item.assumed_shifts, item.standard_error or 0.0)] if budget else []),
+        ]
         for axis, part in card.axes.items()
         for item in part.combinations
     ]
     if sums:
-        heads = ["axis", "combination of coefficients: value", NOISE_95]
+        heads = ["axis", "combination of coefficients: value", NOISE_95, *budget]
         blocks.append(
             table(
                 f"{card.title}: what the data determine of inseparable terms",
@@ -252,6 +258,7 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
                 item.name,
                 item.value,
                 half_95(item.standard_error),
+                *([shift_words(item.assumed_shifts, item.standard_error)] if card.spreads else []),
                 item.in_vehicle_file,
                 item.unit,
                 item.lag_s,
@@ -269,6 +276,7 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
             "derivative",
             "inertia",
             NOISE_95,
+            *(["± 95 % by assumed figures"] if card.spreads else []),
             "in the vehicle file",
             "unit",
             ("lag beside it", "s"),

@@ -181,6 +181,30 @@ class DataErrors:
             )
         return reduce(cls.merge, parts)
 
+    @staticmethod
+    def of_motion(
+        leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle
+    ) -> dict[str, tuple[NormalChange, ...]]:
+        """Return what assumed figures do where accelerations are columns, too.
+
+        Of `terms`, `ACCELERATIONS` and the constant; accelerations themselves stay as
+        they are. None where the leg has no state or commands.
+        """
+        changes: dict[str, tuple[NormalChange, ...]] = {}
+        if leg.measured is None:
+            return changes
+        every = leg.measured.every(STRIDE)
+        figures = list(figure_errors(every, vehicle, leg.thrust[::STRIDE], vehicle.spreads))
+        for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
+            at = slice(place.start // STRIDE, place.stop // STRIDE)
+            moving = part.with_columns(ACCELERATIONS, every.nu_dot[at])
+            own: dict[str, tuple[NormalChange, ...]] = {}
+            for figure, d_force, d_nu in figures:
+                change = moving.definite(d_force[at], None if d_nu is None else d_nu[at])
+                own[figure] = (*own.get(figure, ()), change)
+            changes = merged_figures(changes, own) if changes else own
+        return changes
+
     def merge(self, other: DataErrors) -> DataErrors:
         """Return the errors of both; what one of them does not know is not known."""
         velocities = None
@@ -189,12 +213,15 @@ class DataErrors:
         return DataErrors(
             velocities,
             _merged(self.smoothing, other.smoothing),
-            {
-                name: _merged(changes, other.figures[name])
-                for name, changes in self.figures.items()
-                if name in other.figures
-            },
+            merged_figures(self.figures, other.figures),
         )
+
+
+def merged_figures(
+    one: Mapping[str, tuple[NormalChange, ...]], other: Mapping[str, tuple[NormalChange, ...]]
+) -> dict[str, tuple[NormalChange, ...]]:
+    """Return the changes by assumed figures over both; those that both know."""
+    return {name: _merged(one[name], other[name]) for name in one if name in other}
 
 
 def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, index: int, cutoff_hz: float | None) -> Array:

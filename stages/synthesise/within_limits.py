@@ -8,6 +8,7 @@ bound or on the prior.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -27,7 +28,7 @@ from auvid.data_schemas.records.models import (
     TermCard,
 )
 from auvid.data_schemas.records.priors import PriorSourcesRecord
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import ViscousModel
@@ -55,7 +56,9 @@ from auvid.hydro.identification.constrained.statuses import (
     CoefficientStatus,
     statuses,
 )
+from auvid.hydro.identification.regression.assumed_figures import inertia_changes, total_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
+from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     T_LIMIT,
@@ -97,12 +100,14 @@ def within_limits(
     vehicle: Vehicle,
     samples_per_one: Mapping[str, float],
     legs: Mapping[str, TriangularFactor],
+    figures: Mapping[str, tuple[NormalChange, ...]],
 ) -> ModelCard:
     """Return the card of a structure with the coefficients within limits.
 
     card: of least squares on the same data; its verdicts stay. factor: with the columns
     of `extra_rows` where inertia is fitted. samples_per_one: axis -> how many samples
-    of its residual count as one. legs: the factors of the training legs.
+    of its residual count as one. legs: the factors of the training legs. figures: what
+    assumed figures of the vehicle change of the normal equations with inertia.
     """
     equations = viscous_equations(model, trim=card.trim)
     if limits.inertia:
@@ -127,6 +132,10 @@ def within_limits(
         for name, others in others_of(legs).items()
     }
     values = fit.by_axis()
+    moved = {
+        name: [fit.shift(equations, change) for change in changes]
+        for name, changes in (figures.items() if limits.inertia else ())
+    }
     return card.model_copy(
         update={
             "method": "within limits",
@@ -139,7 +148,7 @@ def within_limits(
             "limits_cost": fit.cost,
             "held_out": held_out_card(held_out),
             "inertia": [
-                _inertia(name, fit, factor, model, noise, vehicle=vehicle, trim=card.trim)
+                _inertia(name, fit, factor, model, noise, moved, vehicle=vehicle, trim=card.trim)
                 for name in limits.inertia
             ],
             "axes": {axis: _axis(axis, part, fit) for axis, part in card.axes.items()},
@@ -385,27 +394,44 @@ def _inertia(
     factor: TriangularFactor,
     model: ViscousModel,
     noise: Mapping[str, float],
+    moved: Mapping[str, Sequence[Array]],
     *,
     vehicle: Vehicle,
     trim: bool,
 ) -> InertiaCard:
-    """Return a fitted inertia, and how far a thrust lag could take its place."""
+    """Return a fitted inertia, and how far a thrust lag could take its place.
+
+    moved: assumed figure -> shifts (p,) of the fit by each of its numbers.
+    """
     unknown = added_mass_unknown(name)
     i = fit.unknowns.index(unknown)
     row, column = AXES.index(unknown.axis), ACCELERATIONS.index(unknown.term)
     in_file = float(vehicle.mass_matrix[row, column])
     trade = inertia_against_lag(factor, viscous_equations(model, trim=trim), name, noise=noise)
+    change, error = float(fit.values[i]), float(fit.standard_errors[i])
+    shifts = {}
+    for figure, numbers in moved.items():
+        # The file's own entry moves by the figure, too, and the total by the difference.
+        own = [
+            item[row, column] for item in inertia_changes(figure, vehicle, vehicle.spreads[figure])
+        ]
+        own = own or [0.0] * len(numbers)
+        shifts[figure] = math.hypot(*(a - b[i] for a, b in zip(own, numbers, strict=True)))
+    verdict = trade.verdict
+    if verdict == IDENTIFIED and abs(change) <= NORMAL_95 * total_error(error, shifts):
+        verdict = WEAK
     return InertiaCard(
         name=name,
         unit=("kg", "kg*m", "kg*m^2")[(row > 2) + (column > 2)],
-        value=in_file - float(fit.values[i]),
-        standard_error=float(fit.standard_errors[i]),
+        value=in_file - change,
+        standard_error=error,
         in_vehicle_file=in_file,
-        change=float(fit.values[i]),
+        change=change,
         beside_lag=trade.joint[0],
         beside_lag_error=trade.joint_errors[0],
         lag_s=trade.joint[1],
         lag_error_s=trade.joint_errors[1],
         correlation=trade.correlation,
-        verdict=trade.verdict,
+        verdict=verdict,
+        assumed_shifts=shifts,
     )

@@ -120,7 +120,7 @@ class FreeFlight:
 
 
 def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> ModelDraws:
-    """Return models drawn from the coefficients of a card, within the limits of its fit.
+    """Return models drawn from the coefficients of a card, within its limits.
 
     Each axis has its covariance, in the size of the printed standard errors; axes and
     inertia count as independent. What the card has no error of stays as it is. A draw

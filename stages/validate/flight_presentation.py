@@ -109,7 +109,7 @@ def _moved_words(card: ModelCard, draws: ModelDraws) -> str:
 
 
 def _cause_words(flights: Sequence[FreeFlight]) -> str:
-    """Return what grows in the first lost draw; nothing where none was lost or grows."""
+    """Return what grows in the first lost draw; nothing where nothing grows."""
     cause = next((flight.cause for flight in flights if flight.cause is not None), None)
     if cause is None or cause.rate <= 0.0:
         return ""

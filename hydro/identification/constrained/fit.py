@@ -23,6 +23,7 @@ from auvid.hydro.identification.regression.least_squares import (
     RANK_TOLERANCE,
     TriangularFactor,
 )
+from auvid.hydro.identification.regression.normal_changes import NormalChange
 
 SMALLEST_NOISE = 1e-6
 """The force error is taken as at least this share of the measured force (RMS)."""
@@ -82,6 +83,18 @@ class ConstrainedFit:
     def cost(self) -> float:
         """Return what the limits cost: J / J0 with them minus without."""
         return self.normalised - _total(self.rms_free) / _total(self.j0)
+
+    def shift(self, equations: ForceEquations, change: NormalChange) -> Array:
+        """Return how far an error of the data moves the values (p,), the limits kept.
+
+        C sum_a W_a' (dq_a - dS W_a x) / s_a^2 with W_a the weights of axis a's columns.
+        """
+        pull = np.zeros(len(self.values))
+        for i, axis in enumerate(AXES):
+            weights = equations.weights(axis, change.terms)
+            rest = change.target[:, i] - change.moment @ (weights @ self.values)
+            pull += weights.T @ rest / self.noise[i] ** 2
+        return np.asarray(self.covariance @ pull)
 
     def value(self, axis: str, term: str) -> float:
         """Return the value of one unknown."""

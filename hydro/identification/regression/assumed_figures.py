@@ -103,7 +103,7 @@ def figure_errors(
             for unit in np.eye(3):
                 yield figure, *_arm_errors(leg, vehicle, sd * unit)
         else:
-            for change in _inertia_changes(figure, vehicle, sd):
+            for change in inertia_changes(figure, vehicle, sd):
                 force = inertia_force(change, leg.nu_dot) + coriolis_force(change, leg.nu)
                 yield figure, force, None
 
@@ -120,8 +120,8 @@ def _arm_errors(leg: MeasuredLeg, vehicle: Vehicle, arm_m: Array) -> tuple[Array
     return after - before, d_nu
 
 
-def _inertia_changes(figure: str, vehicle: Vehicle, sd: float) -> Iterator[Array]:
-    """Yield changes (6, 6) of the mass matrix M_RB - M_A."""
+def inertia_changes(figure: str, vehicle: Vehicle, sd: float) -> Iterator[Array]:
+    """Yield changes (6, 6) of M_RB - M_A, one for each number of a figure."""
     if figure == "mass":
         yield rigid_body_matrix(sd, vehicle.r_G, np.zeros((3, 3)))
     for i in range(3, 6) if figure == "inertia" else ():

@@ -123,6 +123,15 @@ class StridedLeg:
             )
             yield place, replace(piece, weight=weight)
 
+    def with_columns(self, names: Sequence[str], values: Array) -> StridedLeg:
+        """Return it with columns (m, c) that no velocity moves, before the constant."""
+        return replace(
+            self,
+            terms=(*self.terms[:-1], *names, self.terms[-1]),
+            rows=np.hstack([self.rows[:, :-1], values, self.rows[:, -1:]]),
+            slopes=np.insert(self.slopes, [-1] * len(names), 0.0, axis=1),
+        )
+
     def random(self, sd: ArrayLike, force_slopes: Array) -> tuple[NormalChange, ...]:
         """Return the expected change by independent errors of each velocity.
 

@@ -12,7 +12,7 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.regression.assumed_figures import FIGURES, total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, clear_of_zero
 from auvid.stages.number_format import (
     estimate,
     interval,
@@ -30,7 +30,6 @@ SPEED_WORDS = {
     "V": "speed",
     "(eta-1)": "propulsion ratio",
 }
-NO_SHIFTS: Mapping[str, float] = {}
 
 
 def coefficient_rows(
@@ -99,7 +98,8 @@ def _combinations(axis: str, part: AxisCard) -> Iterator[CoefficientRow]:
     for item in part.combinations:
         error = item.standard_error
         units = {term.unit for term in part.terms if term.term in item.weights}
-        if error and abs(item.value) >= T_LIMIT * error and len(units) == 1:
+        shifts = item.assumed_shifts
+        if error and clear_of_zero(item.value, error, shifts.values()) and len(units) == 1:
             parts = [
                 f"{'' if weight == 1 else f'{weight:.3g} '}{coefficient_name(axis, term)}"
                 for term, weight in item.weights.items()
@@ -109,7 +109,7 @@ def _combinations(axis: str, part: AxisCard) -> Iterator[CoefficientRow]:
                 meaning="of inseparable terms",
                 unit=printed_unit(units.pop()),
                 verdict=IDENTIFIED,
-                **_figures(item.value, error),
+                **_figures(item.value, error, shifts),
             )
 
 
@@ -119,14 +119,14 @@ def _inertia_row(item: InertiaCard) -> CoefficientRow:
         meaning=f"{AXIS_WORDS[item.name[0]]} inertia",
         unit=printed_unit(item.unit),
         verdict=item.verdict,
-        **_figures(item.value, item.standard_error),
+        **_figures(item.value, item.standard_error, item.assumed_shifts),
         published=f"{significant(item.in_vehicle_file)} (file)",
         sources="mass or moment of inertia and added mass of the vehicle file",
     )
 
 
 def _figures(
-    value: float | None, error: float | None, shifts: Mapping[str, float] = NO_SHIFTS
+    value: float | None, error: float | None, shifts: Mapping[str, float]
 ) -> dict[str, Any]:
     """Return value and 95 % interval by noise and assumed figures.
 

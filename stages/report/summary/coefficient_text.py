@@ -8,14 +8,21 @@ import numpy as np
 
 from auvid.data_schemas.documents.model import Quantity, assumed_quantities
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
-from auvid.data_schemas.records.models import AxisCard, ModelCard, TermCard, VelocityRange
+from auvid.data_schemas.records.models import (
+    AxisCard,
+    InertiaCard,
+    ModelCard,
+    TermCard,
+    TermCombination,
+    VelocityRange,
+)
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, clear_of_zero
 from auvid.stages.number_format import (
     estimate,
     part_of,
@@ -78,14 +85,7 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     entries += [
         CoefficientLine(
             f"{AXIS_WORDS[item.name[0]]} inertia",
-            (
-                _within(
-                    f"{INERTIA[item.name[0]]} - {item.name}",
-                    item.value,
-                    NORMAL_95 * item.standard_error,
-                    printed_unit(item.unit),
-                ),
-            ),
+            (_figure(f"{INERTIA[item.name[0]]} - {item.name}", item, printed_unit(item.unit)),),
             f"{item.in_vehicle_file:.3g} {printed_unit(item.unit)} in the vehicle file. It scales"
             " with the thrust.",
         )
@@ -119,7 +119,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
         error = item.standard_error
         if (
             error
-            and abs(item.value) >= T_LIMIT * error
+            and clear_of_zero(item.value, error, item.assumed_shifts.values())
             and all(_own(axis, term) for term in item.weights)
         ):
             units = {_unit(axis, term) for term in item.weights}
@@ -128,9 +128,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
                     f"{'' if weight == 1 else f'{weight:.3g} '}{_symbol(axis, term)}"
                     for term, weight in item.weights.items()
                 )
-                lines.append(
-                    _within(name.replace("+ -1 ", "− "), item.value, NORMAL_95 * error, units.pop())
-                )
+                lines.append(_figure(name.replace("+ -1 ", "− "), item, units.pop()))
     return tuple(lines)
 
 
@@ -161,8 +159,8 @@ def _unit(axis: str, term: str) -> str:
     return printed_unit(coefficient_unit(axis, term))
 
 
-def _figure(symbol: str, item: TermCard, unit: str) -> str:
-    """Return a coefficient within its 95 % interval, and what the interval is made of.
+def _figure(symbol: str, item: TermCard | TermCombination | InertiaCard, unit: str) -> str:
+    """Return a value within its 95 % interval, and what the interval is made of.
 
     `X_u = −58 ± 23 N s/m (noise ± 4, scale of the thrust curve ± 23)`.
     """

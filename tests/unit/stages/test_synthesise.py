@@ -31,6 +31,7 @@ from auvid.hydro.dynamics.viscous.models import (
 )
 from auvid.hydro.identification.constrained.fit import ConstrainedFit
 from auvid.hydro.identification.constrained.statuses import CoefficientStatus
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.error_functions import (
     deviation_weights,
     huber,
@@ -50,6 +51,7 @@ from auvid.stages.columns import (
     force_columns,
     named,
 )
+from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
 from auvid.stages.synthesise.presentation import sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
@@ -708,23 +710,19 @@ def test_many_legs_are_left_out_in_groups_and_each_once() -> None:
     assert parts[0] == "leg 0 to leg 2"
 
 
-def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
-    """A slow vehicle whose drag balances its thrust: its coefficients scale with it."""
-    motion = rich_motion(30.0, seed=5)
-    damping = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
-    force = motion.nu @ damping.T + 0.1 * np.random.default_rng(12).normal(size=motion.nu.shape)
-    table = residual_table(motion.nu, force, None)
-    for name, column in named(force_columns("thrusters"), -force).items():
+def driven(
+    t_s: np.ndarray, nu: np.ndarray, nu_dot: np.ndarray, force: np.ndarray, thrust: np.ndarray
+) -> synthesise.Inputs:
+    """Return one leg of a BlueROV2 with its thrust (n, 6), so that assumed figures count."""
+    table = residual_table(nu, force, None)
+    for name, column in named(force_columns("thrusters"), thrust).items():
         table = table.append_column(name, pa.array(column))
-    t_s, nothing = motion.t_s, np.zeros_like(motion.nu)
-    fused = pa.table(
-        {"t_s": t_s, **named(POSE, nothing), **named(ACCELERATION, nothing)}
-        | named(VELOCITY, motion.nu)
-    )
+    pose = named(POSE, np.zeros_like(nu))
+    fused = pa.table({"t_s": t_s, **pose, **named(ACCELERATION, nu_dot), **named(VELOCITY, nu)})
     controls = pa.table(
         {"t_s": t_s, **named([f"thruster_{i}_N" for i in range(1, 9)], np.zeros((len(t_s), 8)))}
     )
-    inputs = synthesise.Inputs(
+    return synthesise.Inputs(
         collection({"one": table}),
         collection({"one": segment_document("one")}),
         shipped_vehicle("bluerov2_heavy"),
@@ -732,6 +730,44 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
         None,
         collection({"one": controls}),
     )
+
+
+def test_inertias_and_sums_scale_with_the_thrust_curve_as_coefficients_do() -> None:
+    """Thrust makes the whole force: a fifth more of it is a fifth more of every number."""
+    motion, vehicle = rich_motion(30.0, seed=5), shipped_vehicle("bluerov2_heavy")
+    ahead = motion.nu.copy()
+    ahead[:, 0] = 0.3 + np.abs(ahead[:, 0])
+    damping, change = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0]), np.zeros((6, 6))
+    change[5, 5] = -2.0
+    force = ahead @ damping.T + motion.nu_dot @ change.T + coriolis_force(change, ahead)
+    force += 0.01 * np.random.default_rng(12).normal(size=force.shape)
+    whole = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, ahead)
+    inputs = driven(motion.t_s, ahead, motion.nu_dot, force, whole - force)
+    params = synthesise.Params(
+        models=(),
+        structures={"own": {"X": ["uu", "u|u|"], "N": ["r"]}},
+        inertia=("N_rdot",),
+        damping="free",
+    )
+    card = synthesise.run(inputs, params).model_card["own"]
+    (total,), (sum_of_u,) = card.inertia, card.axes["X"].combinations
+    assert total.value == pytest.approx(2.0 + vehicle.mass_matrix[5, 5], rel=0.01)
+    assert total.assumed_shifts["thrust"] == pytest.approx(0.2 * total.value, rel=0.01)
+    assert total.assumed_shifts["inertia"] < 0.01, "the total holds whatever the file says"
+    assert total.verdict == "identified"
+    assert sum_of_u.assumed_shifts["thrust"] > 0.1 * abs(sum_of_u.value)
+    half = NORMAL_95 * total_error(total.standard_error, total.assumed_shifts)
+    (row,) = (row for row in coefficient_rows(card, vehicle, {}) if "inertia" in row.meaning)
+    assert row.high - row.value == pytest.approx(half)
+    assert row.assumed
+
+
+def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
+    """A slow vehicle whose drag balances its thrust: its coefficients scale with it."""
+    motion = rich_motion(30.0, seed=5)
+    damping = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    force = motion.nu @ damping.T + 0.1 * np.random.default_rng(12).normal(size=motion.nu.shape)
+    inputs = driven(motion.t_s, motion.nu, np.zeros_like(motion.nu), force, -force)
     outputs = synthesise.run(inputs, synthesise.Params(models=("diagonal",)))
     card = outputs.model_card["diagonal"]
     check_document(card, "model_card")
