@@ -254,7 +254,7 @@ def rest_tilt(floating: Floating) -> Array | None:
 
 
 def _balanced(guess: Guess) -> Search[Guess | None]:
-    """Return the nu, tilt and force of a balance, by Newton's steps; None for none found."""
+    """Return nu, tilt and force of a balance, by Newton's steps; None without one."""
     for _ in range(ITERATIONS):
         answer = yield guess
         if answer is None:

@@ -39,7 +39,7 @@ def give_back() -> None:
 
 
 def available_bytes() -> float | None:
-    """Return the memory that is left, of the machine, its control group or this process.
+    """Return the memory left of the machine, its control group or this process.
 
     What a group holds of files that nobody reads now counts as left: the system gives it
     up on demand. None where the system does not tell (it is no Linux).
@@ -59,7 +59,7 @@ def available_bytes() -> float | None:
 
 
 def _bytes_to_own_limit() -> float:
-    """Return what the limit of this process's addresses (`ulimit -v`) leaves; inf for none."""
+    """Return what the limit of addresses (`ulimit -v`) leaves; inf for none."""
     if os.name != "posix":
         return math.inf
     import resource

@@ -93,8 +93,8 @@ def test_commands_and_options_exist(document: str) -> None:
     for line in lines:
         program, *words = line.split()
         if program == "auvid" and re.fullmatch(r"[a-z]+", words[0]):
-            given = {word.partition("=")[0] for word in words[1:] if word.startswith("-")}
-            assert given <= options_of(words), line
+            options = {word.partition("=")[0] for word in words[1:] if word.startswith("-")}
+            assert options <= options_of(words), line
         elif program == "make" and document != "pipeline/templates/README.md":
             assert re.search(rf"^(?:.* )?{words[0]}(?: .*)?:", makefile, re.MULTILINE), line
 

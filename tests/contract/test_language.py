@@ -59,13 +59,11 @@ def nodes_of(source: str) -> tuple[ast.AST, ...]:
 
 
 @cache
-def names_of(source: str, values: bool) -> tuple[tuple[int, str], ...]:
-    """Return line and name of the arguments, functions and classes of a text, and of its
-    values.
-    """
+def names_of(source: str) -> tuple[tuple[int, str], ...]:
+    """Return line and name of the values, arguments, functions and classes of a text."""
     names = []
     for node in nodes_of(source):
-        if values and isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             names.append((node.lineno, node.id))
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
             names.append((node.lineno, node.name))
@@ -74,13 +72,13 @@ def names_of(source: str, values: bool) -> tuple[tuple[int, str], ...]:
     return tuple(names)
 
 
-def empty_names(files: Iterable[Module], *, values: bool = True) -> list[str]:
+def empty_names(files: Iterable[Module]) -> list[str]:
     """Return names of files, values, arguments, functions and classes that say nothing."""
     offenders = []
     for path, source in files:
         if Path(path).stem in SAYS_NOTHING:
             offenders.append(path)
-        for line, name in names_of(source, values):
+        for line, name in names_of(source):
             if name.lower().strip("_") in SAYS_NOTHING:
                 offenders.append(f"{path}:{line} {name}")
     return offenders
@@ -116,13 +114,8 @@ def long_summaries(files: Iterable[Module]) -> list[str]:
 
 
 def test_no_name_says_nothing() -> None:
-    files = [item for item in modules((*PRODUCT, *AROUND)) if not item[0].startswith(DOCUMENTS)]
-    assert empty_names(files) == []
-
-
-def test_no_name_that_tests_hand_on_says_nothing() -> None:
-    """Arguments, fixtures, functions and classes; a value of one test may."""
-    assert empty_names(modules(["tests"]), values=False) == []
+    files = modules((*PRODUCT, *AROUND, "tests"))
+    assert empty_names(item for item in files if not item[0].startswith(DOCUMENTS)) == []
 
 
 def test_a_class_name_has_one_meaning() -> None:

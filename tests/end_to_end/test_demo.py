@@ -157,12 +157,12 @@ def test_no_number_rests_on_motion_that_was_not_there(runs: dict[str, Path]) -> 
     """
     for card in cards(runs).values():
         for part in card["axes"].values():
-            given = {
+            terms = {
                 item["term"]
                 for item in part["terms"]
                 if item["value"] is not None and item["verdict"] not in RESTS
             }
-            assert given <= {"u", "v", "w", "r", "|u|", "u*u", "u*|u|", "constant"}
+            assert terms <= {"u", "v", "w", "r", "|u|", "u*u", "u*|u|", "constant"}
     surge = cards(runs)["uncoupled"]["axes"]["X"]
     assert [item["weights"].keys() for item in surge["combinations"]] == [
         {"u", "|u|"},

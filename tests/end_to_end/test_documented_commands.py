@@ -130,13 +130,13 @@ def call(arguments: list[str], folder: Path) -> tuple[int, str]:
 def to_run() -> dict[str, list[str]]:
     """Return the commands to run by document: each once, and always what others stand on."""
     lines: dict[str, list[str]] = {}
-    seen: set[str] = set()
+    listed: set[str] = set()
     for name in documents():
         for command in commands(name):
             line = command.line
-            if left_out(line) is None and (line not in seen or re.match(CONTEXT, line)):
+            if left_out(line) is None and (line not in listed or re.match(CONTEXT, line)):
                 lines.setdefault(name, []).append(line)
-                seen.add(line)
+                listed.add(line)
     return lines
 
 

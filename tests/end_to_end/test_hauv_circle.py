@@ -37,11 +37,11 @@ def test_card_of_the_redesign_is_what_the_chain_finds_in_the_logs(
     moves grows with what the data leave open. Terms that are not excited have no value.
     """
     file = "runs/hauv_circle/synthesise/model_card/prestero.json"
-    made = json.loads((committed_run("hauv_circle") / file).read_text(encoding="utf-8"))
+    card_of_run = json.loads((committed_run("hauv_circle") / file).read_text(encoding="utf-8"))
     kept = json.loads(CARD.read_text(encoding="utf-8"))
     for axis, part in kept["axes"].items():
-        assert made["axes"][axis]["excitation"] == part["excitation"], axis
-        for new, old in zip(made["axes"][axis]["terms"], part["terms"], strict=True):
+        assert card_of_run["axes"][axis]["excitation"] == part["excitation"], axis
+        for new, old in zip(card_of_run["axes"][axis]["terms"], part["terms"], strict=True):
             assert (new["term"], new["verdict"]) == (old["term"], old["verdict"]), axis
             if old["value"] is None:
                 assert new["value"] is None

@@ -338,8 +338,16 @@ def test_campaign_by_name_folder_or_file(tmp_path: Path, monkeypatch: pytest.Mon
     folder = write_campaign(tmp_path / "campaigns" / "toy").resolve()
     workspace = Workspace(tmp_path)
     monkeypatch.chdir(tmp_path)
-    given = ("toy", "campaigns/toy", "campaigns/toy/", "campaigns/toy/campaign.yaml", str(folder))
-    assert [workspace.campaign_folder(name).resolve() for name in given] == [folder] * len(given)
+    spellings = (
+        "toy",
+        "campaigns/toy",
+        "campaigns/toy/",
+        "campaigns/toy/campaign.yaml",
+        str(folder),
+    )
+    assert [workspace.campaign_folder(name).resolve() for name in spellings] == [folder] * len(
+        spellings
+    )
     with pytest.raises(
         PipelineError, match=r"no such campaign; found 'toi'; allowed: toy. Did you mean 'toy'\?"
     ):

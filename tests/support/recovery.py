@@ -160,8 +160,8 @@ def _count_recovered(
     count = 0
     for index, name in enumerate(source.places.types):
         if name in offsets_by_type:
-            wanted = moved[intact & (source.places.type == index)]
-            count += int(_among(wanted, offsets_by_type[name]).sum())
+            intact_moved = moved[intact & (source.places.type == index)]
+            count += int(_among(intact_moved, offsets_by_type[name]).sum())
     return count
 
 

@@ -97,7 +97,7 @@ def plant_tables(
 
 
 def padded(columns: Array) -> Array:
-    """Return tables (..., r, c) with columns of zeros added up to a multiple of WIDTH."""
+    """Return tables (..., r, c) with zeros up to a multiple of WIDTH columns."""
     missing = -columns.shape[-1] % WIDTH
     return np.concatenate([columns, np.zeros((*columns.shape[:-1], missing))], axis=-1)
 

@@ -1,6 +1,6 @@
 """Print the table of planted mistakes: python -m tests.support.targets."""
 
-from tests.support.targets.exported import HELD, IMPOSSIBLE, carrier, conformance
+from tests.support.targets.exported import IMPOSSIBLE, LOSSLESS, carrier, conformance
 from tests.support.targets.mistakes import MISTAKES
 
 
@@ -13,7 +13,7 @@ def main() -> None:
         none = IMPOSSIBLE.get(target, ())
         missed = [name for name in MISTAKES if name not in noticed and name not in none]
         rest = ", ".join(missed + [f"{name}: has no place there" for name in none])
-        right = ", ".join(row["none"]) or ("equal" if HELD[target] else "loss as printed")
+        right = ", ".join(row["none"]) or ("equal" if LOSSLESS[target] else "loss as printed")
         count = f"{len(noticed)} of {len(MISTAKES) - len(none)}"
         print(f"| {target} | {carrier(target)} | {right} | {count} | {rest} |")
 

@@ -48,7 +48,7 @@ LOADERS: Mapping[str, Callable[[Path, str], Body]] = {
 }
 """Target -> what its evaluator loads of a folder and a name."""
 
-HELD = {
+LOSSLESS = {
     "gazebo": ("full", "symmetric", "centred", "diagonal"),
     "uuv": ("centred", "diagonal"),
     **dict.fromkeys(("mss", "pvs", "mujoco", "python", "json"), tuple(MODELS)),
@@ -91,7 +91,7 @@ def faults(model: ModelFile, written: ModelFile, target: str, folder: Path) -> l
         body = body_of(written, target, folder)
     except ValueError:  # the target takes no box without volume, for instance
         return ["refused"]
-    if model.name in HELD[target]:
+    if model.name in LOSSLESS[target]:
         shares = deviation(body, reference(model), *states(SAMPLES))
         pairs = zip(("force", "inertia"), shares, strict=True)
         return [name for name, share in pairs if not share < EXACT]
@@ -104,7 +104,7 @@ def faults(model: ModelFile, written: ModelFile, target: str, folder: Path) -> l
 
 def carrier(target: str) -> str:
     """Return the model that the mistakes of a target are planted in."""
-    return (HELD[target] or ("symmetric",))[0]
+    return (LOSSLESS[target] or ("symmetric",))[0]
 
 
 def conformance() -> dict[str, dict[str, list[str]]]:

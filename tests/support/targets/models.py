@@ -25,7 +25,7 @@ GRAVITY, DENSITY, MASS = 9.81, 1025.0, 12.0
 def base() -> str:
     """Return the text of a model file that the stage writes of a made-up run."""
     run = example_run({"train": 4.0, "check": 2.0})
-    given = run.inputs()
+    run_inputs = run.inputs()
     row: dict[str, Any] = {
         "segment": "check",
         "model": "linear",
@@ -34,9 +34,9 @@ def base() -> str:
     }
     row |= {"starts": 4, "diverged": 4, "first_divergence_s": 1.0, **dict.fromkeys(RMS.values())}
     inputs = model_file.Inputs(
-        campaign=given.campaign,
-        vehicle=given.vehicle,
-        provenance=given.provenance,
+        campaign=run_inputs.campaign,
+        vehicle=run_inputs.vehicle,
+        provenance=run_inputs.provenance,
         model_card=collection({"linear": run.cards["linear"]}),
         ranking=run.ranking("linear"),
         free_run=make_table("free_run", {key: [row[key]] for key in row}),

@@ -13,11 +13,11 @@ from tests.support.targets import mss
 from tests.support.targets.conformance import decay, deviation, loss, printed_loss, terminal_speed
 from tests.support.targets.exported import (
     EXACT,
-    HELD,
     IMPOSSIBLE,
     LOADERS,
     LOSS_FLOOR,
     LOSS_SHARE,
+    LOSSLESS,
     NAME,
     NEUTRAL,
     UPRIGHT,
@@ -31,8 +31,8 @@ from tests.support.targets.models import MODELS, states
 from tests.support.targets.reference import reference
 
 THRUSTS = (0.5, 1.0, 2.0)
-PAIRS = [(target, name) for target, names in HELD.items() for name in names]
-LOSSY = [(target, name) for target in HELD for name in MODELS if name not in HELD[target]]
+PAIRS = [(target, name) for target, names in LOSSLESS.items() for name in names]
+LOSSY = [(target, name) for target in LOSSLESS for name in MODELS if name not in LOSSLESS[target]]
 
 
 @pytest.fixture(autouse=True)
@@ -64,10 +64,10 @@ def test_forces_at_a_thousand_states_are_those_of_the_model(
     assert inertia < EXACT
 
 
-@pytest.mark.parametrize("target", [target for target in HELD if HELD[target]])
+@pytest.mark.parametrize("target", [target for target in LOSSLESS if LOSSLESS[target]])
 def test_terminal_speeds_are_those_of_the_model(target: str, tmp_path: Path) -> None:
     """Six axes and three thrusts, within 0.1 %."""
-    model = MODELS[HELD[target][-1]]()
+    model = MODELS[LOSSLESS[target][-1]]()
     body, truth = body_of(model, target, tmp_path), reference(model)
     for axis in range(6):
         for thrust in np.array(THRUSTS) * (20.0 if axis < 3 else 0.5):
@@ -75,10 +75,10 @@ def test_terminal_speeds_are_those_of_the_model(target: str, tmp_path: Path) -> 
             assert terminal_speed(body, axis, thrust) == pytest.approx(right, rel=1e-3)
 
 
-@pytest.mark.parametrize("target", [target for target in HELD if HELD[target]])
+@pytest.mark.parametrize("target", [target for target in LOSSLESS if LOSSLESS[target]])
 def test_a_free_decay_is_that_of_the_model(target: str, tmp_path: Path) -> None:
     """Ten seconds from moving, rolled and pitched; shares of the start's size."""
-    model = MODELS[HELD[target][-1]]()
+    model = MODELS[LOSSLESS[target][-1]]()
     nu, angles = np.array([0.5, 0.2, -0.2, 0.3, -0.2, 0.3]), np.array([0.2, -0.3, 0.4])
     here = decay(body_of(model, target, tmp_path), nu, angles)
     np.testing.assert_allclose(here, decay(reference(model), nu, angles), atol=1e-8)

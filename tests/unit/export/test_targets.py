@@ -74,8 +74,8 @@ def test_targets_of_code_hold_every_term(name: str, tmp_path: Path) -> None:
     write(model, name, tmp_path, name="rov")
     body = evaluator.load(tmp_path, "rov")
     nu, eta = motion()
-    wanted = right_side(model, nu, eta)
-    assert np.abs(body.force(nu, eta) - wanted).max() < 1e-9 * np.abs(wanted).max()
+    expected = right_side(model, nu, eta)
+    assert np.abs(body.force(nu, eta) - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(body.inertia - model.dynamics.mass).max() < 1e-9
 
 
@@ -101,11 +101,11 @@ def test_python_and_mss_give_no_number_outside_the_propeller_table(tmp_path: Pat
     screw = model.dynamics.propeller
     assert screw is not None
     nu, beyond = np.array([1.0, 0.2, 0, 0, 0, 0]), 1.01 * screw.level_speed_rev_s[-1]
-    wanted = forces(model, nu[None], np.zeros((1, 6)), np.array([beyond])).viscous[0]
-    assert np.isnan(wanted[0])
+    expected = forces(model, nu[None], np.zeros((1, 6)), np.array([beyond])).viscous[0]
+    assert np.isnan(expected[0])
     write(model, "python", tmp_path, name="glider")
     ours = loaded(tmp_path / "glider.py").viscous(nu, beyond)
-    assert ours == pytest.approx(wanted, nan_ok=True)
+    assert ours == pytest.approx(expected, nan_ok=True)
     if mss.OCTAVE is None:
         pytest.skip("no Octave here")
     code = prepare(model, "mss", name="glider").files["glider.m"]
@@ -142,9 +142,9 @@ def test_thrust_of_python_is_that_of_auvid(tmp_path: Path) -> None:
     module, thrusters = loaded(path), shipped_vehicle("bluerov2_heavy").thrusters
     assert thrusters is not None
     for pulse in (0.0, 1000.0, 1101.0, 1469.0, 1500.0, 1533.0, 1777.0, 1950.0):
-        wanted = thruster_forces(thrusters, np.full(8, pulse), np.array(14.8))
+        expected = thruster_forces(thrusters, np.full(8, pulse), np.array(14.8))
         ours = [module.thrust(pulse, i, 14.8) for i in range(8)]
-        assert ours == pytest.approx(wanted, abs=1e-9)
+        assert ours == pytest.approx(expected, abs=1e-9)
 
 
 def test_gazebo_holds_products_and_moduli_in_full(tmp_path: Path) -> None:
@@ -162,8 +162,8 @@ def test_gazebo_holds_products_and_moduli_in_full(tmp_path: Path) -> None:
     write(kept, "gazebo", tmp_path, name="rov")
     body = gazebo.load(tmp_path, "rov")
     nu, eta = motion()
-    wanted = right_side(kept, nu, eta)
-    assert np.abs(body.force(nu, eta) - wanted).max() < 1e-9 * np.abs(wanted).max()
+    expected = right_side(kept, nu, eta)
+    assert np.abs(body.force(nu, eta) - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(body.inertia - kept.dynamics.mass).max() < 1e-9
 
 
@@ -189,8 +189,8 @@ def test_uuv_holds_full_linear_damping_about_the_centre_of_gravity(tmp_path: Pat
     move[:3, 3:] = [[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]]
     at_G = nu @ move.T  # v_G = v + omega x r_G
     ours = body.force(at_G, eta) @ move
-    wanted = right_side(model, nu, eta)
-    assert np.abs(ours - wanted).max() < 1e-9 * np.abs(wanted).max()
+    expected = right_side(model, nu, eta)
+    assert np.abs(ours - expected).max() < 1e-9 * np.abs(expected).max()
     assert np.abs(move.T @ body.inertia @ move - model.dynamics.mass).max() < 1e-9
 
 
@@ -270,8 +270,8 @@ def test_mujoco_accelerates_as_auvid(tmp_path: Path) -> None:
             moment = rotation.T @ push[3:] + np.cross(arm, force)
             tau = data.ctrl @ effects + turn * np.hstack([force, moment])
             total = right_side(model, nu[None], eta[None])[0] + tau
-            wanted = np.linalg.solve(model.dynamics.mass, total)
-            assert ours == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+            expected = np.linalg.solve(model.dynamics.mass, total)
+            assert ours == pytest.approx(expected, rel=1e-9, abs=1e-9)
     finally:
         mujoco.set_mjcb_passive(None)
 
@@ -416,8 +416,8 @@ def test_constant_forces_in_the_buoyancy_are_the_models_where_it_is_level() -> N
     rolled = np.array([[0.0, 0.0, 0.0, 0.1, 0.0, 0.0]])
     extra = standing(changed, rolled) - standing(body, rolled)
     down = np.array([0.0, np.sin(0.1), np.cos(0.1)])
-    wanted = [*(-4.5 * down), 0.16 * np.cos(0.1), -0.45 * np.cos(0.1), 0.45 * np.sin(0.1)]
-    np.testing.assert_allclose(extra[0], wanted, atol=1e-12)
+    expected = [*(-4.5 * down), 0.16 * np.cos(0.1), -0.45 * np.cos(0.1), 0.45 * np.sin(0.1)]
+    np.testing.assert_allclose(extra[0], expected, atol=1e-12)
     words = floated_words(body)
     assert "Z -4.5 N, K 0.16 N m, M -0.45 N m" in words
     assert "at 10 degrees 0.78 N lie across" in words
@@ -451,6 +451,6 @@ def test_thruster_forces_make_the_constants_that_are_lost(
     offsets = dict(part.split(": ") for part in listed[1].split(", "))
     assert list(offsets) == [str(i + first) for i in range(8)]
     effects = np.array([item.effect for item in model.dynamics.thrusters])
-    made = np.array([float(value) for value in offsets.values()]) @ effects
-    wanted = [constants[axis] if axis in axes else 0.0 for axis in AXES]
-    np.testing.assert_allclose(made, wanted, atol=2e-3)
+    thrust = np.array([float(value) for value in offsets.values()]) @ effects
+    expected = [constants[axis] if axis in axes else 0.0 for axis in AXES]
+    np.testing.assert_allclose(thrust, expected, atol=2e-3)

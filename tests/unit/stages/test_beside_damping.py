@@ -64,9 +64,11 @@ def test_errors_that_cancel_in_the_moment_do_not_count() -> None:
 
 def test_roll_and_pitch_that_disagree_widen_the_moment() -> None:
     alike = moment(tilting("K", 2.0, -8.0, (0.02, 0.08)), tilting("M", 2.0, -8.0, (0.02, 0.08)))
-    apart = moment(tilting("K", 2.0, -8.0, (0.02, 0.08)), tilting("M", 2.0, -12.0, (0.02, 0.08)))
+    disagreeing = moment(
+        tilting("K", 2.0, -8.0, (0.02, 0.08)), tilting("M", 2.0, -12.0, (0.02, 0.08))
+    )
     assert alike[1] < 0.05
-    assert apart[1] > 0.5
+    assert disagreeing[1] > 0.5
 
 
 def test_the_force_of_surge_on_heave_has_the_error_of_the_inertia() -> None:

@@ -91,9 +91,9 @@ def test_a_turned_log_is_named_in_degrees(motions: list[Motion]) -> None:
 
 def test_the_other_convention_is_named(motions: list[Motion]) -> None:
     by_file = replace(ODD, convention="inertial")
-    given = inputs(motions, ODD, by_file)
-    info = given.log_info["log"].model_copy(update={"accelerometer": None})
-    record = run(replace(given, log_info=collection({"log": info})))
+    sensors = inputs(motions, ODD, by_file)
+    info = sensors.log_info["log"].model_copy(update={"accelerometer": None})
+    record = run(replace(sensors, log_info=collection({"log": info})))
     assert (record.convention, record.convention_found) == ("inertial", "specific_force")
     assert record.estimate is None
     (words,) = findings(record)
@@ -101,13 +101,13 @@ def test_the_other_convention_is_named(motions: list[Motion]) -> None:
 
 
 def test_without_the_sensors_nothing_is_called_right(motions: list[Motion]) -> None:
-    given = inputs(motions, ODD)
+    sensors = inputs(motions, ODD)
     for port, words in (
         ("samples_velocity", "no velocity log"),
         ("samples_imu", "no accelerometer"),
         ("samples_depth", "no depth sensor"),
     ):
-        record = run(replace(given, **{port: None}))
+        record = run(replace(sensors, **{port: None}))
         assert {item.verdict for item in record.figures} == {"not observable"}
         assert record.estimate is None
         assert record.left_out == {"one": words, "two": words}

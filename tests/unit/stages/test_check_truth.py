@@ -220,9 +220,13 @@ def test_bounds_met_and_missed() -> None:
 )
 def test_a_model_of_the_form_that_flew_is_no_test(flown: Any, evidence: str) -> None:
     """J/J0 of a model that has every term of the truth is the noise of the sensors."""
-    given = inputs()
-    given = replace(given, simulation={**given.simulation, "coefficients": flown})
-    outputs = check_truth.run(given, check_truth.Params(force_error=0.9, ratio={"linear": 0.2}))
+    truth_inputs = inputs()
+    truth_inputs = replace(
+        truth_inputs, simulation={**truth_inputs.simulation, "coefficients": flown}
+    )
+    outputs = check_truth.run(
+        truth_inputs, check_truth.Params(force_error=0.9, ratio={"linear": 0.2})
+    )
     kinds = {row["figure"]: row["evidence"] for row in outputs.trust_checks.to_pylist()}
     assert kinds == {
         "RMS error of the residual force, six axes": "method",

@@ -144,8 +144,8 @@ def test_flight_table_holds_what_the_figures_say(hauv: control.Outputs) -> None:
     )  # the table has every tenth of a second
     assert column(table, "thrust_N").max() <= 272.0
     assert np.abs(column(table, "rudder_rad")).max() <= np.radians(20.0) + 1e-12
-    seen = column(hauv.flights["helix-side_force_observer"], "disturbance_Y_N")
-    assert np.abs(seen[-1]) > 20.0
+    disturbance = column(hauv.flights["helix-side_force_observer"], "disturbance_Y_N")
+    assert np.abs(disturbance[-1]) > 20.0
 
 
 def test_undisturbed_figures_meet_what_is_asked(hauv: control.Outputs) -> None:

@@ -321,11 +321,11 @@ def test_held_out_windows_without_motion_judge_nothing() -> None:
 
 def test_axes_that_are_never_fitted_together_have_no_coriolis_force() -> None:
     """Nobody judged it."""
-    body, apart = vehicle("bluerov2_heavy"), fits(False)
-    asked = replace(FREE, together="never")
-    _, together = fitted_together(apart.fitted, {}, body, asked, apart.commands)
+    body, separate = vehicle("bluerov2_heavy"), fits(False)
+    never = replace(FREE, together="never")
+    _, together = fitted_together(separate.fitted, {}, body, never, separate.commands)
     assert together is not None
-    fitted = replace(apart, together=together)
+    fitted = replace(separate, together=together)
     document = file_of(card_of(fitted, body), fitted, body)
     assert document.partial is not None
     assert document.partial.together is not None

@@ -122,8 +122,10 @@ def test_kinematic_with_lag_through_resample(motion: Motion) -> None:
     dense = resampled_table(motion, sensors, sensor_axes=True)
     streams = sampled(dense, lag)
     log = log_document(end_us=int(motion.t_s[-1] * 1e6), start_us=0)
-    given = resample.Inputs(LegEntry(id="one", log="log", use="training"), log, vehicle, **streams)
-    cut = resample.run(given, resample.Params(smoothing="none", rate_hz=RATE_HZ))
+    resample_inputs = resample.Inputs(
+        LegEntry(id="one", log="log", use="training"), log, vehicle, **streams
+    )
+    cut = resample.run(resample_inputs, resample.Params(smoothing="none", rate_hz=RATE_HZ))
     assert cut.samples_imu is not None
     given_fuse = fuse.Inputs(
         cut.segment["one"], cut.resampled["one"], vehicle, log, cut.samples_imu["one"]
@@ -291,10 +293,10 @@ def test_a_margin_is_cut_off_in_place_of_the_edge(motion: Motion) -> None:
     """
     table = resampled_table(motion, IDEAL)
     shifted = table.set_column(0, "t_s", pa.array(column(table, "t_s") - 1.0))
-    given = replace(
+    fuse_inputs = replace(
         inputs(shifted, IDEAL), segment=segment_document().model_copy(update={"duration_s": 37.0})
     )
-    t_s = column(fuse.run(given, fuse.Params(cutoff_hz=None, edge_s=1.5)).fused, "t_s")
+    t_s = column(fuse.run(fuse_inputs, fuse.Params(cutoff_hz=None, edge_s=1.5)).fused, "t_s")
     assert (t_s[0], t_s[-1]) == pytest.approx((0.5, 37.0))
 
 
@@ -325,13 +327,15 @@ def test_channels_narrower_than_the_low_pass_are_named(motion: Motion) -> None:
     """A spline that cuts off at 0.8 Hz under a low-pass of 3 Hz: both figures in the
     section.
     """
-    given = inputs(resampled_table(motion, IDEAL), IDEAL)
+    fuse_inputs = inputs(resampled_table(motion, IDEAL), IDEAL)
     smoothing = {
-        **given.segment.smoothing,
+        **fuse_inputs.segment.smoothing,
         "z_m": UNSMOOTHED.model_copy(update={"cutoff_hz": 0.8}),
         "u_m_s": UNSMOOTHED.model_copy(update={"cutoff_hz": 5.0}),
     }
-    narrow = replace(given, segment=given.segment.model_copy(update={"smoothing": smoothing}))
+    narrow = replace(
+        fuse_inputs, segment=fuse_inputs.segment.model_copy(update={"smoothing": smoothing})
+    )
     for cutoff, expected in ((3.0, 1), (0.5, 0), (None, 0)):
         blocks = fuse.run(narrow, fuse.Params(cutoff_hz=cutoff)).section["blocks"]
         warnings = [

@@ -101,22 +101,24 @@ def test_takes_the_estimated_installation(motion: Motion) -> None:
     unknown = replace(ODD, dvl_arm=np.zeros(3))
     blind = inputs(motion, ODD, described=unknown)
     estimate = InstallationEstimate(arm_m=ODD.dvl_arm.tolist(), angles_rad=[0.0] * 3, lag_s=0.0)
-    known = replace(blind, installation=installation_record(estimate))
-    right, wrong = run(known, installation="estimate"), run(blind)
+    estimated = replace(blind, installation=installation_record(estimate))
+    right, wrong = run(estimated, installation="estimate"), run(blind)
     assert errors(right, motion)[0] < 2e-3 < 0.02 < errors(wrong, motion)[0]  # m/s
     assert right.fusion.installation == "estimate"
     # m/s: measured sway uses the estimated arm, not that of the vehicle file.
     turned = float(np.std(matrix(right.fused, ("r_rad_s",)) * ODD.dvl_arm[0]))
     assert right.fusion.integrated_sway_rms_m_s < 0.5 * turned
     # An estimate is used where it is wanted, and nowhere else.
-    np.testing.assert_array_equal(matrix(run(known).fused, VELOCITY), matrix(wrong.fused, VELOCITY))
+    np.testing.assert_array_equal(
+        matrix(run(estimated).fused, VELOCITY), matrix(wrong.fused, VELOCITY)
+    )
 
 
 @pytest.mark.parametrize("method", ["kinematic", "smoother"])
 def test_turns_and_shifts_the_velocity_log_by_the_estimate(motion: Motion, method: str) -> None:
     angle, lag = np.array([0.02, -0.03, 0.05]), 0.1
     turned = Rotation.from_rotvec(angle).as_matrix()
-    given = inputs(motion, replace(IDEAL, convention="specific_force"))
+    true_inputs = inputs(motion, replace(IDEAL, convention="specific_force"))
 
     def faulty(table: pa.Table) -> pa.Table:
         # The log reads what was true `lag` ago, in axes turned back by `angle`.
@@ -126,27 +128,27 @@ def test_turns_and_shifts_the_velocity_log_by_the_estimate(motion: Motion, metho
             table = table.set_column(index, table.schema.field(name), pa.array(values))
         return table
 
-    assert given.samples_velocity is not None
-    given = replace(
-        given,
-        resampled=faulty(given.resampled),
-        samples_velocity=faulty(given.samples_velocity),
+    assert true_inputs.samples_velocity is not None
+    true_inputs = replace(
+        true_inputs,
+        resampled=faulty(true_inputs.resampled),
+        samples_velocity=faulty(true_inputs.samples_velocity),
         installation=installation_record(
             InstallationEstimate(arm_m=[0.0] * 3, angles_rad=angle.tolist(), lag_s=lag)
         ),
     )
-    right = run(given, method=method, installation="estimate")
-    wrong = run(given, method=method)
+    right = run(true_inputs, method=method, installation="estimate")
+    wrong = run(true_inputs, method=method)
     assert errors(right, motion)[0] < 4e-3 < 0.03 < errors(wrong, motion)[0]  # m/s
 
 
 def test_refuses_an_estimate_that_there_is_not(motion: Motion) -> None:
-    given = inputs(motion, ODD)
+    fuse_inputs = inputs(motion, ODD)
     for record in (None, installation_record(None)):
         with pytest.raises(CampaignError, match="no estimate of how the velocity log is installed"):
-            run(replace(given, installation=record), installation="estimate")
+            run(replace(fuse_inputs, installation=record), installation="estimate")
     with pytest.raises(CampaignError, match="takes no lever arm"):
-        run(given, method="thesis", as_published=True, installation="estimate")
+        run(fuse_inputs, method="thesis", as_published=True, installation="estimate")
 
 
 def installation_record(estimate: InstallationEstimate | None) -> InstallationRecord:
@@ -162,14 +164,14 @@ def installation_record(estimate: InstallationEstimate | None) -> InstallationRe
 
 
 def test_refuses_without_its_sensors(motion: Motion) -> None:
-    given = inputs(motion, ODD)
+    fuse_inputs = inputs(motion, ODD)
     for name, word in (
         ("samples_imu", "accelerometer"),
         ("samples_velocity", "velocity"),
         ("samples_depth", "depth"),
     ):
         with pytest.raises(DataError, match=word):
-            run(replace(given, **{name: None}))
+            run(replace(fuse_inputs, **{name: None}))
 
 
 def test_unknown_noise_is_refused_with_the_nearest_name(motion: Motion) -> None:
@@ -186,17 +188,17 @@ def in_current(motion: Motion, sensors: Sensors, *, samples: slice = slice(None)
     """As `inputs`, in water that moves with `CURRENT` north, east, down, with water
     track from the same sensor (`samples` of it).
     """
-    given = inputs(motion, sensors)
-    track = given.samples_velocity
+    fuse_inputs = inputs(motion, sensors)
+    track = fuse_inputs.samples_velocity
     assert track is not None
     t_s = column(track, "t_s")
-    rows = np.searchsorted(motion.t_s, t_s + float(given.segment.leg_start_s) - 1e-9)
+    rows = np.searchsorted(motion.t_s, t_s + float(fuse_inputs.segment.leg_start_s) - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
     through = matrix(track, VELOCITY[:3]) - drift
     water = make_table(
         "samples_water", {"t_s": t_s[samples], **named(VELOCITY[:3], through[samples])}
     )
-    return replace(given, samples_water=water)
+    return replace(fuse_inputs, samples_water=water)
 
 
 def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: Motion) -> None:
@@ -233,8 +235,10 @@ def test_current_without_water_track_is_not_observable(
     """Nothing is invented: verdict, reason and a warning, and the state is that over
     ground.
     """
-    given = inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
-    estimated, plain = run(given, estimate_current=True), run(given)
+    fuse_inputs = (
+        inputs(motion, ODD) if samples is None else in_current(motion, ODD, samples=samples)
+    )
+    estimated, plain = run(fuse_inputs, estimate_current=True), run(fuse_inputs)
     assert estimated.fusion.current.verdict == "not observable"
     assert "stream water_velocity" in estimated.fusion.current.reason
     assert estimated.fusion.current.ned_m_s is None

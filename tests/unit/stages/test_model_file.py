@@ -79,7 +79,7 @@ def files_of(run: ExampleRun, choice: str | None = "linear") -> dict[str, ModelF
 def outputs_of(
     run: ExampleRun, choice: str | None = "linear", logs: Mapping[str, LogInfo] | None = None
 ) -> model_file.Outputs:
-    given = run.inputs()
+    run_inputs = run.inputs()
     rows: list[dict[str, Any]] = [
         {"segment": "check", "model": "linear", "as_measured": put_in, "horizon_s": 5.0}
         | {"starts": 4, "diverged": 4, "first_divergence_s": 1.0, **dict.fromkeys(RMS.values())}
@@ -87,9 +87,9 @@ def outputs_of(
     ]
     names = list(rows[0])
     inputs = model_file.Inputs(
-        campaign=given.campaign,
-        vehicle=given.vehicle,
-        provenance=given.provenance,
+        campaign=run_inputs.campaign,
+        vehicle=run_inputs.vehicle,
+        provenance=run_inputs.provenance,
         model_card=collection(run.cards),
         ranking=run.ranking(choice),
         free_run=make_table("free_run", {key: [row[key] for row in rows] for key in names}),

@@ -40,11 +40,14 @@ def test_section_is_a_document_of_plain_values() -> None:
             group="time",
         ),
     ]
-    made = section("title", blocks, order=3, look_for="this")
-    assert json.loads(json.dumps(made, allow_nan=False)) == made
-    assert made["blocks"][3]["columns"] == [{"name": "a", "unit": ""}, {"name": "b", "unit": "N"}]
-    assert made["blocks"][3]["rows"] == [[1.5, 2], [None, None], ["c", True]]
-    assert made["blocks"][4]["panels"][0]["series"][0]["y"] == [1.0, None, None]
+    document = section("title", blocks, order=3, look_for="this")
+    assert json.loads(json.dumps(document, allow_nan=False)) == document
+    assert document["blocks"][3]["columns"] == [
+        {"name": "a", "unit": ""},
+        {"name": "b", "unit": "N"},
+    ]
+    assert document["blocks"][3]["rows"] == [[1.5, 2], [None, None], ["c", True]]
+    assert document["blocks"][4]["panels"][0]["series"][0]["y"] == [1.0, None, None]
 
 
 def test_short_signals_are_left_alone() -> None:

@@ -165,9 +165,9 @@ def content(**change: Any) -> ReproductionContent:
     plan = read_yaml((TWIN / "plans/matched.yaml").read_text(encoding="utf-8"))
     plans = dict.fromkeys(("matched", "matched_seed_1"), plan)
     assert setting.campaign.name == "vt690_twin"
-    given = {"document": with_words(value), "checks": tuple(checks(value, by_key))} | change
+    arguments = {"document": with_words(value), "checks": tuple(checks(value, by_key))} | change
     return ReproductionContent(
-        published=published, vehicle=VT690, plans=plans, measures=by_key, **given
+        published=published, vehicle=VT690, plans=plans, measures=by_key, **arguments
     )
 
 

@@ -432,10 +432,12 @@ def test_no_part_is_covered_long_enough() -> None:
 
 
 def test_inputs_are_not_written_to() -> None:
-    given = streams()
-    before = {name: table.to_pydict() for name, table in given.items() if table is not None}
+    tables = streams()
+    before = {name: table.to_pydict() for name, table in tables.items() if table is not None}
     run()
-    assert {name: table.to_pydict() for name, table in given.items() if table is not None} == before
+    assert {
+        name: table.to_pydict() for name, table in tables.items() if table is not None
+    } == before
 
 
 def test_velocity_through_the_water_keeps_its_samples_and_splits_nothing() -> None:

@@ -73,7 +73,7 @@ def run(
     parameters: Mapping[str, float] | None = None,
     **params: Any,
 ) -> residual.Outputs:
-    given = residual.Inputs(
+    residual_inputs = residual.Inputs(
         segment_document(),
         fused_table(motion),
         fusion_document(**(fusion or {})),
@@ -81,7 +81,7 @@ def run(
         shipped_vehicle(vehicle),
         log_document(parameters=dict(parameters or {})),
     )
-    return residual.run(given, residual.Params(**params))
+    return residual.run(residual_inputs, residual.Params(**params))
 
 
 def warnings(outputs: residual.Outputs) -> list[str]:
@@ -163,7 +163,7 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
     complete = run(motion, resampled_table(motion)).residual
     rows = slice(25, -25)
     inner = Motion(*(values[rows] for values in vars(motion).values()))
-    given = residual.Inputs(
+    residual_inputs = residual.Inputs(
         segment_document(),
         fused_table(inner),
         fusion_document(),
@@ -171,7 +171,7 @@ def test_commands_are_those_of_the_times_that_fuse_kept(motion: Motion) -> None:
         shipped_vehicle("vt690"),
         log_document(),
     )
-    cut = residual.run(given, residual.Params()).residual
+    cut = residual.run(residual_inputs, residual.Params()).residual
     # the last bit depends on where a row falls in a vector register of numpy
     np.testing.assert_allclose(
         matrix(cut, complete.column_names),

@@ -469,16 +469,16 @@ def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
 def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
     nu = rich_motion(120.0, seed=6).nu
     table = residual_table(nu, -20.0 * nu + 0.1 * np.random.default_rng(4).normal(size=nu.shape))
-    known = table
+    with_errors = table
     for name, sd in zip(VELOCITY_SD, (0.01, 0.05, 0.01, 0.002, 0.002, 0.002), strict=True):
-        known = known.append_column(name, pa.array(np.full(len(nu), sd)))
+        with_errors = with_errors.append_column(name, pa.array(np.full(len(nu), sd)))
     segment, vehicle = {"one": segment_document("one")}, shipped_vehicle("bluerov2_heavy")
     cards = [
         synthesise.run(
             synthesise.Inputs(collection({"one": item}), collection(segment), vehicle),
             synthesise.Params(models=("linear",)),
         )
-        for item in (table, known)
+        for item in (table, with_errors)
     ]
     exact, wide = (item.model_card["linear"] for item in cards)
     assert not exact.velocity_errors
@@ -741,8 +741,8 @@ def test_inertias_and_sums_scale_with_the_thrust_curve_as_coefficients_do() -> N
     change[5, 5] = -2.0
     force = ahead @ damping.T + motion.nu_dot @ change.T + coriolis_force(change, ahead)
     force += 0.01 * np.random.default_rng(12).normal(size=force.shape)
-    whole = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, ahead)
-    inputs = driven(motion.t_s, ahead, motion.nu_dot, force, whole - force)
+    inertial = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, ahead)
+    inputs = driven(motion.t_s, ahead, motion.nu_dot, force, inertial - force)
     params = synthesise.Params(
         models=(),
         structures={"own": {"X": ["uu", "u|u|"], "N": ["r"]}},

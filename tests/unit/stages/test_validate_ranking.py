@@ -224,8 +224,8 @@ def test_an_axis_counts_where_its_force_beats_the_mean_force_and_none(run: Examp
     assert "Z" in usable.forces
     assert "Z" not in usable.simulation, "nothing excites its damping"
     assert "in heave" in use_words(usable, flown=True)
-    known = usable_for(model, with_own_damping(run.cards["coe"], "weak", "Z"), record.constant)
-    assert "Z" in known.simulation
+    weak = usable_for(model, with_own_damping(run.cards["coe"], "weak", "Z"), record.constant)
+    assert "Z" in weak.simulation
 
 
 def test_control_needs_damping_from_the_data_and_a_small_error(run: ExampleRun) -> None:

@@ -199,10 +199,10 @@ def test_observer_sees_the_force_that_pushes(schedule: Schedule, trimmed: Equili
     force = np.array([0.0, 20.0, -15.0])
     field = ForceField(constant_N=force, start_s=5.0).at(TURN.t_s)
     flown = fly(HAUV, schedule, force_ned_N=field)
-    seen = np.einsum("ij,nj->ni", HAUV.mass_matrix(72.5), flown.disturbance[0])[-1, :3]
+    estimated = np.einsum("ij,nj->ni", HAUV.mass_matrix(72.5), flown.disturbance[0])[-1, :3]
     pushed = rotation_body_to_ned(flown.chi[0, -1, 9:]).T @ force
     assert (
-        np.abs(seen - pushed).max() < 2.0
+        np.abs(estimated - pushed).max() < 2.0
     )  # N; the observer is linear about the trim and lags by a fraction of a second
     without = fly(HAUV, schedule, force_ned_N=field, use_observer=False)
     forces = [

@@ -144,12 +144,12 @@ def test_a_recorded_helix_gives_the_trajectory_that_flew_it() -> None:
 
 
 def test_tracking_error_tells_late_from_beside() -> None:
-    wanted = fly_path(helix(radius_m=12.0, pitch_rad=0.1, turns=2.0), speed_m_s=1.5, step_s=0.05)
-    late = np.roll(wanted.position, 10, axis=0)[10:]
-    error = tracking_error(wanted, np.vstack([wanted.position[:10], late]))
+    path = fly_path(helix(radius_m=12.0, pitch_rad=0.1, turns=2.0), speed_m_s=1.5, step_s=0.05)
+    late = np.roll(path.position, 10, axis=0)[10:]
+    error = tracking_error(path, np.vstack([path.position[:10], late]))
     assert error.position_m[-1] == pytest.approx(1.5 * 0.05 * 10, rel=0.01)
     assert error.cross_track_m.max() < 1e-3  # chord of a step against the arc
-    abeam = tracking_error(wanted, wanted.position + np.array([0.0, 0.0, 1.0]))
+    abeam = tracking_error(path, path.position + np.array([0.0, 0.0, 1.0]))
     assert np.allclose(
         abeam.cross_track_m, 1.0, atol=0.02
     )  # the helix rises by 0.1, so the nearest point lies a little ahead

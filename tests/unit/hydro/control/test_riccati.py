@@ -94,9 +94,9 @@ def test_placed_poles_are_five_times_faster_than_the_controller() -> None:
     poles = closed_loop_eigenvalues(A, B, regulator_gain(B, P, R))
     gain = placed_gain(still(A, 2), poles)
     placed = observer_eigenvalues(still(A, 2), gain)
-    wanted = -5.0 * np.abs(poles.real).max()
+    expected = -5.0 * np.abs(poles.real).max()
     assert np.allclose(
-        placed.real, wanted, rtol=1e-4
+        placed.real, expected, rtol=1e-4
     )  # double poles: eigenvalues split by the root of rounding
     with pytest.raises(PipelineError, match="does not stabilise"):
         placed_gain(still(A, 2), -poles)

@@ -41,15 +41,15 @@ def written_out(hybrid, chi, U, mass, rate):
     u, v, w, p, q, r = chi[:, :6].T
     phi, theta = chi[:, 9], chi[:, 10]
     ud, vd, wd, pd, qd, rd = rate.T
-    given = {}
+    coefficients = {}
     for item in parameter_coefficients(HAUV, hybrid.parameter_set):
         key = (
             item.name
             if item.kind in ("added_mass", "drag", "control")
             else f"{item.name}:{item.kind}"
         )
-        given[key] = given.get(key, 0.0) + item.value
-    g = given.__getitem__
+        coefficients[key] = coefficients.get(key, 0.0) + item.value
+    g = coefficients.__getitem__
     Xu, Yv, Zw, Kp, Mq, Nr, Yr, Zq = (
         g(f"{n}dot") for n in ("X_u", "Y_v", "Z_w", "K_p", "M_q", "N_r", "Y_r", "Z_q")
     )

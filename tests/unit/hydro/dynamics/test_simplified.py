@@ -138,8 +138,8 @@ def test_pitch_answers_to_surge_and_heave():
     nu = np.array([0.5, 0.0, 0.2, 0.0, 0.0, 0.0])
     eta = np.array([0.0, 0.0, 0.0, 0.0, 0.05, 0.0])
     lever = 38.10 * 9.80665 * 0.02 * np.sin(0.05)
-    wanted = (-(-194.9859 + 91.7507) * 0.5 * 0.2 - lever) / 2.2278
-    assert acceleration(model, eta, nu, np.zeros(6))[4] == pytest.approx(wanted)
+    expected = (-(-194.9859 + 91.7507) * 0.5 * 0.2 - lever) / 2.2278
+    assert acceleration(model, eta, nu, np.zeros(6))[4] == pytest.approx(expected)
 
 
 def test_a_vehicle_outside_of_the_assumptions_is_refused():

@@ -72,9 +72,9 @@ def setting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Setting:
     monkeypatch.setattr(changelog, "current_version", lambda: "0.2.0")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "CHANGELOG.md").write_text(CHANGES)
-    made = Setting("toy", tmp_path / "golden", tmp_path / "CHANGELOG.md", tables())
-    regress.update(made, "validate: first")
-    return made
+    toy = Setting("toy", tmp_path / "golden", tmp_path / "CHANGELOG.md", tables())
+    regress.update(toy, "validate: first")
+    return toy
 
 
 def against(setting: Setting, new: Any) -> Setting:
@@ -415,10 +415,10 @@ def auvid(
 def test_exit_codes(
     setting: Setting, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    given: list[tuple[str, Path | None]] = []
+    calls: list[tuple[str, Path | None]] = []
 
     def opened(campaign: str, baseline: Path | None) -> Setting:
-        given.append((campaign, baseline))
+        calls.append((campaign, baseline))
         return setting
 
     monkeypatch.setattr(regress, "open_setting", opened)
@@ -427,7 +427,7 @@ def test_exit_codes(
         0,
         "toy: all 44 cells hold (golden)\n",
     )
-    assert given == [("toy", Path("golden"))]
+    assert calls == [("toy", Path("golden"))]
     assert auvid(monkeypatch, capsys, "regress", "toy", "--update")[0] == 2
     assert auvid(monkeypatch, capsys, "regress", "toy", "--message", "why")[0] == 2
     (setting.folder / "training.csv").write_text(

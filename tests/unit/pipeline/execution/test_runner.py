@@ -52,7 +52,7 @@ def run_all(run: Run, **options: Any) -> int:
 
 def ran(run: Run) -> dict[str, list[str]]:
     """Run everything and say which items of which stages ran."""
-    seen: dict[str, list[str]] = {stage.name: [] for stage in run.graph.stages}
+    items_by_stage: dict[str, list[str]] = {stage.name: [] for stage in run.graph.stages}
 
     class Watch:
         now = ""
@@ -64,13 +64,13 @@ def ran(run: Run) -> dict[str, list[str]]:
             pass
 
         def item(self, name: str) -> None:
-            seen[self.now].append(name)
+            items_by_stage[self.now].append(name)
 
         def finish(self, *, failed: int) -> None:
             pass
 
     run.execute(run.graph.stages, Serial(), Watch())
-    return {name: items for name, items in seen.items() if items}
+    return {name: items for name, items in items_by_stage.items() if items}
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -219,11 +219,11 @@ def test_every_collects_by_stage_and_item(campaign: Path, runs: Path) -> None:
 
 def test_optional_input_is_none_where_the_log_has_none(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
-    given = {
+    streams = {
         item: (runs / "toy" / "spread" / item / "section.json").read_text()
         for item in ("one", "two")
     }
-    assert ("battery" in given["one"], "battery" in given["two"]) == (False, True)
+    assert ("battery" in streams["one"], "battery" in streams["two"]) == (False, True)
 
 
 def test_missing_required_input_names_stage_item_and_artefact(campaign: Path, runs: Path) -> None:

@@ -68,8 +68,8 @@ def test_velocity_gyro_attitude_and_depth_come_from_poses_at_their_places() -> N
         "depth": {"arm": {"value": [0.5, 0.0, 0.1], "unit": "m", "source": "measured"}},
     }
     vehicle = vehicle_from_document({**vehicle_document("bluerov2"), "sensors": mounted})
-    seen = tracked(run, 3, noise_m=1e-3, noise_rad=1e-3, arm_m=ARM)
-    outputs = ingested(pose_columns(run, *seen), POSE, vehicle)
+    poses = tracked(run, 3, noise_m=1e-3, noise_rad=1e-3, arm_m=ARM)
+    outputs = ingested(pose_columns(run, *poses), POSE, vehicle)
     assert outputs.velocity is not None
     assert outputs.imu is not None
     assert outputs.attitude is not None

@@ -149,16 +149,16 @@ def test_verdict_and_model_cells_are_marked() -> None:
 
 
 def hostile_run() -> ExampleRun:
-    made = example_run({"train": 4.0, "check": 2.0})
-    made.campaign["title"] = made.campaign["notes"] = HOSTILE
-    made.vehicle = replace(made.vehicle, title=HOSTILE)
-    dive = made.logs["dive"]
+    hostile = example_run({"train": 4.0, "check": 2.0})
+    hostile.campaign["title"] = hostile.campaign["notes"] = HOSTILE
+    hostile.vehicle = replace(hostile.vehicle, title=HOSTILE)
+    dive = hostile.logs["dive"]
     file = dive.files[0].model_copy(update={"name": HOSTILE})
-    made.logs["dive"] = dive.model_copy(
+    hostile.logs["dive"] = dive.model_copy(
         update={"notes": [HOSTILE], "files": [file, *dive.files[1:]]}
     )
-    made.cards["linear"] = made.cards["linear"].model_copy(update={"title": HOSTILE})
-    made.sections[f"evil/{HOSTILE}"] = section(
+    hostile.cards["linear"] = hostile.cards["linear"].model_copy(update={"title": HOSTILE})
+    hostile.sections[f"evil/{HOSTILE}"] = section(
         HOSTILE,
         [
             text(HOSTILE),
@@ -168,14 +168,14 @@ def hostile_run() -> ExampleRun:
         order=2,
         look_for=HOSTILE,
     )
-    made.sections["evil/equation"] = section(
+    hostile.sections["evil/equation"] = section(
         "e",
         [{"kind": "equation", "latex": HOSTILE, "meaning": HOSTILE}, {"kind": HOSTILE}],
         order=3,
     )
     lines = [{"name": HOSTILE, "role": HOSTILE, "x": [0, 1], "y": [0, 1]}]
     axes = [{"label": HOSTILE, "unit": HOSTILE, "series": lines}]
-    made.sections["evil/plot"] = section(
+    hostile.sections["evil/plot"] = section(
         "p",
         [
             {
@@ -189,7 +189,7 @@ def hostile_run() -> ExampleRun:
         ],
         order=4,
     )
-    return made
+    return hostile
 
 
 def test_hostile_strings_stay_text() -> None:
@@ -204,15 +204,15 @@ def test_hostile_strings_stay_text() -> None:
 
 @pytest.mark.parametrize("shifts", [{}, {"thrust": 4.0}])
 def test_the_table_of_coefficients_names_intervals_by_noise_alone(shifts: dict[str, float]) -> None:
-    made = example_run({"train": 4.0, "check": 2.0})
+    example = example_run({"train": 4.0, "check": 2.0})
     update = {"value": -90.0, "standard_error": 3.0, "verdict": "identified"}
-    for name, card in made.cards.items():
+    for name, card in example.cards.items():
         part = card.axes["X"]
         items = [item.model_copy(update=update) for item in part.terms]
         items[0] = items[0].model_copy(update={"assumed_shifts": shifts})
         axes = {**card.axes, "X": part.model_copy(update={"terms": items})}
-        made.cards[name] = card.model_copy(update={"axes": axes})
-    page = run(made.inputs(), Params()).report_html.decode()
+        example.cards[name] = card.model_copy(update={"axes": axes})
+    page = run(example.inputs(), Params()).report_html.decode()
     together = "by noise and assumed values of the vehicle together"
     assert (together in page, "± is 95 %, by noise alone." in page) == (bool(shifts), not shifts)
     assert (" (noise alone)</td>" in page) == bool(shifts)
@@ -248,17 +248,17 @@ def test_report_is_the_same_every_time() -> None:
 
 
 def test_plots_of_several_logs_zoom_apart() -> None:
-    made = example_run({"train": 4.0, "check": 2.0})
-    made.logs["second"] = made.logs["dive"].model_copy(update={"log": "second"})
-    made.segments["check"] = made.segments["check"].model_copy(update={"log": "second"})
-    groups = set(Tags(run(made.inputs(), Params()).report_html.decode()).values("data-group"))
+    example = example_run({"train": 4.0, "check": 2.0})
+    example.logs["second"] = example.logs["dive"].model_copy(update={"log": "second"})
+    example.segments["check"] = example.segments["check"].model_copy(update={"log": "second"})
+    groups = set(Tags(run(example.inputs(), Params()).report_html.decode()).values("data-group"))
     assert {"dive time", "second time"} <= groups
 
 
 def test_campaign_without_models_still_has_a_page(tmp_path: Path) -> None:
-    made = example_run({"train": 4.0})
-    made.cards, made.errors, made.sections, made.views = {}, [], {}, {}
-    out = run(made.inputs(), Params())
+    example = example_run({"train": 4.0})
+    example.cards, example.errors, example.sections, example.views = {}, [], {}, {}
+    out = run(example.inputs(), Params())
     assert b"No model was identified" in out.report_html
     out.recording(str(tmp_path / "recording.rrd"))
     assert (tmp_path / "recording.rrd").read_bytes().startswith(b"RRF")

@@ -185,10 +185,10 @@ def test_allocation_has_the_signs_of_the_autopilot():
     allocation = BLUEROV2.thrusters.allocation
     assert allocation.shape == (6, 8)
     roll, pitch, yaw, up, forward, lateral = FACTORS.T
-    wanted = np.stack([forward, lateral, -up, roll, pitch, yaw])
+    mixer = np.stack([forward, lateral, -up, roll, pitch, yaw])
     geometric = np.where(np.abs(allocation) > 1e-9, np.sign(allocation), 0.0)
-    np.testing.assert_array_equal(geometric[wanted != 0], wanted[wanted != 0])
-    surplus = (wanted == 0) & (geometric != 0)
+    np.testing.assert_array_equal(geometric[mixer != 0], mixer[mixer != 0])
+    surplus = (mixer == 0) & (geometric != 0)
     assert set(zip(*np.nonzero(surplus), strict=True)) == {
         (axis, thruster) for axis in (3, 4) for thruster in range(4)
     }

@@ -97,8 +97,8 @@ def test_a_large_swing_of_the_tray_keeps_its_energy():
 def test_free_decay_without_damping_has_the_exact_period():
     pendulum = PhysicalPendulum(inertia=500.0, restoring=378.0, linear=0.0, quadratic=0.0)
     amplitude = np.radians(22.0)
-    wanted = 4.0 * np.sqrt(500.0 / 378.0) * ellipk(np.sin(amplitude / 2.0) ** 2)
-    assert period_of(free_decay(pendulum, amplitude, 30.0)) == pytest.approx(wanted, abs=1e-7)
+    period = 4.0 * np.sqrt(500.0 / 378.0) * ellipk(np.sin(amplitude / 2.0) ** 2)
+    assert period_of(free_decay(pendulum, amplitude, 30.0)) == pytest.approx(period, abs=1e-7)
 
 
 def test_damping_takes_what_it_should():

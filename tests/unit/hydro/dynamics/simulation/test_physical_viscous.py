@@ -97,8 +97,8 @@ def test_terminal_speeds() -> None:
             + propeller_force(VT690.propeller, nu, rev_s, water_density=1000.0)[0]
         )
 
-    for rpm, known in ((1800, 1.528), (2133, 1.810), (2350, 1.994), (2600, 2.207)):
-        assert brentq(surplus, 0.5, 4.0, args=(rpm / 60.0,)) == pytest.approx(known, rel=0.04)
+    for rpm, speed in ((1800, 1.528), (2133, 1.810), (2350, 1.994), (2600, 2.207)):
+        assert brentq(surplus, 0.5, 4.0, args=(rpm / 60.0,)) == pytest.approx(speed, rel=0.04)
 
 
 def test_open_loop_is_stable_at_every_speed_of_the_campaign() -> None:

@@ -58,9 +58,9 @@ def test_there_are_eight() -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_force_that_acts_is_that_of_the_published_model(name: str) -> None:
-    made = fly(name, 3.0)
-    truth, (leg,) = made.truth["run"], made.simulation["legs"]
-    assert made.logs
+    flight = fly(name, 3.0)
+    truth, (leg,) = flight.truth["run"], flight.simulation["legs"]
+    assert flight.logs
     nu, n = matrix(truth, VELOCITY), column(truth, "propeller_rev_s")
     assert VT690.propeller is not None
     ratio = eta_ratio(level_speed(VT690.propeller, n), nu)
@@ -89,8 +89,8 @@ def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
     """What stops says when, in which state and why, and what it flew of the leg is
     kept.
     """
-    made = fly(name, 60.0)
-    (leg,) = made.simulation["legs"]
+    flight = fly(name, 60.0)
+    (leg,) = flight.simulation["legs"]
     if name not in STOPS:
         assert leg["stopped"] is None
         assert leg["end_s"] == pytest.approx(leg["start_s"] + 60.0)
@@ -98,8 +98,8 @@ def test_straight_run_is_held_or_stops_in_words(name: str) -> None:
     assert leg["stopped"].startswith(STOPS[name])
     assert " s; last state: u " in leg["stopped"]
     assert leg["end_s"] < leg["start_s"] + 60.0
-    assert leg["end_s"] == pytest.approx(float(column(made.truth["run"], "t_s")[-1]), abs=0.03)
-    assert np.isfinite(matrix(made.truth["run"], VELOCITY)).all()
+    assert leg["end_s"] == pytest.approx(float(column(flight.truth["run"], "t_s")[-1]), abs=0.03)
+    assert np.isfinite(matrix(flight.truth["run"], VELOCITY)).all()
 
 
 def test_no_leg_reached_is_said_with_time_state_and_reason() -> None:

@@ -244,8 +244,8 @@ def test_terminal_speeds_of_published_models(name: str, speeds: tuple[float, ...
             + propeller_force(VT690.propeller, nu, rev_s, water_density=VT690.water_density)[0]
         )
 
-    for rpm, known in zip((1800, 2133, 2350, 2600), speeds, strict=True):
-        assert brentq(surplus, 0.3, 4.0, args=(rpm / 60.0,)) == pytest.approx(known, abs=1e-3)
+    for rpm, speed in zip((1800, 2133, 2350, 2600), speeds, strict=True):
+        assert brentq(surplus, 0.3, 4.0, args=(rpm / 60.0,)) == pytest.approx(speed, abs=1e-3)
 
 
 def test_motion_satisfies_the_equation_of_motion() -> None:

@@ -27,13 +27,13 @@ MEASURED = {
 def test_measured_axes_replace_those_of_the_file_about_the_origin() -> None:
     document = read_yaml(THAUS.read_text(encoding="utf-8"))
     document["rigid_body"]["centre_of_gravity"]["value"] = [0.1, 0.0, 0.05]
-    given, measured = parse(VehicleDocument, document), parse(InertiaDocument, MEASURED)
-    before = given.model_dump_json()
-    changed = with_measured_inertia(given, measured)
+    original, measured = parse(VehicleDocument, document), parse(InertiaDocument, MEASURED)
+    before = original.model_dump_json()
+    changed = with_measured_inertia(original, measured)
     vehicle = vehicle_from_document(changed)
     # I_x about the origin: I_x + m (y^2 + z^2).
     np.testing.assert_allclose(np.diag(vehicle.inertia), [1.8 + 38.10 * 0.05**2, 2.2278, 1.4046])
-    assert given.model_dump_json() == before
+    assert original.model_dump_json() == before
     assert "the rest: Table 7" in changed.rigid_body.inertia.source
 
 

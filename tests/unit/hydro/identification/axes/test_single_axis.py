@@ -110,8 +110,10 @@ def test_pooled_fit_equals_scipy(
     free = np.flatnonzero(~fit.at_bound)
     assert oracle.x[:4] == pytest.approx(np.where(fit.at_bound, 0.0, oracle.x[:4]), abs=1e-6)
     # The least_squares Jacobian has the curvature of the loss, as our information has.
-    seen = np.append(free, np.arange(4, count))
-    curvature = np.linalg.inv(oracle.jac[:, seen].T @ oracle.jac[:, seen])[: free.size, : free.size]
+    columns = np.append(free, np.arange(4, count))
+    curvature = np.linalg.inv(oracle.jac[:, columns].T @ oracle.jac[:, columns])[
+        : free.size, : free.size
+    ]
     covariance = fit.colour[channel] * curvature
     spread = np.sqrt(np.diag(covariance))
     assert np.all(np.abs(fit.values - oracle.x[:4])[free] < 0.02 * spread)

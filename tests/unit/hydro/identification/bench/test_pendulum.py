@@ -332,8 +332,8 @@ def test_damping_models_are_those_of_the_vehicle() -> None:
     hung, empty = pendulum_moments([*POLE, VEHICLE], G), empty_pendulum()
     truth = TRUTH * [1.0, 1.0, 0.0]
     decay = decay_of([*POLE, VEHICLE], truth + POLE_TRUTH)
-    known = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
-    estimate = estimate_decay(replace(decay, pole=known))
+    pole = (empty.values[1] * ARM**2 / hung.stiffness, empty.values[2] * ARM**3 / hung.stiffness)
+    estimate = estimate_decay(replace(decay, pole=pole))
     assert estimate.chosen == "linear"
     for method, tolerance in (("output_error", 1e-6), ("recursive", 0.02), ("batch", 0.02)):
         values = derivatives(getattr(estimate, method)["linear"], hung, arm=ARM, empty=empty).values

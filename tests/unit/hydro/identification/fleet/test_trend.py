@@ -36,9 +36,9 @@ def test_without_errors_of_fits_and_correlation_it_is_the_least_squares_line(
 def test_dives_that_drift_slowly_rarely_have_a_trend(fleets: int, bound: float) -> None:
     random = np.random.default_rng(1)
     times = np.arange(12.0)
-    apart = np.abs(np.subtract.outer(times, times))
+    distance = np.abs(np.subtract.outer(times, times))
     for rho in (0.0, 0.5):
-        slow = np.linalg.cholesky(np.power(rho, apart) if rho else np.eye(12))
+        slow = np.linalg.cholesky(np.power(rho, distance) if rho else np.eye(12))
         errors = 0.4 * np.exp(0.4 * random.standard_normal((fleets, 12)))
         values = random.standard_normal((fleets, 12)) @ slow.T
         values += errors * random.standard_normal((fleets, 12))

@@ -156,9 +156,9 @@ def test_constant_bias_of_a_rate_with_missing_measurements() -> None:
     np.testing.assert_allclose(fit.bias, [0.3, -0.2], atol=1e-8)
     np.testing.assert_allclose(fit.initial, path[0], atol=1e-7)
     np.testing.assert_allclose(fit.residual_rms, 0.0, atol=1e-7)
-    given = fit_bias_linear(t, rate, measured, initial=path[0])
-    np.testing.assert_allclose(given.bias, [0.3, -0.2], atol=1e-8)
-    assert np.isnan(given.initial_std).all()
+    rate_fit = fit_bias_linear(t, rate, measured, initial=path[0])
+    np.testing.assert_allclose(rate_fit.bias, [0.3, -0.2], atol=1e-8)
+    assert np.isnan(rate_fit.initial_std).all()
 
 
 def test_gyro_bias_clean(motion: Motion) -> None:

@@ -45,14 +45,14 @@ def sensors(
     down = rotation_body_to_ned(motion.eta[:, 3:])[:, 2, :]
     at, below = slice(20, -20, LOG_EVERY), slice(None, None, DEPTH_EVERY)
     place = np.zeros(3) if arm is None else arm
-    seen = CubicSpline(t, v + np.cross(omega, place))(t[at] - lag)
+    velocity = CubicSpline(t, v + np.cross(omega, place))(t[at] - lag)
     if angles is not None:
-        seen = seen @ Rotation.from_rotvec(angles).as_matrix()
-    seen = (1.0 + scale) * seen + NOISE["velocity"] * rng.standard_normal(seen.shape)
+        velocity = velocity @ Rotation.from_rotvec(angles).as_matrix()
+    velocity = (1.0 + scale) * velocity + NOISE["velocity"] * rng.standard_normal(velocity.shape)
     depth = motion.eta[below, 2] + NOISE["depth"] * rng.standard_normal(len(t[below]))
     return LegSensors(
         t, force, force - 9.80665 * down, motion.eta[:, 3:], omega, motion.nu_dot[:, 3:],
-        t[at], seen, np.zeros(3), t[below], depth,
+        t[at], velocity, np.zeros(3), t[below], depth,
     )  # fmt: skip
 
 

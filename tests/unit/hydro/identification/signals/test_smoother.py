@@ -108,7 +108,7 @@ def test_noise_is_estimated_from_the_data(motion: Motion) -> None:
 
 def test_given_noise_is_used(motion: Motion) -> None:
     dvl = np.arange(3, len(motion.t), 13)
-    given = SmootherNoise(
+    noise = SmootherNoise(
         accel=np.full(3, 0.02), velocity=np.full(3, 0.05), depth=0.01, jerk_density=np.full(3, 1e-3)
     )
     motion_estimate = smooth_velocity(
@@ -120,9 +120,9 @@ def test_given_noise_is_used(motion: Motion) -> None:
         velocity=motion.v[dvl],
         t_depth=motion.t,
         depth=motion.z,
-        noise=given,
+        noise=noise,
     )
-    assert motion_estimate.noise == given
+    assert motion_estimate.noise == noise
 
 
 def test_standard_deviations_match_the_errors(motion: Motion) -> None:
@@ -142,7 +142,7 @@ def test_a_transport_term_left_in_shows_in_the_rate(motion: Motion) -> None:
     sway; noise as of a real velocity sensor.
     """
     dvl = np.arange(3, len(motion.t), 13)
-    given = SmootherNoise(
+    noise = SmootherNoise(
         accel=np.full(3, 0.03),
         velocity=np.full(3, 0.01),
         depth=0.005,
@@ -157,7 +157,7 @@ def test_a_transport_term_left_in_shows_in_the_rate(motion: Motion) -> None:
         velocity=motion.v[dvl],
         t_depth=motion.t,
         depth=motion.z,
-        noise=given,
+        noise=noise,
     )
     # Twice the bound that the right accelerometer keeps above; the velocity sensor
     # pulls the rest back.

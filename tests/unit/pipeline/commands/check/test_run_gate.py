@@ -173,8 +173,8 @@ def test_one_idle_log_of_two_stops_nothing_but_two_do(campaign: Any) -> None:
 
 
 def test_outputs_that_the_vehicle_listens_to_must_be_there(campaign: Any) -> None:
-    made = campaign()
+    loaded = campaign()
     log = sound()
-    log.vehicle = made.vehicle
+    log.vehicle = loaded.vehicle
     del log.streams["actuators"]["pwm_7_us"]
-    assert "no pwm_7_us among the actuators" in str(fault(made, log, sound()))
+    assert "no pwm_7_us among the actuators" in str(fault(loaded, log, sound()))

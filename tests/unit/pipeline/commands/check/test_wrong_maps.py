@@ -252,9 +252,9 @@ def stopped(*names: str) -> Change:
     def change(case: Case) -> None:
         for name in names:
             values, column = case.values(name)
-            held = values[column][len(values[column]) // 2]
+            frozen = values[column][len(values[column]) // 2]
             values[column] = np.where(
-                np.arange(len(values[column])) > len(values[column]) // 2, held, values[column]
+                np.arange(len(values[column])) > len(values[column]) // 2, frozen, values[column]
             )
 
     return change

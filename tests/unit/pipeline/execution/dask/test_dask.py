@@ -39,15 +39,17 @@ from deepen import (  # noqa: E402
 def task_of(folder: Path, run: object = doubled, item: str = "campaign") -> Task:
     """A task that reads two tables from disk."""
     stage = toy(run)
-    given = {}
+    artefacts_by_key = {}
     for key in "ab":
         path = folder / "given" / f"{key}.parquet"
         path.parent.mkdir(parents=True, exist_ok=True)
         content = artefacts.encode(table(np.arange(3.0) + ord(key)), "samples_depth", file=key)
         path.write_bytes(content)
-        given[key] = Artefact(path, "samples_depth", artefacts.hash_bytes(content))
+        artefacts_by_key[key] = Artefact(path, "samples_depth", artefacts.hash_bytes(content))
     ports = (Port(stage, "pieces", "samples_depth", True),)
-    return Task(stage, item, Params(), {"depth": Many(given)}, ports, folder / item, "key", "")
+    return Task(
+        stage, item, Params(), {"depth": Many(artefacts_by_key)}, ports, folder / item, "key", ""
+    )
 
 
 @pytest.fixture(scope="module")

@@ -166,10 +166,10 @@ def test_unix_times_tell_their_unit(factor: float, unit: str) -> None:
     [("header.stamp.sec", "header.stamp.nanosec"), ("secs", "nsecs"), ("stamp_s", "stamp_ns")],
 )
 def test_stamps_of_ros_are_read_from_their_two_columns(seconds: str, nanoseconds: str) -> None:
-    whole = np.floor(1.7e9 + T_S)
+    full_s = np.floor(1.7e9 + T_S)
     columns = {
-        seconds: whole,
-        nanoseconds: np.rint((1.7e9 + T_S - whole) * 1e9),
+        seconds: full_s,
+        nanoseconds: np.rint((1.7e9 + T_S - full_s) * 1e9),
         "depth_m": 3.0 + wave(1.0),
     }
     draft = drafted(columns)

@@ -186,8 +186,8 @@ def test_other_clock_is_interpolated_within_the_overlap_only() -> None:
     np.testing.assert_allclose(
         partners[0].difference, -2.1, atol=1e-9
     )  # the same ramp, 1.05 s later; rounding
-    apart = replace(two, segments={"leg": document.model_copy(update={"leg_start_s": 100.0})})
-    assert pairs(one, apart) == ([], ["leg: state at no common time"])
+    later = replace(two, segments={"leg": document.model_copy(update={"leg_start_s": 100.0})})
+    assert pairs(one, later) == ([], ["leg: state at no common time"])
 
 
 def test_what_has_no_partner_is_said() -> None:

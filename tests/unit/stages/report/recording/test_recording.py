@@ -227,12 +227,12 @@ def test_plots_leave_room_around_what_they_show() -> None:
 
 
 def test_ranges_grow_with_what_is_sent_and_leave_out_gaps() -> None:
-    sent = (
+    series = (
         LoggedSeries()
         .add(np.array([0.0, 1.0]), np.array([[np.nan], [2.0]]))
         .add(np.array([5.0, 6.0]), np.full((2, 1), np.nan))
     )
-    assert sent == LoggedSeries((2.0, 2.0), (0.0, 6.0))
+    assert series == LoggedSeries((2.0, 2.0), (0.0, 6.0))
     assert outer([]) == NO_RANGE
 
 

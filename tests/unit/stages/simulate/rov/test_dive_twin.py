@@ -118,9 +118,9 @@ def test_modes_and_arming_are_logged(format: str) -> None:
 
 
 def test_the_log_has_the_parameters_of_its_motors() -> None:
-    given = read_back("bin").log_info.parameters
-    assert [given[f"MOT_{i}_DIRECTION"] for i in range(1, 9)] == [-1, -1, 1, 1, -1, 1, 1, -1]
-    assert [given[f"SERVO{i}_FUNCTION"] for i in range(1, 9)] == list(range(33, 41))
+    parameters = read_back("bin").log_info.parameters
+    assert [parameters[f"MOT_{i}_DIRECTION"] for i in range(1, 9)] == [-1, -1, 1, 1, -1, 1, 1, -1]
+    assert [parameters[f"SERVO{i}_FUNCTION"] for i in range(1, 9)] == list(range(33, 41))
 
 
 def test_the_truth_table_holds_the_equation_of_motion(result: DivesResult) -> None:

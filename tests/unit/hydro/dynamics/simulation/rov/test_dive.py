@@ -228,8 +228,8 @@ def test_sensors_see_the_motion_at_their_own_times() -> None:
     t = (velocity["time_us"] - START_US) / 1e6 - HEAVY.dvl.lag_s
     motion = dive.motion(t)
     local = motion.ground[:, :3] + np.cross(motion.ground[:, 3:], HEAVY.dvl.arm_m)
-    seen = np.column_stack([velocity[f"{axis}_m_s"] for axis in "uvw"])
-    np.testing.assert_allclose(seen, local, atol=1e-12)
+    measured = np.column_stack([velocity[f"{axis}_m_s"] for axis in "uvw"])
+    np.testing.assert_allclose(measured, local, atol=1e-12)
     at = (depth["time_us"] - START_US) / 1e6
     np.testing.assert_allclose(depth["depth_m"], dive.motion(at).eta[:, 2], atol=1e-12)
 
