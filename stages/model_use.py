@@ -30,6 +30,8 @@ from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
 
 HALF = 0.5
 """J/J0 of an axis from which on a controller is not to be designed on the model."""
+GROWS_1_S = 0.05
+"""Growth that counts: a disturbance that doubles within 14 s."""
 SMALLER = 0.95
 """Ratio of errors below which one of two counts as smaller."""
 NO_CONSTANT: Mapping[str, float] = {}
@@ -64,7 +66,8 @@ def usable_for(
     hold where it does, but no free run is lost: the autopilot that flew them held roll and
     pitch. These two are simulated where no drive tips it over and their damping rests on
     data or a prior. A controller is designed on no axis of a model whose roll or pitch
-    runs are worse than a guess: it would act through tilts that the model gets wrong.
+    runs are worse than a guess: it would act through tilts that the model gets wrong. Nor
+    on an axis that is unstable by itself (`unstable_axes`).
     """
 
     def below(value: float | None, limit: float) -> bool:
@@ -98,6 +101,7 @@ def usable_for(
             axis
             for axis in simulation
             if not lost_tilts(model)
+            and axis not in unstable_axes(model)
             and below(merits[axis].validation, HALF)
             and damping_of(card, axis) == IDENTIFIED
         ],
@@ -276,6 +280,20 @@ def tipping_axes(model: MeritRecord) -> list[str]:
     """Return axes along which its own drive tips a model over at flown speeds."""
     motion = model.motion
     return [] if motion is None else [item.axis for item in own_drives(motion) if item.tips_in]
+
+
+def unstable_axes(model: MeritRecord) -> list[str]:
+    """Return axes on which a disturbance grows at flown speeds of the own drive.
+
+    With the axis that is driven then; all where a decay from the flown velocities leaves
+    all bounds, which shows on none.
+    """
+    if model.motion is None:
+        return []
+    if model.motion.decays_lost:
+        return list(AXES)
+    growing = [item for item in own_drives(model.motion) if item.growth_1_s > GROWS_1_S]
+    return [axis for axis in AXES if any(axis in (i.axis, i.grows_on) for i in growing)]
 
 
 def own_drives(motion: MotionCheck) -> list[SteadyRange]:

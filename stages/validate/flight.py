@@ -259,7 +259,7 @@ def fly(
         measured = motion.state[start + steps][:, COMPARED]
         measured[:, 8] = np.unwrap(measured[:, 8])
         off, spread = run - measured, around - run
-        off[:, 8], spread[..., 8] = wrapped(off[:, 8]), wrapped(spread[..., 8])
+        off[:, 6:], spread[..., 6:] = wrapped(off[:, 6:]), wrapped(spread[..., 6:])
         if lost.any():
             spread[np.isnan(spread)] = np.inf  # a lost draw is outside of any band
         with np.errstate(invalid="ignore"):  # between two lost draws

@@ -37,7 +37,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.force_input import driven_by_force
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
-from auvid.stages.model_use import ORIGIN, TILTED, TILTS, damping_of, listed, own_drives
+from auvid.stages.model_use import GROWS_1_S, ORIGIN, TILTED, TILTS, damping_of, listed, own_drives
 from auvid.stages.number_format import true_minus
 from auvid.stages.page.first_screen import AXIS_WORDS
 
@@ -46,8 +46,6 @@ DRIVEN = ("X", "Y", "Z", "N")
 SPEEDS = 8
 """Speeds from rest to each end of the flown range."""
 FLIGHT_S, STEP_S = 40.0, 0.05
-GROWS_1_S = 0.05
-"""Growth that counts: a disturbance that doubles within 14 s."""
 TILTED_RAD = np.radians(10.0)
 """Tilt that is said, of a vehicle at rest and under way."""
 UNSTABLE = "unstable"

@@ -37,8 +37,8 @@ LIMITS = np.array([SPEED_LIMIT] * 3 + [RATE_LIMIT] * 3 + [np.inf] * 6)
 class FreeRuns:
     """Runs of m models from w starting points.
 
-    State errors (m, w, k, 12) at `horizons_s` (k,), simulated minus measured, yaw error
-    wrapped; nan where the run had diverged. `diverged_s` (m, w): seconds after the
+    State errors (m, w, k, 12) at `horizons_s` (k,), simulated minus measured, angles
+    between -pi and pi; nan where the run had diverged. `diverged_s` (m, w): seconds after the
     start, nan for a run that stayed bounded. `reached` (w, k): whether the data go on
     to that horizon. `persistence` (w, k, 12): what the measured state changed by, the
     error of expecting no change. `starts` (w, 12): measured states at the starts.
@@ -257,7 +257,7 @@ def free_runs(
     errors, kept = states[:, :, 1:] - there, measured[first][:, None] - there
     kept[~reached] = np.nan
     for part in (errors, kept):
-        part[..., 11] = wrapped(part[..., 11])
+        part[..., 9:] = wrapped(part[..., 9:])
     return FreeRuns(horizons, errors, diverged, reached, kept, measured[first])
 
 

@@ -30,6 +30,7 @@ from auvid.stages.model_use import (
     lost_tilts,
     recommendation,
     tipping_axes,
+    unstable_axes,
 )
 from auvid.stages.number_format import fixed, true_minus
 from auvid.stages.page.first_screen import (
@@ -158,6 +159,8 @@ def _uses(
         uses.append(Use(title, "", true_minus(check.words)))
     words = "simulated, damping identified, error below half of the force"
     words = words if usable.control else f"needed are: {words}"
+    unstable = [axis for axis in unstable_axes(chosen) if axis in usable.simulation]
+    words += f"; by itself the model is unstable in {axes_listed(unstable)}" if unstable else ""
     rests: dict[str, list[str]] = {}
     for axis in TILTS:
         if axis not in usable.control:

@@ -174,11 +174,48 @@ def test_roll_and_pitch_are_simulated_with_known_damping_and_no_tipping(
 
 def tipping(axis: str) -> MotionCheck:
     """Return a check in which the thrusters tip the vehicle over along an axis."""
+    return motion(tips_in={axis: "roll"})
+
+
+def motion(
+    *, tips_in: dict[str, str] | None = None, grows_on: dict[str, str] | None = None, lost: int = 0
+) -> MotionCheck:
+    """Return a check of four drives, with what tips over and grows by the driven axis."""
+    tips, grows = tips_in or {}, grows_on or {}
     ranges = [
-        SteadyRange.model_construct(axis=name, drive="thrusters", tips_in="roll" * (name == axis))
+        SteadyRange.model_construct(
+            axis=name,
+            drive="thrusters",
+            tips_in=tips.get(name, ""),
+            grows_on=grows.get(name, ""),
+            growth_1_s=0.3 if name in grows else -0.1,
+        )
         for name in "XYZN"
     ]
-    return MotionCheck.model_construct(ranges=ranges)
+    return MotionCheck.model_construct(ranges=ranges, decays_lost=lost)
+
+
+@pytest.mark.parametrize(
+    ("check", "control"),
+    [
+        (motion(), ["X", "Y", "Z", "N"]),
+        (motion(grows_on={"X": "Z"}), ["Y", "N"]),
+        (motion(lost=1), []),
+    ],
+)
+def test_no_controller_for_an_axis_that_is_unstable_by_itself(
+    run: ExampleRun, check: MotionCheck, control: list[str]
+) -> None:
+    """Heave that grows at speeds of surge leaves neither; a lost decay leaves none."""
+    set_sse(run, {"coe": 1.0})
+    for row in run.errors:
+        if row["model"] == "coe" and row["use"] == "validation":
+            row["ratio"] = 0.3
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "identified", "YZN")
+    record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, check=lambda _: check)
+    assert record.usable is not None
+    assert record.usable.simulation == ["X", "Y", "Z", "N"]
+    assert record.usable.control == control
 
 
 def test_free_runs_that_tip_over_are_a_fault(run: ExampleRun) -> None:

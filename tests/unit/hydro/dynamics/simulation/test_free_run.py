@@ -118,6 +118,17 @@ def test_an_unstable_model_is_named_with_its_time(
     assert np.isnan(simulated.rms()[0, 1]).all()
 
 
+def test_no_angle_errs_by_more_than_half_a_turn(
+    vehicle: Vehicle, run: tuple[Array, Array, Array]
+) -> None:
+    """A moment that turns the model over and over in roll: the error is that of the attitude."""
+    moment = TRIM + np.array([0.0, 0.0, 0.0, 10.0, 0.0, 0.0])
+    simulated = runs(vehicle, run, STABLE, moment)
+    roll = simulated.errors[0, :, :, 9]
+    assert np.nanmax(np.abs(simulated.errors[0, :, :, 3])) > 2.0, "it turns fast"
+    assert np.nanmax(np.abs(roll)) <= np.pi
+
+
 def test_a_segment_shorter_than_the_horizon_is_refused(
     vehicle: Vehicle, run: tuple[Array, Array, Array]
 ) -> None:

@@ -203,9 +203,11 @@ def test_an_axis_whose_own_drive_upsets_it_is_not_blamed_on_its_free_runs(
         set_ratio(run, "validation", {"coe": 0.2}, axis)
     run.cards["coe"] = with_own_damping(run.cards["coe"], "identified", "XYZKMN")
     run.free_run = free_runs("coe", lost=0, error=0.1)
-    along_surge = SteadyRange.model_construct(axis="X", drive="thrusters", tips_in="unstable")
+    along_surge = SteadyRange.model_construct(
+        axis="X", drive="thrusters", tips_in="unstable", growth_1_s=0.2, grows_on="Z"
+    )
     motion = MotionCheck.model_construct(
-        ranges=[along_surge], verdict="unstable", words="", remedies=[]
+        ranges=[along_surge], verdict="unstable", words="", remedies=[], decays_lost=0
     )
     ranking = run.ranking("coe")
     assert ranking.usable is not None
@@ -219,6 +221,8 @@ def test_an_axis_whose_own_drive_upsets_it_is_not_blamed_on_its_free_runs(
     (use,) = (use for use in uses if use.label == "Simulation")
     assert "but not in" not in use.reason
     assert "its own drive upsets it: not in surge, roll and pitch" in use.reason
+    (use,) = (use for use in uses if use.label == "Control design")
+    assert "by itself the model is unstable in heave" in use.reason
 
 
 @pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
