@@ -33,10 +33,14 @@ LEAST_SHARE, BEST_SHARE, MOST_SHARE = 0.2, 0.3, 0.4
 """Shares of the moving time that validation takes."""
 MOST_BORDERS = 400
 """Places at which a validation block may begin or end."""
+HALF_S = 20.0
+"""One training leg alone is cut in two of so much or more: each then judges the other."""
 LONGEST_CHANNEL_S = 600.0
 """More of one channel hardly narrows its figures and takes long to fit."""
 
 Use = Literal["training", "validation"]
+_Cut = tuple[int, int, Use, int]
+"""First and last + 1 of the pieces of a leg among all that move, its use, its stretch."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,12 @@ class LegProposal:
     axes: tuple[str, ...]
     lacking: Mapping[Use, Mapping[str, str]]
     dropped_s: float = 0.0
+
+    def inside(self, dive: int, t_s: Array) -> Mask:
+        """Return which times (n,) [s] of a dive are in one of its legs."""
+        own = [leg for leg in self.legs if leg.dive == dive]
+        masks = [(t_s >= leg.start_s) & (t_s <= leg.end_s) for leg in own]
+        return np.asarray(np.any(masks, axis=0)) if masks else np.zeros(t_s.size, dtype=bool)
 
 
 def dive_pieces(
@@ -224,7 +234,8 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
     Validation is one block of the joined stretches, 20 to 40 % of them. Of all blocks
     that one is taken after which both parts have most axes excited, then most of them in
     both directions, then nearest to 30 % and late. Where no border of stretches gives such
-    a share, any may be taken. No leg where less than twice SHORTEST_LEG_S moves.
+    a share, any may be taken. A training leg that would be the only one is cut in two. No
+    leg where less than twice SHORTEST_LEG_S moves.
     """
     spans = [
         (number, first, last)
@@ -239,22 +250,18 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
     sums = _Sums.of([dives[number] for number, _, _ in spans], pieces)
     borders = np.cumsum([0, *(at.size for at in pieces)])
     first, last = _validation_block(sums, borders)
+    cuts: list[_Cut] = []
+    for span, (low, high) in enumerate(itertools.pairwise(borders.tolist())):
+        cuts += _cut(low, min(high, first), "training", span)
+        cuts += _cut(max(low, first), min(high, last), "validation", span)
+        cuts += _cut(max(low, last), high, "training", span)
     legs = []
-    for (number, start, _), low, high in zip(spans, borders[:-1], borders[1:], strict=True):
-        cuts: tuple[tuple[int, int, Use], ...] = (
-            (low, min(high, first), "training"),
-            (max(low, first), min(high, last), "validation"),
-            (max(low, last), high, "training"),
-        )
-        for begin, end, use in cuts:
-            if end <= begin:
-                continue
-            parts = int(np.ceil((end - begin) * STEP_S / LONGEST_LEG_S))
-            marks = np.linspace(begin, end, parts + 1).astype(np.intp)
-            for at, stop in itertools.pairwise(marks):
-                excited, both = sums.between(np.array([at]), np.array([stop]))
-                times = float(start + at - low) * STEP_S, float(start + stop - low) * STEP_S
-                legs.append(ProposedLeg(number, *times, use, _names(excited[0]), _names(both[0])))
+    for at, stop, use, span in _with_two_training(cuts, sums):
+        number, start, _ = spans[span]
+        excited, both = sums.between(np.array([at]), np.array([stop]))
+        shift = start - int(borders[span])
+        times = float(at + shift) * STEP_S, float(stop + shift) * STEP_S
+        legs.append(ProposedLeg(number, *times, use, _names(excited[0]), _names(both[0])))
     total_excited, _ = sums.between(np.array([0]), np.array([total]))
     axes = _names(total_excited[0])
     # Every piece is in a leg: inside and outside of the block are what the legs hold.
@@ -271,6 +278,35 @@ def propose_legs(dives: Sequence[DivePieces]) -> LegProposal:
         for use, (excited, both) in by_use.items()
     }
     return LegProposal(tuple(legs), axes, lacking, (moving - total) * STEP_S)
+
+
+def _cut(begin: int, end: int, use: Use, span: int) -> list[_Cut]:
+    """Return the legs of a stretch, none longer than LONGEST_LEG_S."""
+    if end <= begin:
+        return []
+    parts = int(np.ceil((end - begin) * STEP_S / LONGEST_LEG_S))
+    marks = np.linspace(begin, end, parts + 1).astype(int).tolist()
+    return [(at, stop, use, span) for at, stop in itertools.pairwise(marks)]
+
+
+def _with_two_training(cuts: list[_Cut], sums: _Sums) -> list[_Cut]:
+    """Return legs with the only training leg cut in two, where it is long enough.
+
+    After the cut both halves have most axes excited, most of them both ways, and it is
+    nearest to the middle.
+    """
+    training = [item for item in cuts if item[2] == "training"]
+    least = int(HALF_S / STEP_S)
+    if len(training) != 1 or training[0][1] - training[0][0] < 2 * least:
+        return cuts
+    begin, end, use, span = training[0]
+    places = np.arange(begin + least, end - least + 1)
+    excited, both = sums.between(np.full_like(places, begin), places)
+    later, later_both = sums.between(places, np.full_like(places, end))
+    score = 10.0 * (excited & later).sum(axis=1) + (both & later_both).sum(axis=1)
+    place = int(places[np.lexsort((-np.abs(2 * places - begin - end), score))[-1]])
+    halves: list[_Cut] = [(begin, place, use, span), (place, end, use, span)]
+    return [half for item in cuts for half in (halves if item is training[0] else [item])]
 
 
 def _validation_block(sums: _Sums, borders: Index) -> tuple[int, int]:

@@ -14,6 +14,8 @@ from pathlib import Path
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
+from auvid.hydro.identification.selection.leg_proposal import LegProposal
+from auvid.hydro.identification.signals.band import motion_band_hz
 from auvid.pipeline.campaigns.campaign import ID
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
@@ -53,11 +55,13 @@ from auvid.pipeline.commands.new.vehicle_choice import (
 )
 from auvid.pipeline.output import FAILED, FINE, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
-from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
+from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog
 
 SAMPLES_PER_PERIOD = 8.0
-"""A low-pass keeps what the slowest of velocity, attitude and commands samples so often."""
+"""What the slowest of velocity, attitude and commands samples so often a low-pass keeps."""
+MOST_OF_RATE = 0.4
+"""Of that sensor's rate; what the vehicle's motion reaches is kept below it."""
 CUTOFF_HZ = (0.2, 3.0)
 FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
@@ -150,13 +154,13 @@ def write_campaign(
     legs = proposal(feed, list(checks.values()))
     content = CampaignContent(
         feed.kind,
-        _title(by_id),
+        _title(by_id, choice),
         choice.name,
         choice.why,
         written,
         checks,
         legs,
-        _stages(feed, checks, choice),
+        _stages(feed, checks, choice, legs),
         left_out and [f"Left out: {item}." for item in left_out],
         shelf=choice.name
         if choice.name.startswith("bluerov2") and feed.kind == "identification"
@@ -298,15 +302,20 @@ def _free(place: str, taken: Container[str]) -> str:
     return place
 
 
-def _title(logs: Mapping[str, SurveyedLog]) -> str:
+def _title(logs: Mapping[str, SurveyedLog], choice: VehicleChoice) -> str:
+    """Return the vehicle that the user named, else that of the log, and the logs."""
     names = [log.name for log in logs.values()]
     health = next(iter(logs.values())).page.health or {}
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-    return f"{health.get('vehicle') or 'Vehicle not named'}, {names[0]}{more}"
+    of_log = health.get("vehicle") or "Vehicle not named"
+    return f"{choice.title or of_log}, {names[0]}{more}"
 
 
 def _stages(
-    feed: CampaignFeed, logs: Mapping[str, CheckedLog], choice: VehicleChoice
+    feed: CampaignFeed,
+    logs: Mapping[str, CheckedLog],
+    choice: VehicleChoice,
+    legs: LegProposal,
 ) -> dict[str, str]:
     """Return the parameters that differ from the defaults, as YAML in one line."""
     stages = {}
@@ -331,8 +340,21 @@ def _stages(
         rate = min(1.0, FILTER_SAMPLES * min(rates, default=5.0))
         stages["rlse"] = f"{{filter_rate_rad_s: {rate:.2g}, max_gap_s: {feed.max_gap_s:g}}}"
         return stages
-    cutoff = min(max(min(rates, default=24.0) / SAMPLES_PER_PERIOD, CUTOFF_HZ[0]), CUTOFF_HZ[1])
-    stages["fuse"] = f"{{method: kinematic, cutoff_hz: {cutoff:.1f}}}"
+    slowest = min(rates, default=24.0)
+    least = max(slowest / SAMPLES_PER_PERIOD, CUTOFF_HZ[0])
+    most = max(MOST_OF_RATE * slowest, CUTOFF_HZ[0])
+    bands = {
+        axis: motion_band_hz(t_s[inside], values[inside])
+        for key, log in logs.items()
+        for axis, (t_s, values, _) in motions(log).items()
+        if (inside := legs.inside(list(logs).index(key), t_s)).any()
+    }
+    axis = max(bands, key=lambda name: bands[name], default="u")
+    cutoff = min(max(bands.get(axis, 0.0), least), most, CUTOFF_HZ[1])
+    stages["fuse"] = (
+        f"{{method: kinematic, cutoff_hz: {cutoff:.1f}}}  # check: {MOTION_WORDS[axis]} moves up to"
+        f" {bands.get(axis, 0.0):.1f} Hz; the slowest sensor has {slowest:.3g} Hz"
+    )
     prior = ", prior: vehicle" if "\npublished:" in choice.text else ""
     stages["synthesise"] = f"{{trim: true{prior}}}"
     return stages

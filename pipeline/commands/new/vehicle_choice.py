@@ -77,7 +77,7 @@ class VehicleChoice:
     """A vehicle for a log: name, why, and the text of its file.
 
     `lacking`: what must be filled in before any run; empty if nothing. `guessed`: the log
-    does not name it.
+    does not name it. `title`: that of its file where the user named it.
     """
 
     name: str
@@ -85,6 +85,7 @@ class VehicleChoice:
     text: str
     lacking: str = ""
     guessed: bool = False
+    title: str = ""
 
 
 def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> VehicleChoice:
@@ -95,7 +96,9 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     """
     if named is not None:
         path = vehicle_file_of(named)
-        return VehicleChoice(path.stem, "named by --vehicle", _annotated(path, log))
+        text = _annotated(path, log)
+        title = str(read_yaml(text).get("title", path.stem))
+        return VehicleChoice(path.stem, "named by --vehicle", text, title=title)
     if log.has("glider"):
         text = _of_glider(_annotated(SHIPPED_VEHICLES / "slocum.yaml", log), log)
         why = "figures of a Slocum: the log names no glider"

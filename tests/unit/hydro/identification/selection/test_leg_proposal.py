@@ -58,7 +58,20 @@ def test_both_parts_have_each_axis_both_ways() -> None:
         for use in ("training", "validation")
     }
     assert 0.2 < length["validation"] / sum(length.values()) < 0.4
-    assert [leg.use for leg in proposal.legs] == ["training", "validation"]  # late, two legs
+    assert [leg.use for leg in proposal.legs] == ["training", "training", "validation"]  # late
+
+
+def test_the_only_training_leg_is_cut_where_both_halves_move_each_axis() -> None:
+    # Sway moves both ways from 30 to 45 s and from 60 to 75 s of a training leg of 210 s.
+    sway = wave(7.0, between=(30.0, 45.0)) + wave(7.0, between=(60.0, 75.0))
+    sway += wave(10.0, between=(220.0, 290.0))
+    proposal = propose_legs([dive({"u": wave(20.0), "v": sway})])
+    first, second, validation = proposal.legs
+    assert (first.use, second.use, validation.use) == ("training", "training", "validation")
+    assert first.end_s == second.start_s
+    assert 45.0 < first.end_s < 75.0
+    short = propose_legs([dive({"u": wave(9.0, between=(0.0, 45.0))})])
+    assert [leg.use for leg in short.legs].count("training") == 1
 
 
 def test_validation_is_where_the_rare_axis_moves_twice() -> None:

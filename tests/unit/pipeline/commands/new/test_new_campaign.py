@@ -43,6 +43,8 @@ def test_a_dive_with_velocity_log_gives_a_force_model() -> None:
     text = (result.folder / "campaign.yaml").read_text()
     assert "# check: bluerov2_heavy, guessed, 8 outputs are driven" in text
     assert "surge and sway move one way only" in text
+    # Pitch and roll move up to 1.3 Hz, which an eighth of the velocity log's 7.8 Hz cuts off.
+    assert "cutoff_hz: 1.3}  # check: pitch moves up to 1.3 Hz; the slowest sensor" in text
     vehicle = (result.folder / "vehicle.yaml").read_text()
     assert "  # check: weigh the vehicle" in vehicle
     # Line by line as an editor sees them: short, and the check stands above its figure.
@@ -128,7 +130,10 @@ def test_a_copy_that_the_system_refuses_is_named_by_its_own_place(
 
 def test_a_named_vehicle_is_taken() -> None:
     result = new_campaign("pier", [DIVE], vehicle="bluerov2_heavy")
-    assert "named by --vehicle" in (result.folder / "campaign.yaml").read_text()
+    text = (result.folder / "campaign.yaml").read_text()
+    assert "named by --vehicle" in text
+    title = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())["title"]
+    assert read_yaml(text)["title"] == f"{title}, {DIVE.name}"
 
 
 @pytest.mark.parametrize(
