@@ -49,6 +49,8 @@ from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Summary, anchor
 from auvid.stages.page.pictures.svg_plots import lay_out
 from auvid.stages.presentation import degrees
 
+ROWS_SHOWN = 8
+"""Of a longer table of the first screen so many rows stand open."""
 VERDICTS = {
     "identified": "good",
     "excited": "good",
@@ -211,6 +213,7 @@ def render(
         symbols=symbols,
         verdict_of=verdict_of,
         printed_unit=printed_unit,
+        rows_shown=ROWS_SHOWN,
     )
     return words.encode("utf-8")
 

@@ -29,7 +29,7 @@ function showRows(figure, all) {
   button.dataset.words ??= button.textContent;
   figure.classList.toggle("some", !all);
   button.setAttribute("aria-expanded", all);
-  button.textContent = all ? "show identified" : button.dataset.words;
+  button.textContent = all ? button.dataset.fewer ?? "show identified" : button.dataset.words;
 }
 for (const button of document.querySelectorAll("button.rows")) button.addEventListener("click", () => showRows(button.closest("figure"), button.getAttribute("aria-expanded") === "false"));
 {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from functools import partial
 
@@ -9,6 +10,7 @@ from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.constants import NORMAL_95
 from auvid.stages.base import Document
+from auvid.stages.model_use import listed
 from auvid.stages.number_format import (
     fixed,
     places_of_error,
@@ -18,7 +20,15 @@ from auvid.stages.number_format import (
     true_minus,
     with_unit,
 )
-from auvid.stages.page.first_screen import Alert, Fact, Figure, Level, Summary, anchor
+from auvid.stages.page.first_screen import (
+    AXIS_WORDS,
+    Alert,
+    Fact,
+    Figure,
+    Level,
+    Summary,
+    anchor,
+)
 from auvid.stages.reference_check import SHOWS
 from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks, warned
 
@@ -32,6 +42,19 @@ figures of the stage that compares.
 OF_LEG = " of leg "
 """Between channel and leg in the title of the figures of a leg."""
 FEW = 6
+TOGETHER = "mass with added mass"
+SUBJECTS = (
+    (r"(?:m|I_\w) - (?P<axis>[XYZKMN])_", TOGETHER),
+    (r"(?P<axis>[XYZKMN])_\wdot", "added mass"),
+    (r"(?P<axis>[XYZKMN])_\w", "damping"),
+    (r"constant force", "constant force"),
+    (r"I\b|I_", "inertia"),
+    (r"C_D", "drag"),
+    (r"C_L", "lift"),
+    (r"angle of attack|alpha_0", "angle of attack"),
+    (r"trim", "trim"),
+)
+"""Beginning of the name of a value -> what it is of, and whose axis."""
 NO_LEGS: Mapping[str, str] = {}
 
 
@@ -78,9 +101,12 @@ def summarise_results(
     unjudged = f"{plural(len(rows), 'value')} found"
     if not has_verdicts and findings:
         unjudged, findings = findings[0].rstrip("."), findings[1:]
+    elif not has_verdicts and len(figures) == 1 and figures[0][1]["value"] is not None:
+        only = _figure(*figures[0])
+        unjudged = f"{_capitalised(only.quantity)}: {only.value}"
     return Summary(
         level=level,
-        headline=_headline(len(judged), len(good), bounds) or unjudged,
+        headline=_headline(len(judged), good_of, bounds) or unjudged,
         explanation=_explanation(figures, findings),
         recommended=None,
         judged_on="validation",
@@ -107,8 +133,9 @@ def summarise_results(
     )
 
 
-def _headline(judged: int, good: int, bounds: list[Document]) -> str:
-    """Return how many values and bounds are good; empty where none is judged."""
+def _headline(judged: int, good_of: list[tuple[str, Document]], bounds: list[Document]) -> str:
+    """Return what is determined and the bounds met; empty where nothing is judged."""
+    good = len([row for _, row in good_of if row.get("verdict")])
     tests, others = _tests(bounds), len(_tests(bounds)) < len(bounds)
     met, of = _counted(tests)
     if not bounds:
@@ -122,26 +149,50 @@ def _headline(judged: int, good: int, bounds: list[Document]) -> str:
     else:
         bounds_met = f"{met} of {of} bounds on printed values met"
     if not judged:
-        return bounds_met[:1].upper() + bounds_met[1:]
-    if good == judged:
-        words = (
-            "Every value that was asked for is determined"
-            if judged > 1
-            else "The value that was asked for is determined"
-        )
+        return _capitalised(bounds_met)
+    count = f"{good} of {plural(judged, 'value')}"
+    subjects = _subjects(good_of)
+    if not good:
+        words = "The recordings determine none of the values"
     else:
         words = (
-            f"{good} of {plural(judged, 'value')} determined"
-            if good
-            else "The recordings determine none of the values"
+            f"{_capitalised(subjects)} determined: {count}" if subjects else (f"{count} determined")
         )
-    return (
-        f"{words}, {bounds_met}"
-        if bounds_met
-        else words
-        if good in (judged, 0)
-        else f"{words}: the table says what is wrong with the others"
+    return f"{words}; {bounds_met}" if bounds_met else words
+
+
+def _subjects(good_of: list[tuple[str, Document]]) -> str:
+    """Return what values are of: added mass and damping of surge and sway, inertia.
+
+    Empty where a name tells none.
+    """
+    axes: dict[str, dict[str, None]] = {}
+    for part, row in good_of:
+        quantity = str(row["quantity"]).rpartition(": ")[2]
+        for pattern, word in SUBJECTS:
+            match = re.match(pattern, quantity)
+            if match:
+                letter = match.groupdict().get("axis")
+                axis = AXIS_WORDS[letter] if letter else part.split()[0].lower()
+                of_axis = {axis: None} if axis in AXIS_WORDS.values() else {}
+                axes.setdefault(word, {}).update(of_axis)
+                break
+    if axes.get(TOGETHER, {}).keys() <= axes.get("added mass", {}).keys():
+        axes.pop(TOGETHER, None)
+    words_of: dict[tuple[str, ...], list[str]] = {}
+    order = list(AXIS_WORDS.values())
+    for word, own in axes.items():
+        words_of.setdefault(tuple(sorted(own, key=order.index)), []).append(word)
+    return ", ".join(
+        f"{listed(words)} of {'all axes' if own == tuple(order) else listed(own)}"
+        if own
+        else listed(words)
+        for own, words in words_of.items()
     )
+
+
+def _capitalised(words: str) -> str:
+    return words[:1].upper() + words[1:]
 
 
 def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...]) -> str:

@@ -45,7 +45,7 @@ LOGS = {"tank": LogInfo.model_construct(status="damaged", files=[FILE, FILE])}
 def test_undetermined_figures_are_named_with_their_reason() -> None:
     summary = summarise_results(RESULTS, LOGS, {}, VEHICLE)
     assert summary.level == "fair"
-    assert summary.headline.startswith("1 of 2 values determined")
+    assert summary.headline == "Mass with added mass of surge determined: 1 of 2 values"
     assert "Sway, one step: not persistently exciting: m - Y_vdot." in summary.missing
     assert "Log tank is damaged." in summary.missing
     assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
@@ -60,7 +60,32 @@ def test_without_verdicts_what_a_stage_finds_is_the_headline() -> None:
     summary = summarise_results(results, {}, sections, VEHICLE)
     assert summary.headline == "It stays"
     assert "It stays" not in summary.explanation
-    assert summarise_results(results, {}, {}, VEHICLE).headline == "1 value found"
+    assert summarise_results(results, {}, {}, VEHICLE).headline == "Rms: 0.2 kg"
+    several = {"control": {"title": "Control", "rows": [row("rms", 0.2), row("peak", 0.4)]}}
+    assert summarise_results(several, {}, {}, VEHICLE).headline == "2 values found"
+
+
+@pytest.mark.parametrize(
+    ("part", "names", "words"),
+    [
+        ("Pendulums", ("I_x", "surge: X_udot", "surge: X_u|u|", "sway: Y_vdot", "sway: Y_v"),
+         "Inertia, added mass and damping of surge and sway"),
+        ("heave of leg dive", ("Z_w|w| in commands", "constant force in commands"),
+         "Damping and constant force of heave"),
+        ("glider, referred to S", ("C_D", "C_L", "trim"), "Drag, lift and trim"),
+        ("Pendulums", ("I_x", "Y_vdot", "X_u"), "Inertia, added mass of sway, damping of surge"),
+        ("surge of leg one", ("m - X_udot", "X_udot"), "Added mass of surge"),
+        ("Pendulums", tuple(f"{axis}_u" for axis in "XYZKMN"), "Damping of all axes"),
+        ("Bollard pull", ("force at 1900 us",), ""),
+    ],
+)  # fmt: skip
+def test_the_headline_names_what_was_determined(
+    part: str, names: tuple[str, ...], words: str
+) -> None:
+    rows = [row(name, 1.0, verdict="identified") for name in names]
+    headline = summarise_results({"a": {"title": part, "rows": rows}}, {}, {}, VEHICLE).headline
+    count = f"{len(names)} of {len(names)} value{'s' * (len(names) > 1)}"
+    assert headline == (f"{words} determined: {count}" if words else f"{count} determined")
 
 
 def test_headlines_are_judged_and_bounds_stand_apart() -> None:
@@ -85,7 +110,8 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
     assert (
         summary.headline
-        == "The value that was asked for is determined, every bound on printed values is met"
+        == "Mass with added mass of surge determined: 1 of 1 value; every bound on printed values"
+        " is met"
     )
     assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
     only = summarise_results({"check_published": bounds}, {}, {}, VEHICLE)
@@ -189,3 +215,15 @@ def test_legs_of_one_log_that_exclude_each_other_are_named(
         words for words in missing if words.startswith("The legs disagree on Z_w|w| of heave")
     ]
     assert len(alerts) == count
+
+
+@pytest.mark.parametrize(("count", "kept_back"), [(10, 0), (30, 22)])
+def test_a_long_table_shows_its_first_rows_before_the_alerts(count: int, kept_back: int) -> None:
+    rows = [row(f"X_{number}", 1.0, verdict="identified") for number in range(count)]
+    bounds = [row(f"Table {number}", 7.0, verdict="missed") for number in range(5)]
+    summary = summarise_results({"a": {"title": "A", "rows": rows + bounds}}, {}, {}, VEHICLE)
+    page = render("T", "", "", summary, {}).decode()
+    table = page[page.index('id="found"') : page.index("</table>")]
+    assert table.count('<tr class="rest"><th scope="row">') == kept_back
+    assert ("show all 30" in table) is (kept_back > 0)
+    assert page.index('id="found"') < page.index('id="alerts"') < page.index('id="bounds"')
