@@ -30,13 +30,15 @@ class AxisGains:
     """Gain of each axis (k,) with its standard deviation (k,).
 
     `explained`: share of the variance of the windows that the axes explain together;
-    `count` of windows.
+    `count` of windows. `own`: share of the variance of each axis that neither the others
+    nor what stands beside them can stand for; where it is small, so is what its gain says.
     """
 
     gain: Array
     sd: Array
     explained: float
     count: int
+    own: Array
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,10 @@ def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
     sd = np.sqrt(fit.variance * np.maximum(np.diag(inverse), 0.0))[:-1]
     sd = np.where(fit.used[:, :-1].std(axis=0) > 0.0, sd, np.inf)
     sd = np.asarray(sd, dtype=np.float64)
-    return AxisGains(fit.gain[:-1], sd, fit.explained, fit.used.shape[0])
+    spread = fit.used[:, :-1].var(axis=0) * fit.used.shape[0]
+    share = np.diag(inverse)[:-1] * spread
+    own = np.divide(1.0, share, out=np.zeros_like(share), where=share > 0.0)
+    return AxisGains(fit.gain[:-1], sd, fit.explained, fit.used.shape[0], own)
 
 
 def _robust_fit(y: ArrayLike, design: ArrayLike) -> _RobustFit | None:
@@ -397,5 +402,11 @@ def response_gains(
         gains = fitted_gains(ends[1] - ends[0], np.column_stack([pushed, drag]))
         if gains is not None and (best is None or gains.explained > best.explained):
             count = acceleration.shape[1]
-            best = AxisGains(gains.gain[:count], gains.sd[:count], gains.explained, gains.count)
+            best = AxisGains(
+                gains.gain[:count],
+                gains.sd[:count],
+                gains.explained,
+                gains.count,
+                gains.own[:count],
+            )
     return best
