@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import cast, get_args
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +26,7 @@ from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import model_card, ranking
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
-from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion
+from auvid.stages.fit_axes.fitted import ArmChoice, AxisFits, AxisMotion
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import RATE_OF, fit_section, fit_views
@@ -88,9 +89,10 @@ class Params:
     )
     marker_arm: str = param(
         "1",
-        "file",
-        meaning="where the markers of poses sit: as the vehicle file says, or as all legs show",
-        allowed=("file", "estimated"),
+        "where_assumed",
+        meaning="where markers of poses or the velocity log sit: as the vehicle file says, as all"
+        " legs show (estimated), or as they show where the file has no arm or an assumed one",
+        allowed=get_args(ArmChoice),
     )
     newtons_from: str = param(
         "1",
@@ -130,7 +132,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,
         together=params.together,
-        move_markers=params.marker_arm == "estimated",
+        marker_arm=cast(ArmChoice, params.marker_arm),
         newtons_from="mass" if params.newtons_from == "mass" else "pull",
     )
     fits = fit_all(legs, inputs.vehicle, options)

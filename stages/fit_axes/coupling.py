@@ -68,7 +68,7 @@ def fitted_together(
         if item.surge is None
         and all(np.isfinite(leg.record.rate[item.equation.speed]).any() for leg in using.values())
     ]
-    groups = [joining, [item for item in joining if item.predicts]]
+    groups = [joining, [item for item in joining if item.predicts_training]]
     records = [leg.record for leg in using.values()]
     groups = [
         item
@@ -255,7 +255,7 @@ def error_ratio(
     """
     logs: list[float] = []
     for single, joint in pairs:
-        others = {part.what: _error(part) for part in joint if not _validation(part)}
+        others = {part.what: _error(part) for part in joint if not part.validates}
         for part in single:
             values = _error(part), others.get(part.what, np.nan)
             if np.isfinite(values[0]) and part.what in others and not np.isfinite(values[1]):
@@ -268,11 +268,6 @@ def error_ratio(
 def _error(part: HeldOutFit) -> float:
     percent = part.percent if part.one_run is None else part.one_run
     return max(1.0 - percent / 100.0, LEAST_ERROR)
-
-
-def _validation(part: HeldOutFit) -> bool:
-    """Return whether a leg for validation judged it: it judges what is chosen, only."""
-    return part.what.startswith("validation")
 
 
 def _one_of(

@@ -21,6 +21,7 @@ LackingVerdict = Literal[
     "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
 ]
 LagVerdict = Literal["identified", "weak", "assumed"]
+ArmChoice = Literal["where_assumed", "file", "estimated"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,11 @@ class HeldOutFit:
     percent: float
     windows: int
     one_run: float | None = None
+
+    @property
+    def validates(self) -> bool:
+        """Return whether a leg for validation judged it: that decides nothing."""
+        return self.what.startswith("validation")
 
 
 @dataclass(frozen=True)
@@ -139,6 +145,12 @@ class FittedAxis:
         return min(values) if values else None
 
     @property
+    def predicts_training(self) -> bool:
+        """Return whether it flies training windows that it was not fitted to."""
+        parts = [i.percent for i in self.held_out if not i.validates and np.isfinite(i.percent)]
+        return min(parts, default=0.0) >= SIMULATED_PERCENT
+
+    @property
     def predicts(self) -> bool:
         """Return whether it moves as measured where it was not fitted."""
         return (self.held_out_percent or 0.0) >= SIMULATED_PERCENT
@@ -195,9 +207,13 @@ class Together:
 
 @dataclass(frozen=True)
 class Markers:
-    """Arm of the markers by file and legs; `used`: the motion has that of the legs."""
+    """Arm of markers or velocity log (`sensor`) by file and legs.
+
+    `stated`: the file has one. `used`: the motion has that of the legs.
+    """
 
     figures: tuple[InstallationFigure, ...]
+    sensor: str
     stated: bool
     used: bool
 

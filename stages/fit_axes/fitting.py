@@ -59,9 +59,9 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     """
     first = next(iter(legs.values())).windows
     _check_units(legs)
-    markers = markers_of(legs, vehicle, use=options.move_markers)
-    if markers is not None and markers.used:
-        legs = at_origin(legs, markers.departure)
+    markers = markers_of(legs, vehicle, place=options.marker_arm)
+    if markers is not None and markers.used and markers.departs:
+        legs = at_origin(legs, markers.sensor, markers.departure)
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs

@@ -29,7 +29,7 @@ from auvid.hydro.identification.axes.windows import (
     turn_of,
     windows_of,
 )
-from auvid.stages.fit_axes.fitted import AxisMotion, HeldOutFit, JudgedMotion
+from auvid.stages.fit_axes.fitted import ArmChoice, AxisMotion, HeldOutFit, JudgedMotion
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 
@@ -49,7 +49,7 @@ class FitOptions:
     relative standard deviation inertia_sd; of the others, it is free. together: whether
     axes are fitted together, `better`: where that moves better on what was held out.
     newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
-    move_markers: whether velocities of poses are corrected by the arm that the legs show.
+    marker_arm: whether velocities have the arm of the file or the one that the legs show.
     """
 
     axes: Collection[str] = ()
@@ -61,7 +61,7 @@ class FitOptions:
     surge_in_heave: bool = False
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
-    move_markers: bool = False
+    marker_arm: ArmChoice = "where_assumed"
 
 
 @dataclass(frozen=True)

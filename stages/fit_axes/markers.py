@@ -1,4 +1,4 @@
-"""Where the markers of poses sit, by all legs together, and what departs."""
+"""Where markers of poses or a velocity log sit, by all legs, and what departs."""
 
 from __future__ import annotations
 
@@ -12,32 +12,49 @@ from auvid.hydro.arrays import VELOCITIES, Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.windows import stretches
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
-from auvid.hydro.identification.signals.installation import departure_verdict
+from auvid.hydro.identification.signals.installation import CERTAIN, departure_verdict
 from auvid.hydro.identification.signals.pose.marker_arm import TurningLeg, marker_arm
-from auvid.stages.fit_axes.fitted import FittedAxis, Markers
+from auvid.stages.fit_axes.fitted import ArmChoice, FittedAxis, Markers
 from auvid.stages.fit_axes.flight import LegData
-from auvid.stages.leg_record.motion import POSES
+from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
 
 LIMITS_M = (0.02, 0.02, 0.05)
-"""A departure counts beyond these and three standard errors: down, the centre of the added
-mass is no better known."""
+"""A departure from a measured arm counts beyond these and three standard errors: down, the
+centre of the added mass is no better known. From an assumed one three standard errors do."""
 NAMES = ("arm forward", "arm right", "arm down")
+SENSORS = {POSES: "pose", VELOCITY_LOG: "dvl"}
+"""What measures a velocity -> its key among the sensors of the vehicle file."""
 REACHES = ("YZN", "XZN", "XY")
 """Axes whose fits a wrong arm forward, right and down reaches."""
 
 
-def markers_of(legs: Mapping[str, LegData], vehicle: Vehicle, *, use: bool) -> Markers | None:
-    """Return where the markers sit; None where no velocity is of poses."""
-    turning = [part for leg in legs.values() if _of_poses(leg) for part in _turning(leg)]
-    if not turning:
+def markers_of(
+    legs: Mapping[str, LegData], vehicle: Vehicle, *, place: ArmChoice = "file"
+) -> Markers | None:
+    """Return where the markers or the velocity log sit; None where no leg has either.
+
+    place: whether the motion has the arm of the file, the one that legs show, or that of
+    legs `where_assumed`: where the file has none, or one that nobody measured.
+    """
+    sensor = next((name for leg in legs.values() for name in SENSORS if _of(leg, name)), None)
+    turning = [part for leg in legs.values() if _of(leg, sensor) for part in _turning(leg)]
+    if sensor is None or not turning:
         return None
+    mounted = vehicle.markers if sensor == POSES else vehicle.dvl
+    entry = vehicle.document.sensors.pose if sensor == POSES else vehicle.document.sensors.dvl
+    written = None if entry is None else entry.arm
+    used = place == "estimated" or (
+        place == "where_assumed" and (written is None or written.assumed)
+    )
     arm = marker_arm(turning, vehicle.mass_matrix)
-    in_file = np.zeros(3) if vehicle.markers is None else vehicle.markers.arm_m
+    in_file = np.zeros(3) if mounted is None else mounted.arm_m
+    limits = np.zeros(3) if used else np.array(LIMITS_M)
     figures = []
     for at, name in enumerate(NAMES):
         value, sd = float(arm.departure[at]), float(arm.standard_error[at])
-        verdict = departure_verdict(value, sd, LIMITS_M[at])
-        written = float(in_file[at])
+        departs = np.isfinite(sd) and abs(value) > max(CERTAIN * sd, limits[at])
+        verdict = "departs" if departs else departure_verdict(value, sd, LIMITS_M[at])
+        in_axis = float(in_file[at])
         figures.append(
             InstallationFigure(
                 name=name,
@@ -46,19 +63,19 @@ def markers_of(legs: Mapping[str, LegData], vehicle: Vehicle, *, use: bool) -> M
                 standard_error=sd if np.isfinite(sd) else None,
                 limit=LIMITS_M[at],
                 verdict=verdict,
-                file_value=written,
-                corrected=written + value if verdict == "departs" else None,
+                file_value=in_axis,
+                corrected=in_axis + value if departs else None,
             )
         )
-    return Markers(tuple(figures), vehicle.markers is not None, use)
+    return Markers(tuple(figures), sensor, written is not None, used)
 
 
-def at_origin(legs: Mapping[str, LegData], departure: Array) -> dict[str, LegData]:
-    """Return legs whose velocity of poses is v - omega x departure."""
+def at_origin(legs: Mapping[str, LegData], sensor: str, departure: Array) -> dict[str, LegData]:
+    """Return legs whose velocity of a sensor is v - omega x departure."""
     out = {}
     for key, leg in legs.items():
         rate = leg.record.rate
-        if _of_poses(leg):
+        if _of(leg, sensor):
             omega = np.column_stack([rate[name] for name in VELOCITIES[3:]])
             moved = cross(omega, np.broadcast_to(departure, omega.shape))
             own = {name: rate[name] - moved[:, at] for at, name in enumerate(VELOCITIES[:3])}
@@ -86,14 +103,16 @@ def doubted(item: FittedAxis, markers: Markers | None) -> FittedAxis:
 
 
 def markers_words(markers: Markers) -> str:
-    """Return what the legs say of the markers, in sentences."""
+    """Return what the legs say of the place of the sensor, in sentences."""
+    name = "Markers sit" if markers.sensor == POSES else "The velocity log sits"
     if not markers.departs:
         unseen = [item.name for item in markers.figures if item.verdict == "not observable"]
         if not unseen:
-            return "Markers sit where the vehicle file says, as far as these legs tell."
+            return f"{name} where the vehicle file says, as far as these legs tell."
         file = "" if markers.stated else "; the vehicle file states none (0 is taken)"
+        thing = "the markers sit" if markers.sensor == POSES else "the velocity log sits"
         return (
-            f"Where the markers sit ({', '.join(unseen)}) is not observable: the vehicle turns too"
+            f"Where {thing} ({', '.join(unseen)}) is not observable: the vehicle turns too"
             f" little{file}."
         )
     parts = [
@@ -102,18 +121,23 @@ def markers_words(markers: Markers) -> str:
         for item in markers.figures
         if item.corrected is not None
     ]
-    head = f"Markers sit off the place that the vehicle file states: {', '.join(parts)}."
+    states = "states" if markers.stated else "states (none: 0)"
+    head = f"{name} off the place that the vehicle file {states}: {', '.join(parts)}."
     if markers.used:
-        return f"{head} Velocities are corrected by that."
+        return (
+            f"{head} Velocities are corrected by that: they, and the model, are of the point about"
+            " which the hull turns."
+        )
     return (
         f"{head} Turning is taken for motion ahead and aside, and what follows from that is weak at"
-        " best. Write it as sensors.pose.arm of the vehicle file, or set"
+        f" best. Write it as sensors.{SENSORS[markers.sensor]}.arm of the vehicle file, or set"
         " stages.fit_axes.marker_arm: estimated."
     )
 
 
-def _of_poses(leg: LegData) -> bool:
-    return POSES in leg.windows.measured_by.values()
+def _of(leg: LegData, sensor: str | None) -> bool:
+    """Return whether a sensor measures the velocity of a leg."""
+    return sensor in leg.windows.measured_by.values()
 
 
 def _turning(leg: LegData) -> list[TurningLeg]:

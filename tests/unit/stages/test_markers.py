@@ -7,16 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.vehicle.quantities import Vector
+from auvid.data_schemas.documents.vehicle.sensors import MountedEntry
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.markers import at_origin, markers_of, markers_words
-from auvid.stages.leg_record.motion import POSES
+from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
 from tests.unit.stages.test_axes_together import TRUTH, body, file_inertia, legs_of
 
 ARM = np.array([0.15, -0.08, 0.0])
-OPTIONS = FitOptions(axes=("Y",), lag_s=0.08, fit_lag=False, together="never")
+OPTIONS = FitOptions(axes=("Y",), lag_s=0.08, fit_lag=False, together="never", marker_arm="file")
 
 
 def off_origin(arm: Array) -> dict[str, LegData]:
@@ -32,7 +35,7 @@ def off_origin(arm: Array) -> dict[str, LegData]:
         )
         for key, item in legs.items()
     }
-    return at_origin(of_poses, -arm)
+    return at_origin(of_poses, POSES, -arm)
 
 
 def sway(fits: AxisFits) -> dict[str, str]:
@@ -50,7 +53,7 @@ def test_markers_off_the_origin_are_said_and_nothing_is_identified() -> None:
 
 
 def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:
-    options = replace(OPTIONS, move_markers=True)
+    options = replace(OPTIONS, marker_arm="where_assumed")
     fits = fit_all(off_origin(ARM), body(), options)
     assert sway(fits)["v*|v|"] == "identified"
     assert fits.fitted[0].equation.value("v*|v|") == pytest.approx(TRUTH["v"][1], rel=0.1)
@@ -59,10 +62,39 @@ def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:
 
 
 def test_markers_at_their_place_leave_verdicts_alone() -> None:
-    markers = markers_of(off_origin(np.zeros(3)), body(), use=False)
+    markers = markers_of(off_origin(np.zeros(3)), body())
     assert markers is not None
     assert not markers.departs
 
 
-def test_a_velocity_log_has_no_markers() -> None:
-    assert markers_of(legs_of(file_inertia()), body(), use=False) is None
+def test_a_velocity_log_off_its_place_is_known_as_markers_are() -> None:
+    log = dict.fromkeys("XY", VELOCITY_LOG)
+    legs = {
+        key: LegData(
+            replace(leg.record, measured_by=log),
+            leg.windows.model_copy(update={"measured_by": log}),
+        )
+        for key, leg in off_origin(ARM).items()
+    }
+    markers = markers_of(legs, body(), place="where_assumed")
+    assert markers is not None
+    assert markers.used
+    assert markers.departure[:2] == pytest.approx(ARM[:2], abs=0.01)
+    assert markers_words(markers).startswith("The velocity log sits off")
+
+
+def test_a_measured_arm_of_the_file_stays() -> None:
+    stated = with_arm(body(), assumed=False)
+    kept = markers_of(off_origin(ARM), stated, place="where_assumed")
+    moved = markers_of(off_origin(ARM), with_arm(body(), assumed=True), place="where_assumed")
+    assert kept is not None
+    assert moved is not None
+    assert (kept.used, moved.used) == (False, True)
+
+
+def with_arm(vehicle: Vehicle, *, assumed: bool) -> Vehicle:
+    """Return a vehicle whose file has markers at its origin, measured or assumed."""
+    arm = Vector(value=[0.0, 0.0, 0.0], unit="m", source="tape", assumed=assumed)
+    sensors = vehicle.document.sensors.model_copy(update={"pose": MountedEntry(arm=arm)})
+    document = vehicle.document.model_copy(update={"sensors": sensors})
+    return replace(vehicle, document=document, markers=vehicle.dvl)
