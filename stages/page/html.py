@@ -46,9 +46,11 @@ from auvid.stages.page.colours import (
 )
 from auvid.stages.page.equations import mathml
 from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Summary, anchor
-from auvid.stages.page.pictures.svg_plots import lay_out
-from auvid.stages.presentation import degrees
+from auvid.stages.page.pictures.svg_plots import lay_out, samples_of
+from auvid.stages.presentation import degrees, thin
 
+PLOTTED_SAMPLES, FEWEST_SAMPLES = 85_000, 100
+"""Most samples in the plots of a page together (6 to 9 bytes each), and least of a line."""
 ROWS_SHOWN = 8
 """Of a longer table of the first screen so many rows stand open."""
 VERDICTS = {
@@ -189,6 +191,7 @@ def render(
         preferred.insert(0, summary.recommended)
     titles = {model.name: model.title for model in summary.models}
     colours = inks_of(roles_of(sections))
+    share = min(1.0, PLOTTED_SAMPLES / max(1, plotted_samples(sections)))
     words = page.render(
         title=title,
         subtitle=subtitle,
@@ -202,7 +205,7 @@ def render(
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         lay_out=lambda block, item: lay_out(
-            block, preferred, titles, log_of.get(item, ""), colours
+            thinned(block, share), preferred, titles, log_of.get(item, ""), colours
         ),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
@@ -216,6 +219,35 @@ def render(
         rows_shown=ROWS_SHOWN,
     )
     return words.encode("utf-8")
+
+
+def plotted_samples(sections: Mapping[str, Document]) -> int:
+    """Return how many samples the plots of all sections have."""
+    return sum(
+        len(series["x"])
+        for document in sections.values()
+        for block in document["blocks"]
+        if block["kind"] == "plot"
+        for panel in block["panels"]
+        for series in panel["series"]
+    )
+
+
+def thinned(block: Mapping[str, Any], share: float) -> Mapping[str, Any]:
+    """Return a plot with this share of its samples: the extremes of each bin."""
+    if share >= 1.0:
+        return block
+
+    def fewer(series: Mapping[str, Any]) -> dict[str, Any]:
+        points = max(FEWEST_SAMPLES, int(share * len(series["x"])))
+        x, y = thin(*samples_of(series), points)
+        return {**series, "x": x, "y": y}
+
+    panels = [
+        {**panel, "series": [fewer(series) for series in panel["series"]]}
+        for panel in block["panels"]
+    ]
+    return {**block, "panels": panels}
 
 
 def without_quoted(sections: Mapping[str, Document], answer: str) -> dict[str, Document]:

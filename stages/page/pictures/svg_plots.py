@@ -141,7 +141,7 @@ def lay_out(
     keeps its place, so that the reader sees that there was nothing.
     """
     panels = block["panels"]
-    data = [[_samples(series) for series in panel["series"]] for panel in panels]
+    data = [[samples_of(series) for series in panel["series"]] for panel in panels]
     finite = [x[np.isfinite(x)] for lines in data for x, _ in lines]
     times = np.concatenate([x for x in finite if x.size] or [np.array([0.0, 1.0])])
     low, high = float(times.min()), float(times.max())
@@ -164,7 +164,8 @@ def lay_out(
     )
 
 
-def _samples(series: Mapping[str, Any]) -> tuple[Array, Array]:
+def samples_of(series: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return the samples (n,) of a series, NaN for none."""
     x = np.array([np.nan if value is None else value for value in series["x"]], dtype=np.float64)
     y = np.array([np.nan if value is None else value for value in series["y"]], dtype=np.float64)
     return x, y

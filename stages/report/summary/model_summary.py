@@ -157,8 +157,8 @@ def _uses(
         needs_own = check.verdict == "holds" and any(item.tips_in for item in check.ranges)
         title = "By itself" + ("" if needs_own else f" it {VERDICT_WORDS[check.verdict]}")
         uses.append(Use(title, "", true_minus(check.words)))
-    words = "simulated, damping identified, error below half of the force"
-    words = words if usable.control else f"needed are: {words}"
+    words = "simulated, with damping identified and an error below half of the force"
+    words = words if usable.control else f"it must be {words}"
     unstable = [axis for axis in unstable_axes(chosen) if axis in usable.simulation]
     words += f"; by itself the model is unstable in {axes_listed(unstable)}" if unstable else ""
     rests: dict[str, list[str]] = {}
@@ -180,7 +180,7 @@ def _uses(
             factor, unit = degrees("m/s" if name in (*"uvw", "V") else "rad/s")
         low, high = f"{factor * speed.low:.2g}", f"{factor * speed.high:.2g}"
         parts.append(f"{name} {low} to {high} {unit}".rstrip())
-    words = f"{', '.join(parts)}: where the training legs went"
+    words = f"{', '.join(parts)}: the range of the training legs"
     uses.append(Use("Within", "", true_minus(words)))
     return tuple(uses)
 

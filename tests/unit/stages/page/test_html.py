@@ -11,11 +11,23 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from auvid.stages.number_format import number, printed_unit, symbols, term, visible
-from auvid.stages.page.html import Chapter, anchor, arrange, cells, heat, lead, without_quoted
-from auvid.stages.presentation import remark, section, table, text
+from auvid.stages.page.html import (
+    PLOTTED_SAMPLES,
+    Chapter,
+    anchor,
+    arrange,
+    cells,
+    heat,
+    lead,
+    plotted_samples,
+    thinned,
+    without_quoted,
+)
+from auvid.stages.presentation import panel, plot, remark, section, series, table, text
 from auvid.stages.report import Params, run
 from tests.support.example_run import ExampleRun, example_run
 
@@ -332,3 +344,16 @@ def test_sections_that_name_one_chapter_come_under_it() -> None:
     assert [(item.title, [part.label for part in item.parts]) for item in arrange(named)] == [
         ("Single channels", ["Surge of leg a", "Sway of leg b"])
     ]
+
+
+@pytest.mark.parametrize(("legs", "most"), [(2, 2_000), (400, 300)])
+def test_plots_of_many_legs_share_the_samples_of_the_page(legs: int, most: int) -> None:
+    t_s = np.linspace(0.0, 60.0, 1_000)
+    picture = plot("u", [panel("u", "m/s", [series("u", t_s, np.sin(t_s), "estimate")])])
+    sections = {f"fuse/{leg}": section("State", [picture], order=1) for leg in range(legs)}
+    (block,) = sections["fuse/0"]["blocks"]
+    share = PLOTTED_SAMPLES / plotted_samples(sections)
+    (line,) = thinned(block, share)["panels"][0]["series"]
+    assert len(line["x"]) <= most
+    assert max(line["y"]) == pytest.approx(1.0, abs=1e-3)
+    assert (thinned(block, share) is block) is (legs == 2)

@@ -275,7 +275,7 @@ def test_the_flown_range_gives_each_velocity_its_unit(run: ExampleRun) -> None:
     run.cards["coe"] = run.cards["coe"].model_copy(update={"conditions": ranges})
     (use,) = (use for use in summary_of(run).uses if use.label == "Within")
     assert use.reason.startswith("u −1 to 1 m/s, v −1 to 1 m/s")
-    assert "r −57 to 57 deg/s, eta-1 −1 to 1: where" in use.reason
+    assert "r −57 to 57 deg/s, eta-1 −1 to 1: the range of the training legs" in use.reason
 
 
 def test_a_leg_that_a_simpler_model_predicts_better_is_named(run: ExampleRun) -> None:
