@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
+from functools import lru_cache
 from typing import Any
 
 from markupsafe import Markup, escape
@@ -135,6 +136,7 @@ def _escaped_character(character: str) -> str:
     return chr(0x2400 + code) if code < 0x20 else "\ufffd"
 
 
+@lru_cache(maxsize=4096, typed=True)  # text that is escaped already is another text
 def symbols(words: str) -> Markup:
     """Return text escaped, with coefficients as printed.
 

@@ -14,7 +14,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 from itertools import groupby
 from typing import Any
@@ -481,6 +481,7 @@ def meaning(symbol: str) -> str:
     return MEANINGS.get(symbol, "")
 
 
+@lru_cache(maxsize=4096)
 def verdict_of(words: str) -> str:
     """The class of a verdict: good, fair, poor or none; empty for other words."""
     return next(

@@ -14,7 +14,8 @@ stated.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,24 +92,52 @@ def change_alarms(
     alarms are shared among the figures, and the limit grows with the number of dives: of
     any number of them without a change an alarm is as rare.
     """
+    watches = [
+        _Watch(name, *map(np.asarray, pair), rate=false_alarms / len(figures))
+        for name, pair in figures.items()
+    ]
     alarms = []
-    for name, (values, errors) in figures.items():
-        y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
-        dives = np.flatnonzero(np.isfinite(y) & np.isfinite(s))
-        limit = alarm_limit(false_alarms / len(figures), len(dives))
-        start, end = 0, FEWEST_BEFORE + 1
-        while end <= len(dives):
-            start = max(start, end - MOST_DIVES)
-            level = dives[start:end]
-            odds = change_odds(y[level], s[level])
-            if odds.max() > limit:
-                first = FEWEST_BEFORE + int(np.argmax(odds))
-                alarms.append(_alarm(name, y, s, level, first, float(odds.max()), limit))
-                start += first
-                end = max(end, start + FEWEST_BEFORE)
-            later = end >= MOST_DIVES and end + LATER <= len(dives)
-            end += LATER if later else 1
+    while watches := [watch for watch in watches if watch.end <= len(watch.dives)]:
+        # Those that look at as many dives are worked out as one batch.
+        alike: dict[int, list[_Watch]] = defaultdict(list)
+        for watch in watches:
+            alike[len(watch.level)].append(watch)
+        for group in alike.values():
+            values = np.array([watch.values[watch.level] for watch in group])
+            errors = np.array([watch.errors[watch.level] for watch in group])
+            for watch, odds in zip(group, change_odds(values, errors), strict=True):
+                alarms += watch.look(odds)
     return tuple(sorted(alarms, key=lambda alarm: (alarm.dive, alarm.figure)))
+
+
+class _Watch:
+    """A figure that is watched dive by dive: from which dive on, and to which."""
+
+    def __init__(self, name: str, values: Array, errors: Array, *, rate: float) -> None:
+        self.name = name
+        self.values, self.errors = values.astype(np.float64), errors.astype(np.float64)
+        self.dives = np.flatnonzero(np.isfinite(self.values) & np.isfinite(self.errors))
+        self.limit = alarm_limit(rate, len(self.dives))
+        self.start, self.end = 0, FEWEST_BEFORE + 1
+
+    @property
+    def level(self) -> Ints:
+        """Return the dives looked at."""
+        return self.dives[max(self.start, self.end - MOST_DIVES) : self.end]
+
+    def look(self, odds: Array) -> Iterator[ChangeAlarm]:
+        """Yield an alarm where the odds (c,) pass the limit, and go on to a later dive."""
+        self.start = max(self.start, self.end - MOST_DIVES)
+        if odds.max() > self.limit:
+            first = FEWEST_BEFORE + int(np.argmax(odds))
+            largest = float(odds.max())
+            yield _alarm(
+                self.name, self.values, self.errors, self.level, first, largest, self.limit
+            )
+            self.start += first
+            self.end = max(self.end, self.start + FEWEST_BEFORE)
+        later = self.end >= MOST_DIVES and self.end + LATER <= len(self.dives)
+        self.end += LATER if later else 1
 
 
 def alarm_limit(false_alarms: float, dives: int = 10) -> float:

@@ -7,13 +7,13 @@ on and what alarms watch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
-
-from auvid.hydro.arrays import Array
 
 TRADING = 0.95
 """Correlation from which on two terms are one figure: each has 3.2 times the error that
@@ -67,14 +67,19 @@ def drag_at_speed(
     at = [i for i, term in enumerate(terms) if term in damping]
     if not at:
         return None
-    own, part = np.asarray(values, dtype=np.float64)[at], np.asarray(covariance)[np.ix_(at, at)]
-    if not (np.isfinite(own).all() and np.isfinite(part).all()):
+    # Of two numbers and four; a fleet has thousands of them.
+    numbers, rows = np.asarray(values).tolist(), np.asarray(covariance).tolist()
+    own = [float(numbers[i]) for i in at]
+    part = [[float(rows[i][j]) for j in at] for i in at]
+    if not all(map(math.isfinite, (*own, *chain(*part)))):
         return None
-    g = np.array([speed * (1.0 if terms[i] == damping[0] else abs(speed)) for i in at])
-    sd: Array = np.sqrt(np.diag(part))
-    both = len(at) == 2 and bool(sd.all())
-    trade = float(part[0, 1] / (sd[0] * sd[1])) if both else float("nan")
-    return DragAtSpeed(speed, float(-g @ own), float(np.sqrt(g @ part @ g)), trade)
+    g = [speed * (1.0 if terms[i] == damping[0] else abs(speed)) for i in at]
+    sd = [math.sqrt(row[i]) for i, row in enumerate(part)]
+    trade = part[0][1] / (sd[0] * sd[1]) if len(at) == 2 and all(sd) else math.nan
+    variance = sum(a * b * cell for a, row in zip(g, part, strict=True)
+                   for b, cell in zip(g, row, strict=True))  # fmt: skip
+    force = -sum(a * value for a, value in zip(g, own, strict=True))
+    return DragAtSpeed(speed, force, math.sqrt(variance), trade)
 
 
 def common_speed(conditions: Sequence[Mapping[str, float]], axis: str) -> float:

@@ -18,6 +18,7 @@ from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    COLUMNS,
     VehicleFigures,
     in_time,
     main_models,
@@ -37,7 +38,7 @@ MOST_BOXES, MOST_DIVES = 12, 6
 KEPT_ROWS = 40
 MOST_AGREED, MOST_WEAK = 3, 3
 """On the first screen: drags, and weak thrusters of a vehicle."""
-MOST_CELLS = 20_000
+MOST_CELLS = 5_000
 """Of the table of figures dive by dive; the rest stands in the Parquet table."""
 Row = dict[str, Any]
 
@@ -52,7 +53,7 @@ def write_page(fleet: FleetFolder, *, by_name: bool = False) -> None:
     every = read_table(fleet, "coefficients")
     named = pc.binary_join_element_wise(every["vehicle"], every["model"], "/")
     drawn = pc.or_(pc.is_in(named, pa.array(main, pa.string())), pc.equal(every["axis"], ""))
-    tables["coefficients"] = every.filter(drawn).to_pylist()
+    tables["coefficients"] = every.filter(drawn).select(COLUMNS).to_pylist()
     index = json.loads(fleet.index.read_text(encoding="utf-8"))
     write_atomically(fleet.page, fleet_page(str(index["disk"]), tables, by_name=by_name))
 
@@ -299,7 +300,8 @@ def _findings_section(findings: Sequence[Row], runs: Sequence[Row], *, order: in
 def _figures_section(
     vehicles: Sequence[VehicleFigures], names: Mapping[str, str], *, order: int
 ) -> Document:
-    rows, single = [], []
+    rows, single, count = [], [], 0
+    most = MOST_CELLS // 5
     for each in vehicles:
         for item in each.figures:
             pooled = each.pooled[item.name]
@@ -317,7 +319,9 @@ def _figures_section(
                     _interval(pooled.next_dive) or pooled.refusal,
                 ]
             )
-            for place in np.flatnonzero(np.isfinite(item.values)):
+            dives = np.flatnonzero(np.isfinite(item.values))
+            count += len(dives)
+            for place in dives[: most - len(single)]:
                 value, error = float(item.values[place]), float(item.errors[place])
                 printed = true_minus(estimate(value, NORMAL_95 * error))
                 single.append(
@@ -333,7 +337,6 @@ def _figures_section(
         " between dives. The last interval is that of the true figure of a further dive."
     )
     kept = [place < KEPT_ROWS for place in range(len(single))]
-    most = MOST_CELLS // 5
     return section(
         "What dives agree on",
         [
@@ -344,11 +347,11 @@ def _figures_section(
                     table(
                         "Dive by dive",
                         ["vehicle", "figure", "unit", "dive", "value ± half of 95 %"],
-                        single[:most],
-                        kept=kept[:most],
+                        single,
+                        kept=kept,
                         note=(
-                            f"The first {most} of {len(single)}; all stand in coefficients.parquet."
-                            if len(single) > most
+                            f"The first {most} of {count}; all stand in coefficients.parquet."
+                            if count > most
                             else ""
                         ),
                     )

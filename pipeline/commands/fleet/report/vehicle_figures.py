@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,9 @@ NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited
 """Verdicts on what is no dive's own: repeated, it would count as many measurements."""
 FEWEST_DIVES = 2
 """Of a figure: with a number, and that call it identified."""
+COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
+COLUMNS += ["verdict", "correlation"]
+"""Of table `coefficients`: what is read of it."""
 DAY_S = 86_400.0
 CONDITIONS = {
     "firmware": "firmware",
@@ -227,31 +231,30 @@ def _drags(
 
     Linear and quadratic terms trade from dive to dive; their sum at a speed does not.
     """
+    damping: dict[str, dict[str, list[Row]]] = {axis: defaultdict(list) for axis in AXIS_WORDS}
+    terms_of = {axis: drag_terms(axis) for axis in AXIS_WORDS}
+    for row in rows:
+        # Terms of models without newtons are in other units.
+        if row["term"] in terms_of.get(row["axis"], ()) and row["unit"].startswith(("N", "kg")):
+            damping[row["axis"]][row["log"]].append(row)
     for axis, word in AXIS_WORDS.items():
         speeds = [row[f"speed_{word}"] for row in dives if finite(row[f"speed_{word}"])]
         if not speeds:
             continue
         speed = float(f"{np.median(speeds):.2g}")
-        parts: dict[str, list[Row]] = defaultdict(list)
-        for row in rows:
-            # Terms of models without newtons are in other units.
-            if (
-                row["axis"] == axis
-                and row["term"] in drag_terms(axis)
-                and row["unit"].startswith(("N", "kg"))
-            ):
-                parts[row["log"]].append(row)
         cells = {}
-        for log, terms in parts.items():
+        for log, terms in damping[axis].items():
             if any(row["verdict"] in NOT_MEASURED for row in terms):
                 continue
-            sd = np.array([_error(row) for row in terms])
-            covariance = np.diag(sd**2)
-            if len(terms) == 2 and sd.all():
+            sd = [_error(row) for row in terms]
+            covariance = [
+                [sd[i] ** 2 if i == j else 0.0 for j in range(len(sd))] for i in range(len(sd))
+            ]
+            if len(terms) == 2 and all(sd):
                 share = terms[0]["correlation"]
-                covariance[0, 1] = covariance[1, 0] = (
-                    np.nan if share is None else share
-                ) * sd.prod()
+                covariance[0][1] = covariance[1][0] = (
+                    math.nan if share is None else share * sd[0] * sd[1]
+                )
             drag = drag_at_speed(
                 [row["term"] for row in terms],
                 [np.nan if row["value"] is None else row["value"] for row in terms],
