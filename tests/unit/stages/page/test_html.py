@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from markupsafe import Markup
 
 from auvid.stages.number_format import number, printed_unit, symbols, term, visible
 from auvid.stages.page.html import (
@@ -309,6 +310,8 @@ def test_symbols_are_typeset_and_nothing_else_is_let_through() -> None:
         symbols("X_prop and MAX_uv stay, <b>X_u</b>")
         == "X_prop and MAX_uv stay, &lt;b&gt;X<sub>u</sub>&lt;/b&gt;"
     )
+    assert symbols(Markup("<i>X_u</i>")) == "<i>X<sub>u</sub></i>"
+    assert symbols("<i>X_u</i>") == "&lt;i&gt;X<sub>u</sub>&lt;/i&gt;", "an equal text of markup"
 
 
 def test_units_are_printed_as_engineers_do() -> None:

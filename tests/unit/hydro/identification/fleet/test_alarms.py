@@ -63,6 +63,16 @@ def test_dives_without_a_number_do_not_count() -> None:
     assert alarm.change == before.change
 
 
+def test_figures_of_unlike_dives_are_watched_as_each_by_itself() -> None:
+    """They share batches: of other lengths, with gaps, one with a change."""
+    gaps = np.insert(-VALUES, 2, np.nan), np.insert(ERRORS, 2, 0.1)
+    figures = {"a": (VALUES, ERRORS), "b": gaps, "c": (VALUES + 5.0, ERRORS)}
+    together = change_alarms(figures, false_alarms=0.06)
+    single = [change_alarms({name: pair}, false_alarms=0.02) for name, pair in figures.items()]
+    assert len(together) == 3
+    assert set(together) == {alarm for alarms in single for alarm in alarms}
+
+
 def test_a_second_change_is_counted_from_the_first() -> None:
     values = np.concatenate([VALUES, [12.2, 12.1, 9.9, 10.0, 10.2, 10.1]])
     errors = np.concatenate([ERRORS, np.full(6, 0.1)])
