@@ -96,7 +96,7 @@ def change_alarms(
         _Watch(name, *map(np.asarray, pair), rate=false_alarms / len(figures))
         for name, pair in figures.items()
     ]
-    alarms = []
+    alarms: list[ChangeAlarm] = []
     while watches := [watch for watch in watches if watch.end <= len(watch.dives)]:
         # Those that look at as many dives are worked out as one batch.
         alike: dict[int, list[_Watch]] = defaultdict(list)

@@ -300,8 +300,9 @@ def _findings_section(findings: Sequence[Row], runs: Sequence[Row], *, order: in
 def _figures_section(
     vehicles: Sequence[VehicleFigures], names: Mapping[str, str], *, order: int
 ) -> Document:
-    rows, single, count = [], [], 0
-    most = MOST_CELLS // 5
+    rows: list[list[Any]] = []
+    single: list[list[str]] = []
+    count, most = 0, MOST_CELLS // 5
     for each in vehicles:
         for item in each.figures:
             pooled = each.pooled[item.name]
