@@ -126,7 +126,7 @@ class _Watch:
         return self.dives[max(self.start, self.end - MOST_DIVES) : self.end]
 
     def look(self, odds: Array) -> Iterator[ChangeAlarm]:
-        """Yield an alarm where the odds (c,) pass the limit; look at a later dive next."""
+        """Yield an alarm where the odds (c,) pass the limit, and move on."""
         self.start = max(self.start, self.end - MOST_DIVES)
         if odds.max() > self.limit:
             first = FEWEST_BEFORE + int(np.argmax(odds))
