@@ -102,6 +102,10 @@ class AxisCard(Model):
     """
     combinations: list[TermCombination]
     """What the data determine of inseparable terms: weights per term and value."""
+    samples_per_one: float | None = None
+    """How many samples count as one: median over coefficients of the variance by blocks left
+    out over that of white errors; at most the samples of a block.
+    """
 
 
 class PriorCard(Model):

@@ -65,7 +65,7 @@ from auvid.stages.synthesise.training import (
     LegTables,
     TrainingData,
     TrainingSegment,
-    coloured_covariances,
+    coloured_errors,
     merged_figures,
     motion_factor,
     others_of,
@@ -246,7 +246,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             )
             for name in others
         }
-    covariances = coloured_covariances(fits, legs(), terms)
+    coloured = coloured_errors(fits, legs(), terms)
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
     none = Prior("none", params.prior_sd, {})
     on_published = prior if prior.source == "strip_theory" else none
@@ -255,7 +255,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             model,
             declared=declared_model,
             data=data,
-            fits={axis: (fits[model.name, axis], covariances[model.name, axis]) for axis in AXES},
+            fits={axis: (fits[model.name, axis], coloured[model.name, axis]) for axis in AXES},
             turns={axis: turns[model.name, axis] for axis in AXES},
             left_out=list(others),
             vehicle=inputs.vehicle,
@@ -289,7 +289,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for model in structures:
             squares = cards[model.name]
             per_one = {
-                axis: coloured_over_white(fits[model.name, axis], covariances[model.name, axis])
+                axis: coloured_over_white(
+                    fits[model.name, axis], coloured[model.name, axis].covariance
+                )
                 for axis in AXES
             }
             cards[model.name] = within_limits(

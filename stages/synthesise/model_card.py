@@ -33,7 +33,7 @@ from auvid.hydro.identification.regression.verdicts import (
     strongest,
 )
 from auvid.stages.columns import AXIS_UNITS
-from auvid.stages.synthesise.training import TrainingData
+from auvid.stages.synthesise.training import Coloured, TrainingData
 
 HeldOut = Mapping[str, Array]
 """Training leg left out -> its J/J0 (7,), of `error_ratios`."""
@@ -54,7 +54,7 @@ def model_card(
     *,
     declared: ViscousModel,
     data: TrainingData,
-    fits: Mapping[str, tuple[AxisFit, Array]],
+    fits: Mapping[str, tuple[AxisFit, Coloured]],
     turns: Mapping[str, Mapping[str, tuple[str, ...]]],
     left_out: Sequence[str],
     vehicle: Vehicle,
@@ -62,7 +62,7 @@ def model_card(
     trim: bool,
     held_out: HeldOut,
 ) -> ModelCard:
-    """Return the card of a model from its fits and their covariances, by axis.
+    """Return the card of a model from its fits and their errors, by axis.
 
     `declared`: the model before its propeller terms were left out. turns: by axis, of
     `sign_turns` over the training legs `left_out` in turn. held_out: J/J0 on each of
@@ -72,7 +72,7 @@ def model_card(
     for axis, (fit, coloured) in fits.items():
         errors = data.errors
         covariance = widened(
-            coloured,
+            coloured.covariance,
             [change.shift(fit) for change in (*(errors.velocities or ()), *errors.smoothing)],
         )
         figures = {
@@ -85,7 +85,9 @@ def model_card(
         after, wide = posterior(
             data.factor, fit, covariance, means, relative_sd=prior.relative_sd, trim=trim
         )
-        axes[axis] = _axis_entry(fit, covariance, after, wide, data.motion, turns[axis], figures)
+        axes[axis] = _axis_entry(
+            fit, covariance, after, wide, data.motion, turns[axis], figures
+        ).model_copy(update={"samples_per_one": coloured.samples_per_one})
         predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means

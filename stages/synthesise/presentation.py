@@ -171,6 +171,8 @@ def _method(card: ModelCard) -> str:
         )
     else:
         note += ". Velocities count as exact: fuse gave no standard deviation of them."
+    if card.method != "error function":
+        note += " They hold a coefficient only if the form of the model does."
     if card.coverage_on_twins:
         note += f" {coverage_words(card.coverage_on_twins, card.method)}"
     if not card.left_out and card.method != "error function":

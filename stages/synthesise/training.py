@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -37,6 +37,7 @@ from auvid.hydro.identification.regression.normal_changes import (
     StridedLeg,
     smoothed_force,
 )
+from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.stages.columns import (
@@ -306,10 +307,20 @@ def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> 
     return empty.update(np.vstack([rows, extra]), force)
 
 
-def coloured_covariances(
+class Coloured(NamedTuple):
+    """Covariance (k, k) of a fit for autocorrelated residuals, and samples per one.
+
+    The latter is at most what leaves each block of time as one independent sample.
+    """
+
+    covariance: Array
+    samples_per_one: float
+
+
+def coloured_errors(
     fits: Fits, legs: Iterable[TrainingSegment], terms: Sequence[str]
-) -> dict[tuple[str, str], Array]:
-    """Return the covariance (k, k) of every fit for autocorrelated residuals.
+) -> dict[tuple[str, str], Coloured]:
+    """Return what blocks of time left out say of the errors of every fit.
 
     One more pass over the legs. nan where there are no more samples than coefficients.
     """
@@ -324,11 +335,11 @@ def coloured_covariances(
             for (model, axis), blocks in left_out.items():
                 own = [row_of[term] for term in blocks.fit.terms if term != CONSTANT]
                 left_out[model, axis] = blocks.update(rows[own], force[:, AXES.index(axis)])
-    return {
-        key: (
-            left_out[key].covariance()
-            if key in left_out
-            else np.full((len(fit.terms), len(fit.terms)), np.nan)
-        )
-        for key, fit in fits.items()
-    }
+    errors = {}
+    for key, fit in fits.items():
+        covariance, most = np.full((len(fit.terms), len(fit.terms)), np.nan), 1.0
+        if key in left_out:
+            covariance = left_out[key].covariance()
+            most = fit.n_samples / max(left_out[key].count, 1)
+        errors[key] = Coloured(covariance, min(coloured_over_white(fit, covariance), most))
+    return errors

@@ -51,7 +51,8 @@ def rank(
     runs = [row for row in free_run if not row["as_measured"]]
     judge = "validation" if any(use == "validation" for use, *_ in of) else "training"
     horizon, ratios = free_run_ratios(runs)
-    information = {name: _information(card, of, samples_per_one) for name, card in cards.items()}
+    counted = {**samples_per_one, **_counted_by_blocks(cards)}
+    information = {name: _information(card, of, counted) for name, card in cards.items()}
     least = {
         axis: min((values[axis] for values in information.values()), default=math.nan)
         for axis in (ALL, *AXES)
@@ -260,6 +261,14 @@ def _legs_left_out(cards: Mapping[str, ModelCard]) -> int:
 
 def _refined(cards: Mapping[str, ModelCard]) -> tuple[str, ...]:
     return tuple(name for name, card in cards.items() if card.likelihood is not None)
+
+
+def _counted_by_blocks(cards: Mapping[str, ModelCard]) -> dict[str, float]:
+    """Return how many samples count as one, by blocks, of the reference model."""
+    if not cards:
+        return {}
+    parts = cards[reference_model(cards)].axes
+    return {axis: part.samples_per_one for axis, part in parts.items() if part.samples_per_one}
 
 
 def _information(

@@ -464,6 +464,9 @@ def test_standard_errors_cover_the_truth_with_coloured_noise() -> None:
     assert (
         0.5 < np.sqrt(np.mean(np.square(score))) < 2.0
     )  # 36 scores, white errors would give about 7
+    for part in card.axes.values():
+        assert part.samples_per_one is not None
+        assert 15.0 < part.samples_per_one <= len(nu) / 3
 
 
 def test_errors_of_the_velocities_widen_errors_and_move_no_number() -> None:
