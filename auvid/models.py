@@ -145,22 +145,20 @@ class VehicleModel:
         Constant forces have rows too, where the run fitted them; "7 of 18" in its report
         counts the others, of which 7 are determined.
 
-        Columns axis, term, unit, value (nan where the run gives none), standard_error,
-        low and high (95 % by noise), low_assumed and high_assumed (95 % by assumed
-        figures of the vehicle), low_total and high_total (95 % by both together),
-        nan where either is not known, verdict, determined; of a partial model also
-        source, empty where the logs of the run are it.
+        Columns value (nan where the run gives none), unit, low and high (95 % by noise),
+        standard_error, low_assumed and high_assumed (95 % by assumed figures of the
+        vehicle), low_total and high_total (95 % by both together), nan where either is
+        not known, axis, term, determined, verdict; of a partial model also source, empty
+        where the logs of the run are it. pandas prints the first and the last of them.
         """
         nothing = [np.nan, np.nan]
         rows = [
             {
                 "symbol": item.symbol,
-                "axis": item.axis,
-                "term": item.term,
-                "unit": item.unit,
                 "value": item.value,
-                "standard_error": item.standard_error,
+                "unit": item.unit,
                 **dict(zip(("low", "high"), item.interval_95 or nothing, strict=True)),
+                "standard_error": item.standard_error,
                 **dict(
                     zip(
                         ("low_assumed", "high_assumed"),
@@ -171,8 +169,10 @@ class VehicleModel:
                 **dict(
                     zip(("low_total", "high_total"), item.interval_95_total or nothing, strict=True)
                 ),
-                "verdict": item.verdict,
+                "axis": item.axis,
+                "term": item.term,
                 "determined": item.determined,
+                "verdict": item.verdict,
                 **({} if self.file.partial is None else {"source": item.source or ""}),
             }
             for item in self.file.coefficients

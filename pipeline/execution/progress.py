@@ -45,13 +45,14 @@ class StageWork:
 
     def __init__(self, todo: int) -> None:
         self.todo, self.done, self.words, self.share = todo, 0, "", 0.0
-        self.start = time.monotonic()
+        self.start = self.part_start = time.monotonic()
 
     def part(self, words: str, share: float) -> None:
-        self.words, self.share = words, share
+        self.words, self.share, self.part_start = words, share, time.monotonic()
 
     def item(self) -> None:
         self.done, self.words, self.share = self.done + 1, "", 0.0
+        self.part_start = time.monotonic()
 
     @property
     def elapsed_s(self) -> float:
@@ -59,9 +60,16 @@ class StageWork:
 
     @property
     def left_s(self) -> float | None:
-        """Seconds left if all goes on as until now; None at the beginning."""
+        """Seconds left if all goes on as until the present part began.
+
+        None at the beginning, and where that part takes longer than all should.
+        """
         share = (self.done + self.share) / self.todo
-        return self.elapsed_s * (1.0 - share) / share if share else None
+        if not share:
+            return None
+        before_s = self.part_start - self.start
+        left = before_s * (1.0 - share) / share - (time.monotonic() - self.part_start)
+        return left if left > 0.0 else None
 
     @property
     def left_words(self) -> str:

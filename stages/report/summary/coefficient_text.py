@@ -96,12 +96,12 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
 
 
 def _range(axis: str, conditions: Mapping[str, VelocityRange]) -> str:
-    """Where the training legs went, and so where the damping holds."""
+    """Return the range of the training legs, in which the damping holds."""
     name = VELOCITY_OF[axis]
     reach = conditions[name]
     return true_minus(
         f"Between {reach.low:.2g} and {reach.high:.2g} {'m/s' if axis in 'XYZ' else 'rad/s'},"
-        " where the training legs went."
+        " the range of the training legs."
     )
 
 

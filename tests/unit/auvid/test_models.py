@@ -93,7 +93,7 @@ def test_a_model_comes_back_from_its_file(fossen: auvid.Model, tmp_path: Path) -
     assert again.save(tmp_path / "again.json").read_bytes() == path.read_bytes()
     assert repr(again) == repr(fossen)
     table = again.coefficients
-    assert list(table.columns[:4]) == ["axis", "term", "unit", "value"]
+    assert list(table.columns[:4]) == ["value", "unit", "low", "high"]
     assert table["value"].isna().sum() == sum(c.value is None for c in fossen.file.coefficients)
 
 

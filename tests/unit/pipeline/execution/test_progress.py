@@ -33,6 +33,17 @@ def test_time_left_follows_from_the_share_that_is_done() -> None:
     assert work.left_words == "about 10 s left"
 
 
+def test_time_left_counts_down_within_a_part_and_is_not_known_beyond_it() -> None:
+    work = StageWork(1)
+    work.start -= 10.0
+    work.part("draws", 0.8)
+    assert work.left_s == pytest.approx(2.5, abs=0.1)
+    work.start, work.part_start = work.start - 1.5, work.part_start - 1.5
+    assert work.left_s == pytest.approx(1.0, abs=0.1)
+    work.start, work.part_start = work.start - 1.5, work.part_start - 1.5
+    assert work.left_words == ""
+
+
 def test_lines_come_every_few_seconds_and_say_what_is_left(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -49,6 +60,7 @@ def test_lines_come_every_few_seconds_and_say_what_is_left(
     monkeypatch.setattr(lines, "_say", print_and_count)
     start = time.monotonic()
     lines.stage("validate", todo=2, total=2, level="leg")
+    lines._work.start -= 10.0
     lines.part("model 3 of 4", 0.5)
     assert second.wait(60.0), "no second line in a minute"
     assert time.monotonic() - start >= 0.2, "not before its time"

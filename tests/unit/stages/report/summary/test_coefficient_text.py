@@ -64,8 +64,8 @@ def test_damping_has_unit_and_interval(
     assert finding.figures == (words,)
     assert (
         finding.note
-        == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, where the training legs"
-        " went."
+        == f"Between −0.013 and 0.22 {'m/s' if axis == 'X' else 'rad/s'}, the range of the"
+        " training legs."
     )
 
 
