@@ -56,6 +56,9 @@ from auvid.pipeline.store.package_versions import package_versions
 from auvid.stages.base import ports
 from auvid.stages.steps import listening
 
+OF_CAMPAIGN = ("stages.", "priors[", "legs")
+"""Beginnings of keys that stand in the campaign's file."""
+
 
 class StageFault(PipelineError):
     """A user's fault, with the stage and the item in which it came up."""
@@ -438,7 +441,7 @@ class Run:
 
 
 def _raise(stage: AnyStage, outcomes: Sequence[Outcome], campaign_file: Path) -> None:
-    """Raise what went wrong; a key of `stages` comes with its file, and once."""
+    """Raise what went wrong; a key of the campaign comes with its file, and once."""
     faults: list[str] = []
     of_campaign: dict[str, list[str]] = {}
     for outcome in outcomes:
@@ -447,7 +450,7 @@ def _raise(stage: AnyStage, outcomes: Sequence[Outcome], campaign_file: Path) ->
             raise InternalFault(f"{where}: {outcome.crash}", outcome.trace)
         if fault is None:
             continue
-        if (fault.field or "").startswith("stages."):
+        if (fault.field or "").startswith(OF_CAMPAIGN):
             fault.file = fault.file or campaign_file
             of_campaign.setdefault(str(fault), []).append(where)
         else:

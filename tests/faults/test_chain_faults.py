@@ -199,7 +199,7 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
     "NO_TRAINING_LEG": (
         replaced(MANIFEST, "use: training", "use: validation"),
         "synthesise",
-        ("no training leg", "use: training"),
+        ("campaign.yaml, field 'legs': the campaign has no training leg", "use: training"),
     ),
     "CUTOFF_BEYOND_RATE": (
         replaced(MANIFEST, "cutoff_hz: 2.0", "cutoff_hz: 60"),
