@@ -59,6 +59,8 @@ POSSIBLE: Mapping[str, tuple[float, float]] = {
 """Limits that no underwater vehicle reaches, by the beginning of the column's name.
 Damaged records that still look like records are far beyond them.
 """
+STEEPEST_RAD, LARGEST_ROLL_STEP_RAD, DAMAGED_SHARE = 1.6, 1.0, 0.01
+"""Pitch of any attitude in rad, and a step of a roll without wraps; degrees are beyond."""
 NO_VELOCITY_M_S, ROUNDING_M_S = 32.768, 1e-6
 """The largest number of 16 bits in mm/s, of either sign: a velocity log writes it for none."""
 
@@ -142,11 +144,23 @@ def possible_rows(stream: str, columns: Columns) -> Mask:
         limits = schema(stream).columns[name].range or next(
             (span for key, span in POSSIBLE.items() if name.startswith(key)), None
         )
+        if name == "phi_rad" and _unwrapped(columns):
+            limits = POSSIBLE["psi_rad"]
         if limits is not None:
             good &= ~((values < limits[0]) | (values > limits[1]))
         if stream == "velocity" and name in LINEAR_VELOCITY:
             good &= np.abs(np.abs(values) - NO_VELOCITY_M_S) > ROUNDING_M_S
     return good
+
+
+def _unwrapped(columns: Columns) -> bool:
+    """Return whether roll goes on beyond a turn, as of a vehicle that turns over.
+
+    Its steps are small, and pitch is one of radians.
+    """
+    phi, theta = (columns[name].astype(np.float64) for name in ("phi_rad", "theta_rad"))
+    steep, leaps = np.abs(theta) > STEEPEST_RAD, np.abs(np.diff(phi)) > LARGEST_ROLL_STEP_RAD
+    return phi.size > 1 and max(steep.mean(), leaps.mean()) < DAMAGED_SHARE
 
 
 def _there(values: Column) -> Mask:

@@ -22,6 +22,8 @@ LONGEST_STEP_S = 1.0
 WINDOW_S = 1.0
 ROBUST_ROUNDS = 3
 ROBUST_SPREADS = 4.0
+LAG_GAINS, MAIN_PART = (0.75, 1.33), 0.3
+"""Gains at a right lag of the axes that move the depth so much of what the first does."""
 """Windows further off than so many spreads (1.48 times the median) are left out."""
 
 
@@ -54,6 +56,14 @@ class _RobustFit:
     def variance(self) -> float:
         """Return the variance of what the fit leaves."""
         return float(self.rest @ self.rest) / (len(self.rest) - len(self.gain))
+
+    @property
+    def near_one(self) -> bool:
+        """Return whether all columns that move the target much have gains near one."""
+        gain = self.gain[:-1]
+        part = np.abs(gain) * self.used[:, :-1].std(axis=0)
+        main = gain[part > MAIN_PART * part.max()]
+        return bool(((main > LAG_GAINS[0]) & (main < LAG_GAINS[1])).all())
 
     @property
     def explained(self) -> float:
@@ -342,7 +352,9 @@ def velocity_lag(
 
     The lag of `lags_s` at which the velocity, read so much later, or the depth, read so
     much earlier, explains most of the depth rate: the attitude is on the clock of the
-    other one. None for too few windows. No other lag is tried where 0 explains `enough`.
+    other one. A lag counts where the axes that move the depth have gains near one
+    there: of a periodic motion, free gains make any lag fit. None for too few windows. No
+    other lag is tried where 0 explains `enough`.
     """
     shares: dict[float, float] = {}
     lags = np.asarray(lags_s, dtype=np.float64)
@@ -358,7 +370,7 @@ def velocity_lag(
             _rise_and_parts(t_depth + lag, depth, t_attitude, t_velocity, rates),
         ):
             fit = None if shared is None else _robust_fit(*shared)
-            if fit is not None:
+            if fit is not None and (lag == 0.0 or fit.near_one):
                 shares[float(lag)] = max(fit.explained, shares.get(float(lag), -np.inf))
     if 0.0 not in shares:
         return None
@@ -381,15 +393,19 @@ def response_gains(
     *,
     lags_s: ArrayLike = (0.0, 0.1, 0.2, 0.3),
     width_s: float = 0.5,
+    beside: Array | None = None,
 ) -> AxisGains | None:
     """Return the gain of actuator forces over mass (n, k) in one motion's rate (m,).
 
-    d(nu)/dt = g a + d nu + e nu |nu| + c over windows of 0.5 s, at the lag behind the
-    commands that explains most; the gains of a only. Positive where axis, actuators and
-    signs agree, also under feedback, which the drag terms alone would turn around.
+    d(nu)/dt = g a + d nu + e nu |nu| + f b + c over windows of 0.5 s, at the lag behind
+    the commands that explains most; the gains of a only. b (m, l): terms `beside`, whose
+    part is taken off before the share that is explained. Positive where axis, actuators
+    and signs agree, also under feedback, which the drag terms alone would turn around.
     """
     best: AxisGains | None = None
     parts = np.column_stack([motion, motion * np.abs(motion)])
+    taken = np.zeros((len(motion), 0)) if beside is None else beside
+    parts = np.hstack([taken, parts])
     for lag in np.asarray(lags_s, dtype=np.float64):
         start = max(t_force[0], t_motion[0])
         end = min(t_force[-1], t_motion[-1] - lag)
@@ -399,7 +415,10 @@ def response_gains(
         ends = [np.interp(side + lag, t_motion, motion) for side in (at, at + width_s)]
         pushed = integrals(t_force, acceleration, at, width_s)
         drag = integrals(t_motion, parts, at + lag, width_s)
-        gains = fitted_gains(ends[1] - ends[0], np.column_stack([pushed, drag]))
+        change = ends[1] - ends[0]
+        off = np.column_stack([drag[:, : taken.shape[1]], np.ones(at.size)])
+        change = change - off @ np.linalg.lstsq(off, change, rcond=None)[0]
+        gains = fitted_gains(change, np.column_stack([pushed, drag]))
         if gains is not None and (best is None or gains.explained > best.explained):
             count = acceleration.shape[1]
             best = AxisGains(

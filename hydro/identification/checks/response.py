@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike
 from auvid.hydro.arrays import Array
 
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
+TONE_HZ, TONE_BINS, SHORTEST_TONE_S = 10.0, 2, 20.0
+"""Clock of spectra; bins of the spectrum on either side that belong to a tone."""
 
 
 def peak_of_parabola(x: Array, y: Array) -> float:
@@ -79,6 +81,29 @@ def response_lag(
         [commands[late - lag : late - lag + count] for lag in lags], response, total
     )
     return Response(peak_of_parabola(lags / rate_hz, shares), float(shares.max()))
+
+
+def tone_share(t_command: ArrayLike, command: ArrayLike) -> tuple[float, float]:
+    """Return the strongest frequency [Hz] of commands (n, k), and its share of their power.
+
+    Of the spectra of all commands together, a moving mean over 10 s taken off, by a Hann
+    window. Two numbers, amplitude and phase, describe a linear answer to one frequency:
+    any order and lag that are free fit it. (0, 0) for less than 20 s or commands
+    that stand still.
+    """
+    t, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
+    if t.size < 2 or t[-1] - t[0] < SHORTEST_TONE_S:
+        return 0.0, 0.0
+    middle, half = 0.5 * (t[0] + t[-1]), min(0.5 * (t[-1] - t[0]), LONGEST_RESPONSE_S / 2.0)
+    clock = np.arange(middle - half, middle + half, 1.0 / TONE_HZ)
+    values = np.column_stack([np.interp(clock, t, column) for column in inputs.T])
+    swing = _without_drift(values, round(DRIFT_S * TONE_HZ)) * np.hanning(len(clock))[:, None]
+    power = (np.abs(np.fft.rfft(swing, axis=0)) ** 2).sum(axis=1)
+    top, total = int(np.argmax(power)), float(power.sum())
+    if total == 0.0:
+        return 0.0, 0.0
+    near = power[max(top - TONE_BINS, 0) : top + TONE_BINS + 1]
+    return top * TONE_HZ / len(clock), float(near.sum()) / total
 
 
 def without_drift(motion: ArrayLike, t_s: ArrayLike) -> Array:

@@ -103,6 +103,22 @@ def repeats(values: ArrayLike) -> Repeats:
     return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]), leap)
 
 
+def slow_speed(velocity: ArrayLike) -> float:
+    """Return a speed along one axis at which a vehicle (n, 3) may come to rest or start.
+
+    Four usual changes from sample to sample, or twice the smallest speed that is written:
+    some sensors write zero below a threshold.
+    """
+    values = np.nan_to_num(np.asarray(velocity, dtype=np.float64))
+    speed = np.abs(values).max(axis=1)
+    moving = speed > 0.0
+    if not moving.any():
+        return 0.0
+    steps = np.abs(np.diff(values, axis=0)).max(axis=1)[moving[1:] & moving[:-1]]
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return max(4.0 * usual, 2.0 * float(np.percentile(speed[moving], 1.0)))
+
+
 def flat_top(values: ArrayLike) -> int:
     """Return how many samples of values (n,) stand at an end of the signal's range.
 

@@ -17,8 +17,9 @@ from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
+from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
-from auvid.stages.ingest.health.actuation.unrelated_commands import unrelated_commands
+from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.motion import motion_findings
@@ -123,9 +124,12 @@ def check_health(
 def _of_commands(log: CheckedLog) -> list[Finding]:
     """Return the findings of motion and commands.
 
-    Commands of another motion say nothing of this one, so its checks go without them.
+    Commands of another motion say nothing of this one, and those that swing at one
+    frequency no more than signs: its checks go without them.
     """
-    unrelated = list(unrelated_commands(log))
+    tone = list(one_tone(log))
+    signs = dict(push_responses(log, "uvwr")) if tone else {}
+    unrelated = [*tone, *response_signs(signs)] or list(unrelated_commands(log))
     if unrelated:
         tables = {name: table for name, table in log.tables.items() if name != "actuators"}
         log = replace(log, tables=tables)

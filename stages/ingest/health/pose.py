@@ -20,6 +20,7 @@ from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, fin
 
 NAMED = 4
 LEAST_ADVANTAGE = 0.2
+SMALLEST_JUMP_RAD = math.radians(1.0)
 LEAST_EXPLAINED = 0.3
 LEAST_CORRELATION = 0.5
 SHORTEST_HALF_S, CLEAR_CORRELATION = 30.0, 0.7
@@ -53,7 +54,12 @@ def pose_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def _faults(faults: tuple[PoseFault, ...], begin: float) -> Iterator[Finding]:
-    jumps = [item for item in faults if item.kind == "jump"]
+    jumps = [
+        item
+        for item in faults
+        if item.kind == "jump"
+        and (item.moved_m > limit("pose_jump") or item.turned_rad > SMALLEST_JUMP_RAD)
+    ]
     if jumps:
         places = [
             f"at {begin + item.end_s:.1f} s by {item.moved_m:.2g} m and"

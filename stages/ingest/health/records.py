@@ -11,7 +11,12 @@ import numpy as np
 
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.signal_checks import clock_statistics, flat_top, repeats
+from auvid.hydro.identification.checks.signal_checks import (
+    clock_statistics,
+    flat_top,
+    repeats,
+    slow_speed,
+)
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.finding import (
     ON_CHANGE,
@@ -331,6 +336,7 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
     run_s = float(t_s[last] - t_s[same.run_start])
     longest = limit("stuck_sensor") * (DEPTH_FACTOR if stream == "depth" else 1.0)
     stuck = run_s > longest and same.run_count >= MIN_LIVE_SAMPLES and same.leap > MIN_STEP_RATIO
+    stuck = stuck and not (stream == "velocity" and _rests(values, same.run_start, last))
     if stuck:
         text = (
             f"{stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s from"
@@ -341,6 +347,8 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
         yield from _stuck_columns(log, stream, names, still)
     if stream != "depth":
         moving = np.delete(values, slice(same.run_start, last), axis=0) if stuck else values
+        if stream == "velocity":
+            moving = moving[moving.any(axis=1)]  # zeros may be a rest
         share = repeats(moving).share
         if share > limit("held_samples") and same.leap > MIN_STEP_RATIO:
             rate = float(1.0 / np.median(np.diff(t_s)))
@@ -350,6 +358,13 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
                 f" {significant(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
+
+
+def _rests(velocity: Array, first: int, last: int) -> bool:
+    """Return whether samples of a velocity (n, 3) are zeros between slow ones."""
+    ends = velocity[[max(first - 1, 0), min(last + 1, len(velocity) - 1)]]
+    zero = not velocity[first : last + 1].any()
+    return zero and bool(np.abs(ends).max() <= slow_speed(velocity))
 
 
 def _stuck_columns(

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.relation import relation
+from auvid.hydro.identification.checks.relation import LAGS_S, relation
 from auvid.hydro.identification.checks.response import Response
 from auvid.stages.ingest.health.actuation.motions import motions
 from auvid.stages.ingest.health.actuation.unrelated_commands import actuator_commands
@@ -20,6 +20,8 @@ ANSWER_S = {"velocity": (-0.5, 3.0), "gyro": (-0.5, 1.5)}
 """Lags behind the outputs that thruster and hull explain."""
 USUAL_LAG_S = 0.6
 """Of a velocity in healthy logs: 0.1 to 1.5 s."""
+SAME = 0.7
+"""Part of the largest odds that a lag beyond those of hulls must leave behind."""
 STEADY_S = 0.3
 """Change of a lag from half to half of a log that is none."""
 
@@ -106,6 +108,8 @@ def _lag(t_s: Array, commands: Array, measured: list[tuple[Array, Array]]) -> fl
     related = relation(t_s, commands, measured) if measured else None
     if related is None or related.excess_of(related.odds_there) < CLEAR_EXCESS:
         return None
+    if not LAGS_S[0] <= related.shift_s <= LAGS_S[1] and related.odds > SAME * related.odds_there:
+        return None  # slow waves fit nearly as well where they are stamped
     return related.shift_s
 
 

@@ -13,7 +13,7 @@ from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_direction
 from auvid.hydro.identification.checks.joined_outputs import OtherOrder, WindowMotion, other_order
 from auvid.hydro.identification.checks.motion_checks import integrals, windows
 from auvid.stages.columns import GYRO, RATES, SPEEDS
-from auvid.stages.ingest.health.actuation.push_answers import SMALLEST_MOTION
+from auvid.stages.ingest.health.actuation.push_answers import SMALLEST_MOTION, coupling
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.number_format import percent
 
@@ -49,8 +49,10 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
     at = windows(start, end - max(ANSWERS_S), *clocks, width_s=ORDER_WINDOW_S)
     if not driven or at.size < LEAST_ORDER_WINDOWS:
         return
+    own = [motions[place] for place in driven]
+    turns = [coupling(log, YAW_LAST[place], motions[place][0]) for place in driven]
     order = other_order(
-        [_motion_windows([motions[place] for place in driven], at + lag) for lag in ANSWERS_S],
+        [_motion_windows(own, turns, at + lag) for lag in ANSWERS_S],
         integrals(t_s, forces, at, ORDER_WINDOW_S),
         thrusters.allocation[[YAW_LAST[place] for place in driven]],
         thrusters.direction,
@@ -74,13 +76,16 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
     )
 
 
-def _motion_windows(motions: list[tuple[Array, Array]], at: Array) -> WindowMotion:
-    """Return changes and drag of motions (times, values) over windows."""
+def _motion_windows(
+    motions: list[tuple[Array, Array]], turns: list[Array | None], at: Array
+) -> WindowMotion:
+    """Return changes and drag of motions (times, values) over windows, turns beside."""
     changes, drag = [], []
-    for t, motion in motions:
+    for (t, motion), beside in zip(motions, turns, strict=True):
         first, last = (np.interp(side, t, motion) for side in (at, at + ORDER_WINDOW_S))
         changes.append(last - first)
         terms = np.column_stack([motion, motion * np.abs(motion)])
+        terms = terms if beside is None else np.hstack([terms, beside])
         drag.append(integrals(t, terms, at, ORDER_WINDOW_S))
     return WindowMotion(np.column_stack(changes), drag)
 

@@ -23,6 +23,7 @@ from auvid.stages.ingest.health.finding import (
 from auvid.stages.number_format import significant
 
 LEAST_RESPONSE_HZ = 4.0
+COUPLED = (0, 1, 2, 5)
 RIGHTED = (3, 4)
 """Axes that gravity and buoyancy turn back: roll and pitch."""
 SMALLEST_MOTION = 0.01
@@ -34,6 +35,8 @@ explain as the vehicle file joins them where it is right, and where it is not.
 """
 TURNED_SHARE = 0.5
 """Least sum of the shares of surge and sway that a turned velocity must explain."""
+TURNS_GAP = 0.1
+"""By how much it must do so too where the forces of turns are taken off."""
 LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
 """Pushes in surge and sway tell a turned velocity if the smaller is so large a part of the
 other, and they are no multiples of each other.
@@ -68,8 +71,11 @@ def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     return t_s, forces / np.diag(vehicle.mass_matrix)
 
 
-def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
-    """Yield the gain of the thrusters' force in each motion that it can show."""
+def push_responses(log: CheckedLog, axes: str = "uvwpqr") -> Iterator[tuple[str, AxisGains]]:
+    """Yield the gain of the thrusters' force in each motion that it can show.
+
+    Beside it act the forces that turns make of the motion in other axes.
+    """
     pushes = _pushes(log)
     if pushes is None:
         return
@@ -77,7 +83,7 @@ def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
     streams = [("velocity", name) for name in LINEAR_VELOCITY]
     streams += [("imu", name) for name in GYRO]
     for axis, (stream, name) in enumerate(streams):
-        if not log.has(stream) or not np.ptp(pushed[:, axis]):
+        if "uvwpqr"[axis] not in axes or not log.has(stream) or not np.ptp(pushed[:, axis]):
             continue
         motion = body_motion(log, stream, name)
         if float(motion.std()) < SMALLEST_MOTION:
@@ -87,9 +93,24 @@ def push_responses(log: CheckedLog) -> Iterator[tuple[str, AxisGains]]:
             # Below its resonance a hull that rights itself goes against a small thrust.
             angle = log.column("attitude", ATTITUDE[axis - 3])
             force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
-        gains = response_gains(t_s, force, log.t_s(stream), motion)
+        at = log.t_s(stream)
+        gains = response_gains(t_s, force, at, motion, beside=coupling(log, axis, at))
         if gains is not None:
             yield "uvwpqr"[axis], gains
+
+
+def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:
+    """Return products (n, k) of velocities and rates at times, which accelerate an axis.
+
+    Those of surge and sway are the same, so that a turned velocity has them too.
+    """
+    if axis not in COUPLED or not log.has("velocity", "imu"):
+        return None
+    t_velocity, t_imu, velocity = log.t_s("velocity"), log.t_s("imu"), log.body_velocity()
+    u, v, w = (np.interp(at, t_velocity, part) for part in velocity.T)
+    p, q, r = (np.interp(at, t_imu, part) for part in log.values("imu", GYRO).T)
+    terms = {2: (u * q, v * p), 5: (u * v, p * q)}.get(axis, (u * r, v * r, w * q, w * p))
+    return np.column_stack(terms)
 
 
 def body_motion(log: CheckedLog, stream: str, name: str) -> Array:
@@ -129,9 +150,11 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
     if pushes is None or not {"u", "v"} <= set(response):
         return
     t_s, pushed = pushes
+    at = log.t_s("velocity")
+    turns = coupling(log, 0, at)
     crossed = [
         response_gains(
-            t_s, pushed[:, [1 - axis]], log.t_s("velocity"), body_motion(log, "velocity", name)
+            t_s, pushed[:, [1 - axis]], at, body_motion(log, "velocity", name), beside=turns
         )
         for axis, name in enumerate(LINEAR_VELOCITY[:2])
     ]
@@ -154,7 +177,7 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
         )
 
 
-def turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+def turned_answers(log: CheckedLog) -> Iterator[Finding]:
     """Yield a velocity that answers the thrusters once it is turned about the vertical.
 
     By one angle all log long, or by the heading, as a velocity over ground is.
@@ -169,24 +192,28 @@ def turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterat
     heading = angles_at(at, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
     turns = {f"turned by {angle} degrees": np.radians(-angle) for angle in range(-150, 180, 30)}
     turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
-    shares: dict[str, float] = {}
-    for words, angle in {**turns, "over ground": -heading}.items():
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turned = (
-            cosine * speed[:, 0] - sine * speed[:, 1],
-            sine * speed[:, 0] + cosine * speed[:, 1],
+    candidates = {**turns, "over ground": -heading}
+    shares = {
+        words: sum(
+            item.explained
+            for item in _turned_gains(t_s, pushed, at, speed, angle)
+            if item.gain[0] > 0.0
         )
-        gains = [
-            response_gains(t_s, pushed[:, [axis]], at, motion) for axis, motion in enumerate(turned)
-        ]
-        shares[words] = sum(
-            item.explained for item in gains if item is not None and item.gain[0] > 0.0
-        )
-    own = sum(max(response[axis].explained, 0.0) for axis in "uv" if axis in response)
+        for words, angle in candidates.items()
+    }
+    # A wrong sign is another finding.
+    own = sum(max(item.explained, 0.0) for item in _turned_gains(t_s, pushed, at, speed, 0.0))
     best = max(shares, key=lambda words: shares[words])
     if best == "turned by 0 degrees" or shares[best] - own < ANSWER_GAP:
         return
     if shares[best] < TURNED_SHARE:
+        return
+    beside = coupling(log, 0, at)
+    with_turns, as_it_is = (
+        sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, angle, beside))
+        for angle in (candidates[best], 0.0)
+    )
+    if with_turns - as_it_is < TURNS_GAP:
         return
     yield finding(
         "velocity_axes",
@@ -203,6 +230,27 @@ def turned_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterat
             else f"{mounting_remedy(log)}, or correct the columns."
         ),
     )
+
+
+def _turned_gains(
+    t_s: Array,
+    pushed: Array,
+    at: Array,
+    speed: Array,
+    angle: float | Array,
+    beside: Array | None = None,
+) -> list[AxisGains]:
+    """Return the gains of surge and sway of a velocity (m, 2) turned by an angle [rad]."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = (
+        cosine * speed[:, 0] - sine * speed[:, 1],
+        sine * speed[:, 0] + cosine * speed[:, 1],
+    )
+    gains = [
+        response_gains(t_s, pushed[:, [axis]], at, motion, beside=beside)
+        for axis, motion in enumerate(turned)
+    ]
+    return [item for item in gains if item is not None]
 
 
 def pushes_apart(first: Array, second: Array) -> bool:
@@ -229,7 +277,9 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
         pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
         forces = thruster_forces(thrusters, pulses)
         moving = forces[:, np.ptp(forces, axis=0) > 0.0]
-        gains = response_gains(t_s, moving, log.t_s(stream), body_motion(log, stream, names[axis]))
+        at, motion = log.t_s(stream), body_motion(log, stream, names[axis])
+        beside = coupling(log, "uvwpqr".index(axis), at)
+        gains = response_gains(t_s, moving, at, motion, beside=beside)
         if gains is None or gains.explained < DRIVEN:
             continue
         share = response[axis].explained / gains.explained
@@ -250,10 +300,11 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
 
 
 def response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield motions that go against their thrusters."""
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
     fields = dict(zip("uvwpqr", (*LINEAR_VELOCITY, *GYRO), strict=True))
     for axis, gains in response.items():
-        clear = float(gains.gain[0] / gains.sd[0])
+        clear = float(gains.gain[0] / gains.sd[0]) if gains.sd[0] > 0.0 else 0.0
         if clear < limit("response_sign") and gains.explained > 0.1:
             text = (
                 f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"

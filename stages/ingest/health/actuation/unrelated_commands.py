@@ -9,13 +9,14 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.relation import Relation, relation
+from auvid.hydro.identification.checks.response import tone_share
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR, push_responses
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
-from auvid.stages.number_format import percent
+from auvid.stages.number_format import percent, significant
 
 SLOWEST_HZ = 1.5
 FEWEST_MOTIONS = 3
@@ -55,6 +56,25 @@ def unrelated_commands(log: CheckedLog) -> Iterator[Finding]:
         by_chance &= pushed < FEWEST_PUSHED
     if by_chance:
         yield _finding(log, related, list(measured))
+
+
+def one_tone(log: CheckedLog) -> Iterator[Finding]:
+    """Yield commands that swing at one frequency, to which any order and lag fits."""
+    if log.under_water is False or not log.has("actuators"):
+        return
+    commands = actuator_commands(log)
+    if not commands.size:
+        return
+    frequency, share = tone_share(log.t_s("actuators"), commands)
+    if share > limit("commands_one_tone"):
+        yield finding(
+            "commands_one_tone",
+            f"The outputs swing at one frequency ({significant(frequency)} Hz,"
+            f" {percent(round(share, 3))} of their power), so that their order, scale and clock"
+            " are not observable: the motion of such a log fits any of them.",
+            stream="actuators",
+            value=share,
+        )
 
 
 def actuator_commands(log: CheckedLog) -> Array:

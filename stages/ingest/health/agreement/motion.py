@@ -55,7 +55,10 @@ from auvid.stages.number_format import percent, significant
 
 LEAST_EXPLAINED = 0.6
 SURE_GAIN_SD = 0.25
-LEAST_GAIN = -0.3
+LEAST_GAIN, LARGEST_GAIN = -0.3, -3.0
+"""Gains of a velocity with a wrong sign; beyond, the part of an axis is so small in the
+whole that its gain takes up what others leave.
+"""
 LAGS_S = np.round(np.arange(-30, 31) * 0.1, 1)
 LAG_GAIN = 0.1
 """A lag must explain so much more of the depth rate than none does."""
@@ -102,7 +105,7 @@ class Evidence:
         for axis, gain, sd in zip(axes, gains.gain, gains.sd, strict=True):
             if sd > SURE_GAIN_SD * max(1.0, abs(gain)):
                 continue
-            if gain + CLEAR * sd < 0.0 and gain < LEAST_GAIN:
+            if gain + CLEAR * sd < 0.0 and LARGEST_GAIN < gain < LEAST_GAIN:
                 words = f"{what} with a gain of {gain:.2f}"
                 self.against.setdefault(axis, []).append(words)
 
@@ -118,7 +121,7 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
     joined = list(joined_otherwise(log))
     exchanged = [] if joined else list(exchanged_answers(log, response))
     if not joined and not exchanged:
-        exchanged = list(turned_answers(log, response))
+        exchanged = list(turned_answers(log))
     yield from joined
     if exchanged:
         yield from exchanged

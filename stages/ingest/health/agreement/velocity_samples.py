@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.identification.checks.signal_checks import slow_speed
 from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
 from auvid.stages.number_format import significant
@@ -14,6 +15,8 @@ from auvid.stages.number_format import significant
 LEAP_M_S, LEAP_SPREADS = 1.0, 10.0
 """An outlier is so far from the median of five samples, and so many times what most are."""
 UNDER_WAY_M_S = 0.05
+LONGEST_ZERO_S = 2.0
+"""Zeros that last longer are a rest, or a sensor that is stuck, which has its own check."""
 FEWEST_SAMPLES, FEWEST_RUNS = 50, 3
 
 
@@ -22,7 +25,7 @@ def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("velocity") or log.tables["velocity"].num_rows < FEWEST_SAMPLES:
         return
     values = log.values("velocity", LINEAR_VELOCITY)
-    leaps, zeros = _leaps(values), _zeros(values)
+    leaps, zeros = _leaps(values), _zeros(log.t_s("velocity"), values)
     share = float(np.mean(leaps | zeros))
     if share <= limit("velocity_outliers"):
         return
@@ -57,15 +60,22 @@ def _leaps(values: Array) -> Mask:
     return np.asarray((off > np.maximum(LEAP_M_S, LEAP_SPREADS * usual)).any(axis=1))
 
 
-def _zeros(values: Array) -> Mask:
-    """Return the samples (n,) of runs of zeros in all axes between ones under way."""
+def _zeros(t_s: Array, values: Array) -> Mask:
+    """Return the samples (n,) of short runs of zeros in all axes between ones under way.
+
+    Zeros that begin and end at a usual change are a rest.
+    """
     zero = (values == 0.0).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
-    speed = np.linalg.norm(np.nan_to_num(values), axis=1)
+    speed = np.abs(np.nan_to_num(values)).max(axis=1)
+    least = max(UNDER_WAY_M_S, slow_speed(values))
     runs = [
         (first, end)
         for first, end in edges.reshape(-1, 2)
-        if first > 0 and end < len(zero) and min(speed[first - 1], speed[end]) > UNDER_WAY_M_S
+        if first > 0
+        and end < len(zero)
+        and t_s[end] - t_s[first - 1] <= LONGEST_ZERO_S
+        and min(speed[first - 1], speed[end]) > least
     ]
     between = np.zeros(len(zero), dtype=np.bool_)
     for first, end in runs if len(runs) >= FEWEST_RUNS else ():

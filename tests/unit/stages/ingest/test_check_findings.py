@@ -297,6 +297,13 @@ def _slow_velocity(log: Log) -> None:
     log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] + 800_000
 
 
+@spoils("commands_one_tone")
+def _one_sine(log: Log) -> None:
+    swing = 200.0 * np.sin(2.0 * np.pi * 0.2 * log.t_s("actuators"))
+    for number in range(1, 9):
+        log.streams["actuators"][f"pwm_{number}_us"] = np.round(1500.0 + swing)
+
+
 @spoils("command_late")
 def _slow_commands(log: Log) -> None:
     log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] + 900_000

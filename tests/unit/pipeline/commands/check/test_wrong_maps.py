@@ -29,6 +29,7 @@ from auvid.hydro.identification.signals.pose.frames import (
     quaternion_of_euler,
 )
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
+from auvid.pipeline.commands.new import new_example
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
@@ -684,6 +685,91 @@ def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
     ]
     assert hit, [(item["id"], item["text"], item["remedy"]) for item in stopping]
     assert mistakes()[name] in [item["id"] for item in hit]
+
+
+def driven(pulses: npt.NDArray[np.float64], seed: int) -> Case:
+    """The example under other pulses (n, 4), each held as long as its simulation holds them."""
+    case, rng = copy.deepcopy(_example()), np.random.default_rng(seed)
+    state = new_example.simulate(case.vehicle, pulses)
+    values = [
+        0.1 * np.arange(len(pulses)),
+        *pulses.T,
+        *(np.degrees(state[:, 9:]) + rng.normal(0.0, 0.05, (len(pulses), 3))).T,
+        *(state[:, 3:6] + rng.normal(0.0, 0.002, (len(pulses), 3))).T,
+        state[:, 8] + rng.normal(0.0, 0.005, len(pulses)),
+        *(state[:, :3] + rng.normal(0.0, 0.002, (len(pulses), 3))).T,
+    ]
+    case.files["run.csv"] = dict(zip(case.files["run.csv"], values, strict=True))
+    return case
+
+
+def sines(hertz: float, seed: int, *, hold_s: float) -> npt.NDArray[np.float64]:
+    """Pulses (900, 4) of one frequency, whose steps are held for a time."""
+    hold, phase = round(10.0 * hold_s), np.random.default_rng(seed).uniform(0.0, 6.28, 4)
+    angle = 2.0 * np.pi * hertz * 0.1 * np.arange(0, 900, hold)[:, None] + phase
+    return np.repeat(1500.0 + np.array([220.0, 220.0, 220.0, 110.0]) * np.sin(angle), hold, axis=0)
+
+
+def sticks(count: int, seed: int) -> npt.NDArray[np.float64]:
+    """Deflections (count, 4) of three seconds each."""
+    steps = np.random.default_rng(seed).uniform(-250.0, 250.0, (count // 30, 4))
+    return np.repeat(steps * [1.0, 1.0, 1.0, 0.5], 30, axis=0)
+
+
+def weighty(case: Case) -> list[str]:
+    """The findings of a log but for notes."""
+    return [item["id"] for item in case.findings() if item["severity"] != "note"]
+
+
+@pytest.mark.parametrize(("hertz", "seed"), [(0.03, 0), (0.1, 3), (0.15, 4), (0.4, 7)])
+def test_sines_of_one_frequency_say_nothing_of_order_and_clock(
+    hertz: float, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(new_example, "HOLD_S", 0.1)
+    findings = driven(sines(hertz, seed, hold_s=0.1), seed).findings()
+    assert [item["id"] for item in findings if item["severity"] != "note"] == []
+    (note,) = [item for item in findings if item["id"] == "commands_one_tone"]
+    assert f"{hertz:g}"[:3] in note["text"]
+
+
+def test_pulses_of_one_frequency_that_are_turned_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(new_example, "HOLD_S", 0.1)
+    case = driven(sines(0.1, 3, hold_s=0.1), 3)
+    data(lambda pulse: 3000.0 - pulse, *PULSES)(case)
+    assert "response_sign" in weighty(case)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_slow_waves_of_the_outputs_are_no_wrong_clock(seed: int) -> None:
+    assert weighty(driven(sines(0.03, seed, hold_s=3.0), seed)) == []
+
+
+def test_sway_that_a_turn_makes_is_no_wrong_sign() -> None:
+    """Surge times yaw rate accelerates it more than its thruster."""
+    moving = (np.arange(2400) % 150 < 75)[:, None]
+    assert weighty(driven(1500.0 + moving * sticks(2400, 3), 3)) == []
+
+
+@pytest.mark.parametrize("threshold", [0.05, 0.1])
+def test_a_vehicle_at_rest_has_no_outliers(threshold: float) -> None:
+    """Its velocity log writes 0 below a threshold."""
+    case = driven(1500.0 + (np.arange(2400) % 150 < 75)[:, None] * sticks(2400, 3), 3)
+    values = case.files["run.csv"]
+    still = np.max([np.abs(values[name]) for name in "uvw"], axis=0) < threshold
+    assert np.mean(still) > 0.2
+    for name in "uvw":
+        values[name] = np.where(still, 0.0, values[name])
+    assert weighty(case) == []
+
+
+def test_a_roll_that_goes_on_beyond_a_turn_is_legal() -> None:
+    case = copy.deepcopy(_example())
+    values = case.files["run.csv"]
+    turning = np.clip(0.5 * (values["time_s"] - 30.0), 0.0, 8.0 * np.pi)
+    values["roll_deg"] = values["roll_deg"] + np.degrees(turning)
+    assert np.abs(values["roll_deg"]).max() > 1000.0
+    texts = [item["text"] for item in case.findings() if item["id"] == "impossible_values"]
+    assert texts == []
 
 
 def test_the_documentation_lists_these_mistakes() -> None:
