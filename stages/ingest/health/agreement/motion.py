@@ -20,7 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     position_gains,
     velocity_lag,
 )
-from auvid.hydro.identification.checks.response import Response
+from auvid.hydro.identification.checks.response import Response, tone_share
 from auvid.stages.columns import (
     ATTITUDE,
     GYRO,
@@ -67,6 +67,8 @@ SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
 axis or both have the wrong sign.
 """
 ROUNDING = 1e-6
+LARGEST_TONE = 0.8
+"""Share of the power of a depth rate that one frequency may have."""
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -378,6 +380,9 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     if lag is None:
         return
     at, there, zero = lag
+    rate = np.gradient(log.column("depth", "depth_m"), log.t_s("depth"))
+    if at and tone_share(log.t_s("depth"), rate[:, None])[1] > LARGEST_TONE:
+        return  # lags repeat with the period
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
     if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > LAG_GAIN:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
