@@ -393,18 +393,18 @@ def response_gains(
     *,
     lags_s: ArrayLike = (0.0, 0.1, 0.2, 0.3),
     width_s: float = 0.5,
-    beside: Array | None = None,
+    coupled: Array | None = None,
 ) -> AxisGains | None:
     """Return the gain of actuator forces over mass (n, k) in one motion's rate (m,).
 
     d(nu)/dt = g a + d nu + e nu |nu| + f b + c over windows of 0.5 s, at the lag behind
-    the commands that explains most; the gains of a only. b (m, l): terms `beside`, whose
+    the commands that explains most; the gains of a only. b (m, l): terms `coupled`, whose
     part is taken off before the share that is explained. Positive where axis, actuators
     and signs agree, also under feedback, which the drag terms alone would turn around.
     """
     best: AxisGains | None = None
     parts = np.column_stack([motion, motion * np.abs(motion)])
-    taken = np.zeros((len(motion), 0)) if beside is None else beside
+    taken = np.zeros((len(motion), 0)) if coupled is None else coupled
     parts = np.hstack([taken, parts])
     for lag in np.asarray(lags_s, dtype=np.float64):
         start = max(t_force[0], t_motion[0])

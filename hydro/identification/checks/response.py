@@ -84,7 +84,7 @@ def response_lag(
 
 
 def tone_share(t_command: ArrayLike, command: ArrayLike) -> tuple[float, float]:
-    """Return the strongest frequency [Hz] of commands (n, k), and its share of their power.
+    """Return the strongest frequency of commands (n, k) [Hz] and its share of power.
 
     Of the spectra of all commands together, a moving mean over 10 s taken off, by a Hann
     window. Two numbers, amplitude and phase, describe a linear answer to one frequency:

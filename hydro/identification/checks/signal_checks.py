@@ -104,7 +104,7 @@ def repeats(values: ArrayLike) -> Repeats:
 
 
 def slow_speed(velocity: ArrayLike) -> float:
-    """Return a speed along one axis at which a vehicle (n, 3) may come to rest or start.
+    """Return a speed along an axis at which a vehicle (n, 3) may rest or start.
 
     Four usual changes from sample to sample, or twice the smallest speed that is written:
     some sensors write zero below a threshold.

@@ -79,13 +79,13 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
 def _motion_windows(
     motions: list[tuple[Array, Array]], turns: list[Array | None], at: Array
 ) -> WindowMotion:
-    """Return changes and drag of motions (times, values) over windows, turns beside."""
+    """Return changes of motions (times, values) over windows, and drag and turns."""
     changes, drag = [], []
-    for (t, motion), beside in zip(motions, turns, strict=True):
+    for (t, motion), coupled in zip(motions, turns, strict=True):
         first, last = (np.interp(side, t, motion) for side in (at, at + ORDER_WINDOW_S))
         changes.append(last - first)
         terms = np.column_stack([motion, motion * np.abs(motion)])
-        terms = terms if beside is None else np.hstack([terms, beside])
+        terms = terms if coupled is None else np.hstack([terms, coupled])
         drag.append(integrals(t, terms, at, ORDER_WINDOW_S))
     return WindowMotion(np.column_stack(changes), drag)
 

@@ -94,13 +94,13 @@ def push_responses(log: CheckedLog, axes: str = "uvwpqr") -> Iterator[tuple[str,
             angle = log.column("attitude", ATTITUDE[axis - 3])
             force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
         at = log.t_s(stream)
-        gains = response_gains(t_s, force, at, motion, beside=coupling(log, axis, at))
+        gains = response_gains(t_s, force, at, motion, coupled=coupling(log, axis, at))
         if gains is not None:
             yield "uvwpqr"[axis], gains
 
 
 def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:
-    """Return products (n, k) of velocities and rates at times, which accelerate an axis.
+    """Return products (n, k) of velocities and rates that accelerate an axis.
 
     Those of surge and sway are the same, so that a turned velocity has them too.
     """
@@ -154,7 +154,7 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
     turns = coupling(log, 0, at)
     crossed = [
         response_gains(
-            t_s, pushed[:, [1 - axis]], at, body_motion(log, "velocity", name), beside=turns
+            t_s, pushed[:, [1 - axis]], at, body_motion(log, "velocity", name), coupled=turns
         )
         for axis, name in enumerate(LINEAR_VELOCITY[:2])
     ]
@@ -208,9 +208,9 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
         return
     if shares[best] < TURNED_SHARE:
         return
-    beside = coupling(log, 0, at)
+    coupled = coupling(log, 0, at)
     with_turns, as_it_is = (
-        sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, angle, beside))
+        sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, angle, coupled))
         for angle in (candidates[best], 0.0)
     )
     if with_turns - as_it_is < TURNS_GAP:
@@ -238,16 +238,16 @@ def _turned_gains(
     at: Array,
     speed: Array,
     angle: float | Array,
-    beside: Array | None = None,
+    coupled: Array | None = None,
 ) -> list[AxisGains]:
-    """Return the gains of surge and sway of a velocity (m, 2) turned by an angle [rad]."""
+    """Return gains of surge and sway of a velocity (m, 2) turned by an angle."""
     cosine, sine = np.cos(angle), np.sin(angle)
     turned = (
         cosine * speed[:, 0] - sine * speed[:, 1],
         sine * speed[:, 0] + cosine * speed[:, 1],
     )
     gains = [
-        response_gains(t_s, pushed[:, [axis]], at, motion, beside=beside)
+        response_gains(t_s, pushed[:, [axis]], at, motion, coupled=coupled)
         for axis, motion in enumerate(turned)
     ]
     return [item for item in gains if item is not None]
@@ -278,8 +278,8 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
         forces = thruster_forces(thrusters, pulses)
         moving = forces[:, np.ptp(forces, axis=0) > 0.0]
         at, motion = log.t_s(stream), body_motion(log, stream, names[axis])
-        beside = coupling(log, "uvwpqr".index(axis), at)
-        gains = response_gains(t_s, moving, at, motion, beside=beside)
+        coupled = coupling(log, "uvwpqr".index(axis), at)
+        gains = response_gains(t_s, moving, at, motion, coupled=coupled)
         if gains is None or gains.explained < DRIVEN:
             continue
         share = response[axis].explained / gains.explained

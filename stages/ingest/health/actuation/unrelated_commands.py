@@ -59,7 +59,7 @@ def unrelated_commands(log: CheckedLog) -> Iterator[Finding]:
 
 
 def one_tone(log: CheckedLog) -> Iterator[Finding]:
-    """Yield commands that swing at one frequency, to which any order and lag fits."""
+    """Yield commands of one frequency, to which any order and lag fits."""
     if log.under_water is False or not log.has("actuators"):
         return
     commands = actuator_commands(log)

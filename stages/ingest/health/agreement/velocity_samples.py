@@ -61,7 +61,7 @@ def _leaps(values: Array) -> Mask:
 
 
 def _zeros(t_s: Array, values: Array) -> Mask:
-    """Return the samples (n,) of short runs of zeros in all axes between ones under way.
+    """Return the samples (n,) of short runs of zeros between ones under way.
 
     Zeros that begin and end at a usual change are a rest.
     """
