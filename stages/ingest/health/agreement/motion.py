@@ -67,8 +67,10 @@ SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
 axis or both have the wrong sign.
 """
 ROUNDING = 1e-6
-LARGEST_TONE = 0.8
-"""Share of the power of a depth rate that one frequency may have."""
+LARGEST_TONE, SURE_OF_TONE = 0.8, 0.98
+"""Share of the power of a depth rate that one frequency may have, or else the part of it
+that a lag must explain.
+"""
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -381,7 +383,8 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
         return
     at, there, zero = lag
     rate = np.gradient(log.column("depth", "depth_m"), log.t_s("depth"))
-    if at and tone_share(log.t_s("depth"), rate[:, None])[1] > LARGEST_TONE:
+    tonal = at and tone_share(log.t_s("depth"), rate[:, None])[1] > LARGEST_TONE
+    if tonal and there < SURE_OF_TONE:
         return  # lags repeat with the period
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
     if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > LAG_GAIN:
