@@ -158,6 +158,8 @@ def _unwrapped(columns: Columns) -> bool:
 
     Its steps are small, and pitch is one of radians.
     """
+    if "theta_rad" not in columns:
+        return False
     phi, theta = (columns[name].astype(np.float64) for name in ("phi_rad", "theta_rad"))
     steep, leaps = np.abs(theta) > STEEPEST_RAD, np.abs(np.diff(phi)) > LARGEST_ROLL_STEP_RAD
     return phi.size > 1 and max(steep.mean(), leaps.mean()) < DAMAGED_SHARE
