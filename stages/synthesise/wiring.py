@@ -14,7 +14,12 @@ from auvid.hydro.identification.fleet.thruster_strength import (
     ThrusterStrength,
     thruster_strengths,
 )
-from auvid.hydro.identification.fleet.wiring import CERTAIN, WiringFault, wiring_fault
+from auvid.hydro.identification.fleet.wiring import (
+    CERTAIN,
+    WiringFault,
+    missing_thruster,
+    wiring_fault,
+)
 from auvid.stages.columns import VELOCITY, clock, force_columns
 from auvid.stages.presentation import Block, remark
 from auvid.stages.synthesise.training import LegTables
@@ -38,11 +43,13 @@ def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
     fault = wiring_fault(parts, vehicle.thrusters.allocation)
     if fault is not None:
         return [remark(_words(fault, vehicle.thrusters.outputs), "warning")]
-    return [
-        remark(_strength_words(item, vehicle.thrusters.outputs), "warning")
-        for item in strengths(parts, vehicle)
-        if item.verdict in ("weak", "dead")
-    ]
+    weak = [item for item in strengths(parts, vehicle) if item.verdict in ("weak", "dead")]
+    if weak:
+        return [
+            remark(_strength_words(item, vehicle.thrusters.outputs), "warning") for item in weak
+        ]
+    fault = missing_thruster(parts, vehicle.thrusters.allocation)
+    return [] if fault is None else [remark(_missing_words(fault, vehicle), "warning")]
 
 
 def thruster_legs(
@@ -111,4 +118,16 @@ def _words(fault: WiringFault, outputs: tuple[int, ...]) -> str:
         f"Thruster output {numbers[0]} looks reversed: with its force the other way{why}. Check"
         f" its direction (MOT_{numbers[0]}_DIRECTION of the autopilot, which a log brings, else"
         " actuators.thrusters.direction in the vehicle file)."
+    )
+
+
+def _missing_words(fault: WiringFault, vehicle: Vehicle) -> str:
+    assert vehicle.thrusters is not None
+    output = vehicle.thrusters.outputs[fault.outputs[0] - 1]
+    return (
+        f"Thruster output {output} looks dead or reversed: without its force"
+        f" {100.0 * fault.gain:.0f} % of what the thrusters leave unexplained on its axes goes"
+        f" (logarithm of the likelihood {fault.log_ratio:.1f}; named from {CERTAIN:.1f}). Which of"
+        " the two the log does not tell, as another thruster always pushes with it: check its"
+        " propeller, its direction, and the order of the outputs."
     )

@@ -1,4 +1,4 @@
-"""Whether two thruster outputs are exchanged, or one thruster acts backward.
+"""Whether outputs are exchanged, and which thruster acts backward, or not at all.
 
 The force that the motion needs, F = tau_bar + B f, is compared with B' f for the
 allocation B as it stands and for each that an exchange of two of its columns, or one
@@ -21,7 +21,7 @@ together, by the autocorrelation of what is left: the largest of all axes, of bo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -47,6 +47,10 @@ off the origin, which position feedback answers, of 5 N / 2 s to 20 N / 10 s; 1 
 """
 STRENGTHS = (0.0, 0.25, 0.5, 0.75, 1.5)
 """Strengths of one thruster that compete with a fault of the wiring."""
+MISSING_GAIN = 0.4
+"""As `LEAST_GAIN`, for a thruster without which the motion is explained: uneven and weak
+ones explain less.
+"""
 LEAST_GAIN = 0.05
 """Least part of what is left as it stands that a fault must explain, mean of the axes."""
 LEAST_CORRELATION = 0.05
@@ -57,7 +61,7 @@ LEAST_OF_AXIS = 1e-3
 
 @dataclass(frozen=True)
 class WiringFault:
-    """Outputs, counted from 1: two that are exchanged, or one that acts backward.
+    """Outputs, counted from 1: two exchanged, or one that acts backward or not at all.
 
     `gain`: part of the squared residual that goes with the fault, mean of the axes it
     concerns; `log_ratio`: logarithm of its likelihood over that of the best explanation
@@ -98,28 +102,51 @@ class _Axis:
 
 def wiring_fault(legs: Sequence[ThrusterLeg], allocation: Array) -> WiringFault | None:
     """Return the fault of wiring or allocation (6, m) that the legs show, or None."""
-    allocations = _faulty(allocation)
-
     sound = [allocation, *_uneven(allocation)]
+    fault = _likeliest(legs, allocation, _faulty(allocation), sound)
+    return fault if fault is not None and fault.gain > LEAST_GAIN else None
+
+
+def missing_thruster(legs: Sequence[ThrusterLeg], allocation: Array) -> WiringFault | None:
+    """Return the one thruster without which the motion is explained, or None.
+
+    Where it always pushes as another does, a dead and a reversed one are the same: the
+    other seems twice as strong.
+    """
+    without: dict[tuple[int, ...], Array] = {
+        (i + 1,): allocation * (np.arange(allocation.shape[1]) != i)
+        for i in range(allocation.shape[1])
+    }
+    fault = _likeliest(legs, allocation, without, [allocation])
+    return fault if fault is not None and fault.gain > MISSING_GAIN else None
+
+
+def _likeliest(
+    legs: Sequence[ThrusterLeg],
+    allocation: Array,
+    faulty: Mapping[tuple[int, ...], Array],
+    sound: Sequence[Array],
+) -> WiringFault | None:
+    """Return the likeliest fault where it is certain beside the best of the sound."""
 
     def least(lagged: tuple[list[_Axis], Ints]) -> float:
-        return min(_cost(lagged[0], each) for each in (*sound, *allocations.values()))
+        return min(_cost(lagged[0], each) for each in (*sound, *faulty.values()))
 
     axes, block = min((_axes(legs, allocation, lag_s) for lag_s in LAGS_S), key=least)
     if int(block[-1]) + 1 < FEWEST_BLOCKS:
         return None
-    left = {outputs: _residuals(axes, each) for outputs, each in allocations.items()}
+    left = {outputs: _residuals(axes, each) for outputs, each in faulty.items()}
     outputs = min(left, key=lambda key: _log_det(left[key]))
     as_is, changed = _residuals(axes, allocation), left[outputs]
     best = min((_residuals(axes, each) for each in sound), key=_log_det)
     better = np.bincount(block, _log_density(changed) - _log_density(best))
     rest = block != np.argmax(better)
     ratio = min(_log_ratio(best, changed, kept) for kept in (np.ones_like(rest), rest))
-    concerned = np.any(allocation != allocations[outputs], axis=1)
+    concerned = np.any(allocation != faulty[outputs], axis=1)
     squares, others = (np.sum(each[concerned] ** 2, axis=1) for each in (as_is, changed))
     gain = float(np.mean(1.0 - others / np.maximum(squares, 1e-300)))
-    fault = WiringFault(outputs, gain, ratio - float(np.log(len(allocations))))
-    return fault if fault.gain > LEAST_GAIN and fault.log_ratio > CERTAIN else None
+    fault = WiringFault(outputs, gain, ratio - float(np.log(len(faulty))))
+    return fault if fault.log_ratio > CERTAIN else None
 
 
 def _residuals(axes: Sequence[_Axis], allocation: Array) -> Array:

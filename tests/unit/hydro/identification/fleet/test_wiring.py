@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from auvid.data_schemas.yaml_text import read_yaml
@@ -14,7 +15,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterLeg
-from auvid.hydro.identification.fleet.wiring import wiring_fault
+from auvid.hydro.identification.fleet.wiring import missing_thruster, wiring_fault
 
 ROOT = Path(__file__).parents[5]
 HEAVY: Any = vehicle_from_document(
@@ -93,3 +94,27 @@ def test_a_leg_that_shows_nothing_names_nothing() -> None:
     assert wiring_fault([leg(wiring, noise=1000.0, drive=0.1)], B) is None
     short = leg(wiring)
     assert wiring_fault([ThrusterLeg(*(part[:200] for part in vars(short).values()))], B) is None
+
+
+@pytest.mark.parametrize(("logged", "named"), [(1.0, None), (0.7, None), (-1.0, (3,))])
+def test_a_thruster_that_never_pushes_alone_and_is_logged_reversed_is_missing(
+    logged: float, named: tuple[int, ...] | None
+) -> None:
+    """Two vertical thrusters with one command: the other seems to do it all by itself."""
+    pair = np.zeros((6, 3))
+    pair[0, 0], pair[2, 1:], pair[4, 1:] = 1.0, 1.0, (-0.6, 0.55)
+    random, t_s = np.random.default_rng(3), np.arange(0.0, 150.0, 0.1)
+    smooth = np.sin(t_s[:, None] * random.uniform(0.2, 2.0, 8) + random.uniform(0.0, 6.0, 8))
+    thrust, nu = 15.0 * smooth[:, [6, 7, 7]], 0.3 * smooth[:, :6]
+    scatter = random.standard_normal(nu.shape) * [2.0, 2.0, 2.0, 0.3, 0.3, 0.3]
+    force = -20.0 * nu - 40.0 * nu * np.abs(nu) + thrust @ pair.T + scatter
+    pulses = thrust * [1.0, 1.0, logged]
+    fault = missing_thruster([ThrusterLeg(t_s, nu, force - pulses @ pair.T, pulses)], pair)
+    assert (fault and fault.outputs) == named
+
+
+def test_uneven_thrusters_and_a_tether_make_none_missing() -> None:
+    strengths = np.array([1.0, 0.5, 1.0, 0.9, 1.0, 1.0, 0.4, 1.1])
+    for seed in range(5):
+        assert missing_thruster([leg(B * strengths, seed=seed)], B) is None
+        assert missing_thruster([dive(seed, strengths, tether_N=20.0, tether_s=4.0)], B) is None
