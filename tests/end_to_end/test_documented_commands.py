@@ -35,12 +35,16 @@ LEFT_OUT = {
     r"auvid report bluerov2_dvl bluerov2_dvl_csv": "needs another run (test_runs_page.py)",
     r"auvid report .*--compare": "needs an earlier run (test_look_back.py)",
     r"auvid report .*--history": "needs an earlier run (test_runs_page.py)",
+    r"auvid (new campaign towfish|run towfish)": "other logs (test_passive.py)",
+    r"auvid run mydive ": "needs workers (test_dask.py)",
+    r"auvid (fleet|catalog) ": "runs dives (test_fleet_run.py, test_expression.py, test_cli.py)",
+    r"auvid --(install|show)-completion": "is of the shell (test_completion.py)",
     r"\. \.venv/bin/activate": "changes the shell",
     r"make campaign NAME=example": "through DVC (test_engines.py)",
 }
 """Pattern of a command -> why it is not run here, and which test runs its like."""
 SHORTER = {
-    r"auvid run (harbour|example)$": " --until ingest",
+    r"auvid run (harbour|example|myglider)$": " --until ingest",
     r"auvid export .* --to draws": " --draws 20",
 }
 """Pattern -> words that make a command short."""
@@ -77,6 +81,7 @@ def give_logs(folder: Path) -> None:
     """Put the logs that the documents name into a folder."""
     log = next((ROOT / "campaigns" / DIVE / "logs").glob("*.BIN"))
     shutil.copy(log, folder / "dive.BIN")
+    shutil.copy(ROOT / "campaigns/slocum_glide/logs/dive.csv", folder / "glider.csv")
     (folder / "dive.csv").write_text(own_log(), encoding="utf-8")
     (folder / "columns").mkdir()
     column_map = blocks(documents()["docs/howto/own_csv.md"], "yaml")[0]

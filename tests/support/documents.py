@@ -14,6 +14,8 @@ ROOT = Path(__file__).resolve().parents[2]
 GENERATED = "Written by `make declarations`"
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 INDENTED = re.compile(r"(?:^ {4}(?:auvid|make|\. |cd |dvc ).*\n(?:^ {4}\S.*\n)*)", re.MULTILINE)
+PROMPTED = re.compile(r"^(?:\$ )?(auvid (?!.*\[--).*)$", re.MULTILINE)
+"""Commands in blocks of text and of a terminal, without those that show a syntax."""
 INLINE = re.compile(r"`((?:auvid|make) [^`]+)`")
 LINK = re.compile(r"!?\[[^\]]*(?:\[[^\]]*\][^\]]*)?\]\(([^)\s]+)\)")
 
@@ -40,12 +42,14 @@ def blocks(text: str, language: str) -> list[str]:
 
 
 def commands(document: str) -> Iterator[Command]:
-    """Yield the commands of a document's shell blocks, comments taken off."""
+    """Yield the commands of a document's blocks, comments taken off."""
     text = documents()[document]
     without = FENCE.sub("", text)
     shell = blocks(text, "sh") + [
         re.sub("^ {4}", "", block, flags=re.MULTILINE) for block in INDENTED.findall(without)
     ]
+    for language in ("text", "console"):
+        shell += ["\n".join(PROMPTED.findall(block)) for block in blocks(text, language)]
     for block in shell:
         for line in block.splitlines():
             if line := re.sub(r"(?:^|\s+)#.*$", "", line).strip():
