@@ -40,6 +40,10 @@ class VehicleDocument(Model):
     """What a reader of the report should know."""
     licence: str | None = None
     """Under which terms the numbers may be passed on, where they are another's."""
+    guessed: str | None = None
+    """Why a campaign was given this vehicle where no log names one; whoever has made the
+    file that of the vehicle deletes the line.
+    """
     environment: EnvironmentEntry
     """Water and gravity."""
     rigid_body: RigidBodyEntry

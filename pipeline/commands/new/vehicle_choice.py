@@ -102,7 +102,7 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     if log.has("glider"):
         text = _of_glider(_annotated(SHIPPED_VEHICLES / "slocum.yaml", log), log)
         why = "figures of a Slocum: the log names no glider"
-        return VehicleChoice("slocum", why, text, guessed=True)
+        return VehicleChoice("slocum", why, _as_guess(text, why), guessed=True)
     if log.has("tow"):
         why = "a body under tow: its masses turn drag over mass into newtons"
         return VehicleChoice("vehicle", why, _skeleton(log, ""))
@@ -120,13 +120,19 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     driven = driven_outputs(log)
     if frame is None and len(driven) in MOTORS_OF_VEHICLE:
         name = MOTORS_OF_VEHICLE[len(driven)]
-        return VehicleChoice(
-            name,
-            f"guessed, {len(driven)} outputs are driven and the log names no frame",
-            _annotated(SHIPPED_VEHICLES / f"{name}.yaml", log),
-            guessed=True,
-        )
+        why = f"{len(driven)} outputs are driven and the log names no frame"
+        text = _as_guess(_annotated(SHIPPED_VEHICLES / f"{name}.yaml", log), why)
+        return VehicleChoice(name, f"guessed, {why}", text, guessed=True)
     return _unknown(log, driven, frame)
+
+
+def _as_guess(text: str, why: str) -> str:
+    """Return the text of a vehicle file that says of itself that it is a guess."""
+    line = (
+        "# check: delete the next line when mass and actuators are those of your vehicle\n"
+        f'guessed: "{why}"\n'
+    )
+    return re.sub(r"^(origin: )", line + r"\1", text, count=1, flags=re.MULTILINE)
 
 
 def _of_glider(text: str, log: CheckedLog) -> str:

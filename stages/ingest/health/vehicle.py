@@ -144,8 +144,11 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
 
 
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield findings on firmware, simulators, parameters, other vehicles."""
+    """Yield findings on firmware, simulators, parameters and guessed vehicles."""
     info = log.info
+    if log.vehicle is not None and log.vehicle.document.guessed:
+        text = f"The vehicle file is that of {log.vehicle.title}, a guess:"
+        yield finding("vehicle_guessed", f"{text} {log.vehicle.document.guessed}.")
     messages = sorted(name for name in info.counts if SIMULATOR.match(name))
     if messages:
         yield finding("simulated", f"The log holds messages of a simulator: {', '.join(messages)}.")

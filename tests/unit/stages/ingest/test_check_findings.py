@@ -417,6 +417,13 @@ def _absolute_pressure(log: Log) -> None:
     log.streams["depth"]["depth_m"] = depth_m - depth_m.min() + 10.1
 
 
+@spoils("vehicle_guessed")
+def _guess(log: Log) -> None:
+    document = copy.deepcopy(vehicle_document("remus100"))
+    document["guessed"] = "8 outputs are driven and the log names no frame"
+    log.vehicle = vehicle_from_document(document)
+
+
 @spoils("hull_volume")
 def _pounds(log: Log) -> None:
     document = copy.deepcopy(vehicle_document("remus100"))
