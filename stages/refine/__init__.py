@@ -28,6 +28,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import added_mass_change
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import DIVERGES
 from auvid.hydro.identification.maximum_likelihood.output_error import WINDOW_S
 from auvid.hydro.identification.maximum_likelihood.records import LegRecord, rough_sd
 from auvid.hydro.identification.regression.least_squares import CONSTANT
@@ -46,6 +47,19 @@ MISSED = 3.0
 which on they are said to be missed: 1 to 2.8 where a fit converges, 8 under the unsteady
 force of the twin of the VT 690.
 """
+
+REMEDIES = {
+    "output_error": (
+        "Set stages.refine.estimator: filter_error, or a shorter stages.refine.window_s; a model"
+        " within limits (a structure, stages.synthesise.damping: dissipative) has a start that"
+        " loses energy."
+    ),
+    "filter_error": (
+        "Refine a model within limits (a structure, stages.synthesise.damping: dissipative): its"
+        " start loses energy."
+    ),
+}
+"""What helps where the motion diverges at the card of synthesise, by estimator."""
 
 
 @dataclass(frozen=True)
@@ -114,6 +128,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         try:
             fit = _fit(inputs, params, card, legs)
         except DataError as fault:
+            if fault.message == DIVERGES:
+                fault.remedy = REMEDIES[params.estimator]
             warnings.append(_kept(card, str(fault)))
             continue
         if fit.estimate.word != "converged":

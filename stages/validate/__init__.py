@@ -303,7 +303,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             cards,
             covered,
             outside,
-            [*free_run_blocks(free_run, titles), *cause_blocks(causes, free_run, titles), *plots],
+            [
+                *free_run_blocks(free_run, titles, causes),
+                *cause_blocks(causes, free_run, titles),
+                *plots,
+            ],
             first=flight_parts,
             failed_ratio=params.failed_ratio,
         ),

@@ -9,8 +9,10 @@ import numpy as np
 
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS
 from auvid.stages.columns import ATTITUDE, VELOCITY
+from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import Block, panel, plot, series, symbol, table, unit_of, view
 from auvid.stages.validate.flight import HIGH, LEVEL, LOW, NAMES, FreeFlight, ModelDraws
 
@@ -111,10 +113,16 @@ def _moved_words(card: ModelCard, draws: ModelDraws) -> str:
 def _cause_words(flights: Sequence[FreeFlight]) -> str:
     """Return what grows in the first lost draw; nothing where nothing grows."""
     cause = next((flight.cause for flight in flights if flight.cause is not None), None)
-    if cause is None or cause.rate <= 0.0:
+    words = "" if cause is None else growth_words(cause)
+    return f" (in the first {words})" if words else ""
+
+
+def growth_words(cause: Growth) -> str:
+    """Return what grows: `roll grows at 5.1 1/s, mostly by K_p`; or nothing."""
+    if cause.rate <= 0.0:
         return ""
-    term = f", mostly by {cause.cause}" if cause.cause else ""
-    return f" (the first in {cause.axis}, which grows at {cause.rate:.2g} 1/s{term})"
+    words = f"{AXIS_WORDS[cause.axis]} grows at {cause.rate:.2g} 1/s"
+    return words + (f", mostly by {cause.cause}" if cause.cause else "")
 
 
 def flight_views(name: str, segments: Sequence[str]) -> list[dict[str, Any]]:

@@ -29,13 +29,15 @@ from auvid.stages.presentation import (
     unit_of,
     view,
 )
-from auvid.stages.validate.flight_presentation import flight_views
+from auvid.stages.validate.flight_presentation import flight_views, growth_words
 from auvid.stages.validate.tables import ALL, Errors, RangeCovered, mean_force_errors
 
 LAYOUT = {"validation": "McCarter Table 5.1", "training": "McCarter Table 5.2"}
 CONSTANT_TITLE = "constant alone"
 REFERENCE_TITLES = {PERSISTENCE: "no change (persistence)", REST: "no motion"}
 """The reference row: the mean force of the training legs and no model."""
+FEW_LOST = 2
+"""Models whose warning says what grows in them; of more of them a table does."""
 MOTIONS = dict(zip(VELOCITIES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 FAILED_RATIO = 1.0
 OUTSIDE_SHARE = 0.05
@@ -192,10 +194,12 @@ def _range_blocks(covered: Mapping[str, RangeCovered], outside: Array) -> list[B
     return blocks
 
 
-def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]:
+def free_run_blocks(
+    results: pa.Table, titles: Mapping[str, str], causes: Mapping[str, Growth]
+) -> list[Block]:
     """Return a table per segment of the runs that stayed bounded.
 
-    One warning names the models that left the bounds.
+    One warning names the models that left the bounds, and what grows in them.
     """
     rows = results.to_pylist()
     units = [(symbol(name), unit_of("free_run", name)) for name in NAMES]
@@ -228,10 +232,11 @@ def free_run_blocks(results: pa.Table, titles: Mapping[str, str]) -> list[Block]
         if cells:
             blocks.append(table(title, heads, cells, note=note))
     free = [row for row in rows if not row["as_measured"]]
-    lost = [title for model, title in titles.items() if _is_lost(model, free)]
+    lost = [model for model in titles if _is_lost(model, free)]
     if lost:
         words = f"Run freely, {len(lost)} of {len(titles)} models leave all bounds (10 m/s or 10"
-        words += f" rad/s): {', '.join(lost)}."
+        explained = causes if len(lost) <= FEW_LOST else {}
+        words += f" rad/s): {', '.join(_with_growth(name, explained, titles) for name in lost)}."
         blocks.insert(0, remark(words, "warning"))
     return fold("Free runs of every model", blocks)
 
@@ -264,6 +269,12 @@ def cause_blocks(
 
 def _put_in(velocities: str) -> str:
     return ", ".join(MOTIONS[name] for name in velocities.split())
+
+
+def _with_growth(model: str, causes: Mapping[str, Growth], titles: Mapping[str, str]) -> str:
+    """Return the title of a lost model and what grows: `Linear (roll grows ...)`."""
+    words = growth_words(causes[model]) if model in causes else ""
+    return titles[model] + (f" ({words})" if words else "")
 
 
 def _is_lost(model: str, rows: Sequence[Mapping[str, Any]]) -> bool:

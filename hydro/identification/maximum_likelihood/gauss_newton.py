@@ -18,6 +18,7 @@ from auvid.hydro.arrays import Array, Mask
 FIRST_DAMPING, SMALLEST_DAMPING, LARGEST_DAMPING = 1e-4, 1e-12, 1e8
 FELT_DAMPING = 0.1
 """Least damping after a step that failed: less would hardly shorten it."""
+DIVERGES = "the motion diverges at the starting values"
 LEAST_CURVATURE = 0.2
 """A secant counts with at least this share of the expected curvature."""
 GAIN = 0.05
@@ -111,7 +112,7 @@ def maximise(
     here = evaluate(common, local, True)
     if not np.isfinite(here.objective):
         raise DataError(
-            "the motion diverges at the starting values",
+            DIVERGES,
             remedy="Choose shorter windows, filter error, or damped starting coefficients.",
         )
     objectives, damping, word = [here.objective], FIRST_DAMPING, "no convergence"

@@ -58,6 +58,9 @@ def flown() -> tuple[pa.Table, pa.Table]:
     return make_table("fused", {"t_s": t, **columns}), make_table("controls", controls)
 
 
+GROWS = Growth(3.0, "N", "N_r", 3.2)
+
+
 def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, float]]) -> pa.Table:
     table = run_segment(
         VEHICLE,
@@ -89,14 +92,14 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
 
 def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Table]) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
-    blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
+    blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"}, {"wild": GROWS})
     (remark,) = (block for block in blocks if block["kind"] == "remark")
     words = remark["text"]
     assert remark["level"] == "warning"
     assert "1 of 2 models" in words
-    assert "Wild" in words
+    assert "Wild (yaw grows at 3 1/s, mostly by N_r)" in words
     assert "True" not in words
-    (why,) = cause_blocks({"wild": Growth(3.0, "N", "N_r", 3.2)}, results, {"wild": "Wild"})
+    (why,) = cause_blocks({"wild": GROWS}, results, {"wild": "Wild"})
     first = min(value for value in column(results, "first_divergence_s") if np.isfinite(value))
     assert why["rows"] == [["Wild", first, "N", 3.0, "N_r", 3.2]]
 
@@ -105,7 +108,7 @@ def test_horizons_that_no_run_reaches_are_one_warning_and_no_rows(
     flown: tuple[pa.Table, pa.Table],
 ) -> None:
     results = table_of(flown, true=STABLE, wild=UNSTABLE)
-    blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"})
+    blocks = free_run_blocks(results, {"true": "True", "wild": "Wild"}, {"wild": GROWS})
     table = next(block for block in blocks if block["kind"] == "table")
     lost = sum(
         row["model"] == "wild" and row["diverged"] == row["starts"] for row in results.to_pylist()
@@ -131,4 +134,4 @@ def test_a_segment_shorter_than_every_horizon_gives_no_rows(
         minimum_speed=0.05,
     )
     assert runs is None
-    assert free_run_blocks(free_run_table({}, ["true"]), {}) == []
+    assert free_run_blocks(free_run_table({}, ["true"]), {}, {}) == []

@@ -179,7 +179,7 @@ def test_lost_draws_leave_the_band_open_above() -> None:
         "coe", card({}), {"a": flight}, {"a": segment_document("a", "validation")},
         ModelDraws(models, *none), window_s=8.0,
     )[-1]["note"]  # fmt: skip
-    assert "10 diverged (the first in X, which grows at" in note
+    assert "10 diverged (in the first surge grows at" in note
     assert "mostly by X_u)" in note
     assert np.isinf(flight.high[-1, 0])
     assert np.isfinite(flight.low[-1, 0])

@@ -306,6 +306,7 @@ def test_a_start_that_diverges_is_named(twin: refine.Inputs) -> None:
     )
     assert refined.model_card == {}
     assert "The motion diverges at the starting values" in warned(refined)
+    assert "Set stages.refine.estimator: filter_error" in warned(refined)
 
 
 @pytest.mark.parametrize(("share", "missed"), [(0.5, False), (8.0, True)])
