@@ -2,12 +2,18 @@
 
     python -m benchmarks.fleet_figures selection
     python -m benchmarks.fleet_figures lengths --dives 100 --fleets 500
+    python -m benchmarks.fleet_figures next --fleets 5000
+    python -m benchmarks.fleet_figures together --fleets 400
 
 `selection`: fleets of dives with unequal errors (standard deviation .4 of their
 logarithm) whose true figure is 2 to 8 of them; coverage of the 95 % interval of the mean
 where dives that call the figure identified are pooled, and where all are, shown from two
 such dives on. `lengths`: how often fleets without a change have an alarm, by their number of
-dives, at the limit of ten dives and at that of their length. Each line has the 95 % interval
+dives, at the limit of ten dives and at that of their length. `next`: how often a further dive
+shows what its interval holds, by dives and by share of the variance between them; with the
+level of the product and at 95 % of the weights. `together`: a change of all drags after five
+of ten dives among twenty figures, found within five dives with and without the drag of all
+axes, and false alarms. Each line has the 95 % interval
 of its share (Clopper and Pearson).
 """
 
@@ -18,15 +24,18 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from scipy.special import betaincinv
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.fleet.alarms import FALSE_ALARMS, alarm_limit, change_odds
+from auvid.hydro.identification.fleet.drag import common_drag
+from auvid.hydro.identification.fleet.pooling import outside_share
 from auvid.hydro.identification.fleet.scatter import between_dives
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
+from auvid.pipeline.commands.fleet.report.vehicle_figures import ALL_DRAGS, SHARES
 
 FLEETS = 2000
 
@@ -114,8 +123,70 @@ def lengths(dives: int, fleets: int) -> Iterator[str]:
                 )
 
 
+def next_dive(fleets: int) -> Iterator[str]:
+    """Yield the coverage of the interval of the next dive, error of the next one unknown."""
+    for dives in (3, 4, 5, 6, 8, 10, 20):
+        for i2 in (0.0, 0.1, 0.3, 0.5, 0.75, 0.9, 0.98):
+            random = np.random.default_rng([31, dives, round(100 * i2)])
+            every = unequal(random, (fleets, dives + 1), np.sqrt((1.0 - i2) / np.exp(0.32)))
+            values = np.sqrt(i2) * random.standard_normal(every.shape)
+            values += every * random.standard_normal(every.shape)
+            errors = every[:, :-1]
+            scatter = between_dives(values[:, :-1], errors)
+            below = scatter.next_dive_share(values[:, -1], np.sqrt(np.mean(errors**2, axis=-1)))
+            words = [
+                share((below > 0.5 * outside) & (below < 1.0 - 0.5 * outside))
+                for outside in (outside_share(scatter, errors, 0.05), 0.05)
+            ]
+            yield f"{dives} dives, share between dives {i2}: {words[0]}, of the weights {words[1]}"
+
+
+CHANGES: dict[str, tuple[Sequence[float], Sequence[float], float]] = {
+    "none, six axes, all of it errors": ([0.05] * 6, [0.0] * 6, 0.0),
+    "none, six axes": ([0.05] * 6, [0.0] * 6, 0.9),
+    "none, axes of twins": ([0.039, 0.078, 0.127, 0.082], [0.0] * 4, 0.68),
+    "a fifth, six axes at 5 %": ([0.05] * 6, [0.2] * 6, 0.9),
+    "a fifth, six axes at 7 %": ([0.07] * 6, [0.2] * 6, 0.9),
+    "a fifth, six axes at 10 %": ([0.1] * 6, [0.2] * 6, 0.9),
+    "a fifth, two axes at 5 %": ([0.05] * 2, [0.2] * 2, 0.9),
+    "a fifth, one of six axes at 5 %": ([0.05] * 6, [0.2] + [0.0] * 5, 0.9),
+    "a fifth more hull drag of twins": (
+        [0.039, 0.078, 0.127, 0.082],
+        [0.139, 0.169, 0.142, 0.185],
+        0.68,
+    ),
+}
+"""Case -> scatter and change of the drag of each axis, share of variance between dives."""
+
+
+def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
+    """Yield how often a change is found among so many figures, and falsely."""
+    for case, (scatters, change, i2) in CHANGES.items():
+        random = np.random.default_rng(5)
+        size = np.concatenate([scatters, np.full(figures - len(scatters), 0.05)])[:, None, None]
+        shape = fleets, dives
+        errors = size * np.array(
+            [unequal(random, shape, np.sqrt((1.0 - i2) / np.exp(0.32))) for _ in size]
+        )
+        values = 1.0 + size * np.sqrt(i2) * random.standard_normal(errors.shape)
+        values += errors * random.standard_normal(errors.shape)
+        values[: len(change), :, dives // 2 :] += np.array(change)[:, None, None]
+        own = np.array([largest_odds(*pair)[:, -1] for pair in zip(values, errors, strict=True)])
+        drags = [
+            common_drag([(values[a, n], errors[a, n]) for a in range(len(change))])
+            for n in range(fleets)
+        ]
+        pairs = [pair for pair in drags if pair is not None]
+        common = largest_odds(*(np.array(part) for part in zip(*pairs, strict=True)))[:, -1]
+        without = (own > alarm_limit(FALSE_ALARMS / figures)).any(axis=0)
+        kept = SHARES[ALL_DRAGS]
+        found = (own > alarm_limit(FALSE_ALARMS * (1.0 - kept) / figures)).any(axis=0)
+        found |= common > alarm_limit(FALSE_ALARMS * kept)
+        yield f"{case}: {share(found)}, without the drag of all axes {share(without)}"
+
+
 BATCH = 25
-STUDIES = ("selection", "lengths")
+STUDIES = ("selection", "lengths", "next", "together")
 
 
 def main() -> None:
@@ -125,8 +196,13 @@ def main() -> None:
     parser.add_argument("--dives", type=int, default=100)
     parser.add_argument("--fleets", type=int, default=500)
     options = parser.parse_args()
-    of_lengths = options.study == "lengths"
-    for line in lengths(options.dives, options.fleets) if of_lengths else selection():
+    studies: dict[str, Callable[[], Iterator[str]]] = {
+        "selection": selection,
+        "lengths": lambda: lengths(options.dives, options.fleets),
+        "next": lambda: next_dive(options.fleets),
+        "together": lambda: together(options.fleets),
+    }
+    for line in studies[options.study]():
         print(line, flush=True)
 
 

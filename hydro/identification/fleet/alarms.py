@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -83,17 +84,23 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
 
 
 def change_alarms(
-    figures: Mapping[str, tuple[ArrayLike, ArrayLike]], *, false_alarms: float = FALSE_ALARMS
+    figures: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    *,
+    false_alarms: float = FALSE_ALARMS,
+    shares: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[ChangeAlarm, ...]:
     """Return the changes of figures over dives in order of time, earliest first.
 
     `figures`: name -> (values (k,), standard errors (k,)), nan where a dive has none.
-    After an alarm the dives before the change no longer count. Probabilities of false
-    alarms are shared among the figures, and the limit grows with the number of dives: of
-    any number of them without a change an alarm is as rare.
+    `shares`: name -> its share of the probability of false alarms; the other figures have
+    equal ones of the rest. After an alarm the dives before the change no longer count, and
+    the limit grows with the number of dives: of any number of them without a change an
+    alarm is as rare.
     """
+    own = {name: shares[name] for name in figures if name in shares}
+    rest = (1.0 - sum(own.values())) / max(len(figures) - len(own), 1)
     watches = [
-        _Watch(name, *map(np.asarray, pair), rate=false_alarms / len(figures))
+        _Watch(name, *map(np.asarray, pair), rate=false_alarms * own.get(name, rest))
         for name, pair in figures.items()
     ]
     alarms: list[ChangeAlarm] = []

@@ -15,6 +15,13 @@ from itertools import chain
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.scatter import between_dives, typical_error
+
+FEWEST_DIVES = 3
+"""Of an axis that counts in the drag of all: two have no scatter."""
+MOST_SCATTER = 0.5
+"""Of one dive, over the mean: an axis that scatters more does not count."""
 TRADING = 0.95
 """Correlation from which on two terms are one figure: each has 3.2 times the error that
 it would have, were the other one sure. Normal velocities about rest have -.92.
@@ -80,6 +87,42 @@ def drag_at_speed(
                    for b, cell in zip(g, row, strict=True))  # fmt: skip
     force = -sum(a * value for a, value in zip(g, own, strict=True))
     return DragAtSpeed(speed, force, math.sqrt(variance), trade)
+
+
+def common_drag(drags: Sequence[tuple[Array, Array]]) -> tuple[Array, Array] | None:
+    """Return the drag of all axes over its mean (k,), and its standard errors (k,).
+
+    drags: values and standard errors (k,) of each axis, nan where a dive has none. With
+    m_a the mean of an axis and v_a = (tau_a^2 + s_a^2) / m_a^2,
+
+        y_i = sum_a (y_ai / m_a) / v_a / sum_a 1 / v_a
+
+    over the axes that dive i has. What changes the drag of the hull changes all of them
+    by like shares, and their scatter averages out. None for fewer than two axes.
+    """
+    k = max((len(values) for values, _ in drags), default=0)
+    total, moment, variance = np.zeros((3, k))
+    count = 0
+    for values, errors in drags:
+        there = np.isfinite(values) & np.isfinite(errors)
+        if there.sum() < FEWEST_DIVES:
+            continue
+        y, s = values[there], errors[there]
+        tau = float(between_dives(y, s).tau_reml)
+        own = 1.0 / (s**2 + tau**2)
+        mean = float(own @ y / own.sum())
+        scatter = math.hypot(tau, float(typical_error(s)))
+        if scatter > MOST_SCATTER * mean:
+            continue
+        weight = (mean / scatter) ** 2
+        count += 1
+        total[there] += weight
+        moment[there] += weight * y / mean
+        variance[there] += (weight * s / mean) ** 2
+    if count < 2:
+        return None
+    with np.errstate(invalid="ignore"):  # dives without any
+        return moment / total, np.sqrt(variance) / total
 
 
 def common_speed(conditions: Sequence[Mapping[str, float]], axis: str) -> float:

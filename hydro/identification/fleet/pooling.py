@@ -12,11 +12,15 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.models import FactorRecord
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.fleet.scatter import between_dives, typical_error
+from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives, typical_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
 
 FEWEST_DIVES = 3
 """Two dives say nothing of a scatter between dives."""
+MOST_OUTSIDE, OUTSIDE_OF_ONE = 3.2, 16.0
+"""By how much the weights of scatter are too wide where nothing shows any (decision 0062):
+so many times the stated share lies outside, and so many over the number of dives.
+"""
 
 Interval = tuple[float, float]
 
@@ -28,9 +32,8 @@ class PooledFigure:
     dives: with a number. mean and its interval. tau: scatter between dives (REML) and its
     interval. i2: share of the scatter of estimates that is between dives. q, q_p:
     Cochran's Q and the probability of so large a Q without scatter. next_dive: interval
-    of what a further dive shows with the standard error `next_error` (0: of its true
-    figure). Intervals are None for two dives, and `refusal` says why; mean and tau are
-    then those of the estimates.
+    of what a further dive shows with the standard error `next_error`. Intervals are None
+    for two dives, and `refusal` says why; mean and tau are then those of the estimates.
     """
 
     dives: int
@@ -48,12 +51,14 @@ class PooledFigure:
 
 
 def pool(
-    values: ArrayLike, errors: ArrayLike, *, next_error: float = 0.0, level: float = 0.95
+    values: ArrayLike, errors: ArrayLike, *, next_error: float | None = None, level: float = 0.95
 ) -> PooledFigure:
     """Return what dives with values (k,) and standard errors (k,) agree on.
 
-    A dive without a number has nan and is left out. Raises `DataError` for fewer than
-    two dives with a number and for a standard error that is not positive.
+    next_error: of a further dive; None is the root mean square of these dives, 0 asks for
+    the interval of its true figure. A dive without a number has nan and is left out.
+    Raises `DataError` for fewer than two dives with a number and for a standard error that
+    is not positive.
 
     >>> print(pool([10.0, 11.0, 9.0], [1.0, 1.0, 1.0]).mean)
     10.0
@@ -71,10 +76,14 @@ def pool(
 
     own = 1.0 / (s**2 + tau**2)
     tails = (0.5 * (1.0 - level), 0.5 * (1.0 + level))
+    error = float(np.sqrt(np.mean(s**2))) if next_error is None else next_error
+    outside = float(outside_share(scatter, s, 1.0 - level)) if error else 1.0 - level
+    next_tails = (0.5 * outside, 1.0 - 0.5 * outside)
     enough = len(y) >= FEWEST_DIVES
     low, high = (
         [(float(scatter.mean_quantile(p)), float(scatter.tau_quantile(p)),
-          float(scatter.next_dive_quantile(p, next_error))) for p in tails]
+          float(scatter.next_dive_quantile(n, error)))
+         for p, n in zip(tails, next_tails, strict=True)]
     )  # fmt: skip
     return PooledFigure(
         dives=len(y),
@@ -86,12 +95,26 @@ def pool(
         i2=tau**2 / (tau**2 + float(typical_error(s)) ** 2),
         q=q,
         q_p=float(gammaincc(0.5 * (len(y) - 1), 0.5 * q)),
-        next_error=next_error,
+        next_error=error,
         next_dive=(low[2], high[2]) if enough else None,
         refusal=""
         if enough
         else f"{len(y)} dives: no interval; the scatter between dives needs {FEWEST_DIVES}",
     )
+
+
+def outside_share(scatter: BetweenDives, errors: ArrayLike, share: float) -> Array:
+    """Return the share (...) of the weights that lies outside where `share` of dives does.
+
+    errors (..., k): of the dives so far. Dives whose scatter is within their errors cannot
+    show that there is none, and weights on all that it may be are too wide: where most of
+    the weight is on a tau below the typical error, more of it is left out.
+    """
+    s = np.asarray(errors, dtype=np.float64)
+    small = scatter.tau < typical_error(s)[..., None]
+    unseen = np.clip(2.0 * (scatter.weight * small).sum(axis=-1) - 1.0, 0.0, 1.0)
+    factor = max(1.0, min(MOST_OUTSIDE, OUTSIDE_OF_ONE / s.shape[-1]))
+    return np.asarray(share * (1.0 + (factor - 1.0) * unseen))
 
 
 def numbers_of(values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    ALL_DRAGS,
     COLUMNS,
     VehicleFigures,
     in_time,
@@ -168,7 +169,7 @@ def _agreed(vehicles: Sequence[VehicleFigures]) -> str:
         changed = {alarm.figure for alarm in each.alarms}
         for item in each.figures:
             pooled = each.pooled[item.name]
-            if item.name in changed or not item.name.startswith("drag"):
+            if item.name in (*changed, ALL_DRAGS) or not item.name.startswith("drag"):
                 continue
             if pooled.next_dive is not None:
                 words.append(
@@ -335,7 +336,8 @@ def _figures_section(
     heads += ["pooled", "95 % of the mean", "tau", ("I2", "%"), "95 % of the next dive"]
     note = (
         "Random effects: tau is the scatter between dives, I2 the share of all scatter that is"
-        " between dives. The last interval is that of the true figure of a further dive."
+        " between dives. The last interval is that of what a further dive will show, if it is"
+        " as sure as these."
     )
     kept = [place < KEPT_ROWS for place in range(len(single))]
     return section(

@@ -13,7 +13,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
-from auvid.hydro.identification.fleet.drag import drag_at_speed, drag_terms
+from auvid.hydro.identification.fleet.drag import common_drag, drag_at_speed, drag_terms
 from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
 from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
 from auvid.hydro.identification.fleet.trend import FEWEST_DIVES as FEWEST_OF_TREND
@@ -35,6 +35,9 @@ NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited
 """Verdicts on what is no dive's own: repeated, it would count as many measurements."""
 FEWEST_DIVES = 2
 """Of a figure: with a number, and that call it identified."""
+ALL_DRAGS = "drag of all axes over its mean"
+SHARES = {ALL_DRAGS: 0.3}
+"""Of the probability of false alarms: what fouls a hull shows in all axes (decision 0062)."""
 COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
 COLUMNS += ["verdict", "correlation"]
 """Of table `coefficients`: what is read of it."""
@@ -163,7 +166,7 @@ def _of_vehicle(
         name: (np.where(placed, values, np.nan), errors)
         for name, (values, errors) in watched.items()
     }
-    alarms = change_alarms(in_order) if in_order else ()
+    alarms = change_alarms(in_order, shares=SHARES) if in_order else ()
     changed = {alarm.figure for alarm in alarms}
     days = [_day(row) for row in dives]
     trends = {name: _trend(days, *pair) for name, pair in watched.items() if name not in changed}
@@ -185,7 +188,7 @@ def _of_vehicle(
 
 
 def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
-    """Yield drag at a common speed, then the other figures that two dives determine.
+    """Yield drag at a common speed, of all axes, and other figures that two dives determine.
 
     Two dives decide that a figure is shown; all dives that measure it count in it.
     """
@@ -193,6 +196,9 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
     place = {log: index for index, log in enumerate(logs)}
     drags = list(_drags(rows, dives, place))
     yield from (item for _, item in drags)
+    together = common_drag([(item.values, item.errors) for _, item in drags])
+    if together is not None:
+        yield DiveFigure(ALL_DRAGS, "1", logs, *together)
     within = {(axis, term) for axis, _ in drags for term in drag_terms(axis)}
     units: dict[str, str] = {}
     cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)

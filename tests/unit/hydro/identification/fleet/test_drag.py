@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from auvid.hydro.identification.fleet.drag import common_speed, drag_at_speed
+from auvid.hydro.identification.fleet.alarms import change_alarms
+from auvid.hydro.identification.fleet.drag import common_drag, common_speed, drag_at_speed
+from auvid.hydro.identification.fleet.scatter import between_dives
 
 TERMS = ("v", "r", "v*|v|", "constant")
 
@@ -46,3 +48,36 @@ def test_one_term_or_none() -> None:
 
 def test_common_speed_is_that_of_the_middle_dive() -> None:
     assert common_speed([{"v": 0.2}, {"v": 0.9}, {"v": 0.3}], "Y") == 0.3
+
+
+def test_drag_of_all_axes_is_the_mean_of_shares_by_their_scatter() -> None:
+    surge = np.array([10.0, 11.0, 9.0, 10.0]), np.full(4, 0.5)
+    yaw = np.array([2.0, 1.6, np.nan, 2.4]), np.full(4, 0.1)
+    drag = common_drag([surge, yaw, (np.array([1.0, -5.0, 4.0, 1.0]), np.full(4, 0.1))])
+    assert drag is not None
+    parts = []
+    for y, s in ((surge[0], 0.5), (yaw[0][[0, 1, 3]], 0.1)):
+        variance = float(between_dives(y, np.full(len(y), s)).tau_reml) ** 2 + s**2
+        parts.append((y.mean(), y.mean() ** 2 / variance))
+    (m, w), (n, v) = parts
+    values = [(w * y / m + v * z / n) / (w + v) for y, z in zip(surge[0], yaw[0], strict=True)]
+    values[2] = surge[0][2] / m
+    assert_allclose(drag[0], values)
+    assert_allclose(drag[1][0], np.hypot(w * 0.5 / m, v * 0.1 / n) / (w + v))
+    assert_allclose(drag[1][2], 0.5 / m)
+    assert common_drag([surge]) is None
+
+
+def test_drag_of_all_axes_shows_a_change_that_no_axis_does() -> None:
+    random = np.random.default_rng(4)
+    change = np.where(np.arange(10) < 5, 1.0, 1.2)
+    drags = {
+        axis: (mean * change * (1.0 + 0.08 * random.standard_normal(10)), np.full(10, 0.03 * mean))
+        for axis, mean in (("X", 9.0), ("Y", 14.0), ("N", 1.5), ("M", 2.0))
+    }
+    drag = common_drag(list(drags.values()))
+    assert drag is not None
+    assert change_alarms(drags) == ()
+    (alarm,) = change_alarms({"all": drag, **drags}, shares={"all": 0.3})
+    assert (alarm.figure, alarm.first_dive) == ("all", 5)
+    assert 0.12 < alarm.share < 0.28

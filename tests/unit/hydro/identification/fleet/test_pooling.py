@@ -13,7 +13,7 @@ from statsmodels.stats.meta_analysis import combine_effects
 from auvid.data_schemas.errors import DataError, PipelineError
 from auvid.data_schemas.records.models import FactorRecord
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.fleet.pooling import merged_factor, pool
+from auvid.hydro.identification.fleet.pooling import merged_factor, outside_share, pool
 from auvid.hydro.identification.fleet.scatter import between_dives, typical_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 
@@ -78,14 +78,29 @@ def test_scale_and_origin_do_not_matter() -> None:
 
 
 @pytest.mark.parametrize("dives", [3, 4, 5, 10])
-@pytest.mark.parametrize("tau", [1.0, 3.0])
+@pytest.mark.parametrize("tau", [0.0, 1.0, 3.0])
 def test_the_interval_of_the_next_dive_holds(dives: int, tau: float) -> None:
-    values, errors, further, error = fleets(2000, dives, tau, seed=dives)
-    share = between_dives(values, errors).next_dive_share(further, error)
-    coverage = np.mean((share > 0.025) & (share < 0.975))
+    """Also without scatter, where weights of scatter alone hold in up to 99 %."""
+    values, errors, further, _ = fleets(2000, dives, tau, seed=dives)
+    scatter = between_dives(values, errors)
+    outside = outside_share(scatter, errors, 0.05)
+    share = scatter.next_dive_share(further, np.sqrt(np.mean(errors**2, axis=-1)))
+    coverage = np.mean((share > 0.5 * outside) & (share < 1.0 - 0.5 * outside))
     # Three standard errors of 2000 fleets are .015; few dives are on the safe side.
     assert coverage > 0.93
-    assert coverage < (0.975 if dives >= 5 else 1.0)
+    assert coverage < (0.97 if dives >= 5 else 1.0)
+
+
+def test_the_next_dive_is_taken_to_be_as_sure_as_these() -> None:
+    pooled = pool(VALUES, ERRORS)
+    assert pooled.next_error == pytest.approx(np.sqrt(np.mean(ERRORS**2)))
+    assert pooled == pool(VALUES, ERRORS, next_error=pooled.next_error)
+    true = pool(VALUES, ERRORS, next_error=0.0)
+    assert pooled.next_dive is not None
+    assert true.next_dive is not None
+    scatter = between_dives(VALUES, ERRORS)
+    assert_allclose(true.next_dive, [scatter.next_dive_quantile(p) for p in (0.025, 0.975)])
+    assert np.ptp(pooled.next_dive) > np.ptp(true.next_dive)
 
 
 def test_a_dive_without_a_number_is_left_out() -> None:
