@@ -180,9 +180,9 @@ def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
         common = largest_odds(*(np.array(part) for part in zip(*pairs, strict=True)))[:, -1]
         without = (own > alarm_limit(FALSE_ALARMS / figures)).any(axis=0)
         kept = SHARES[ALL_DRAGS]
-        found = (own > alarm_limit(FALSE_ALARMS * (1.0 - kept) / figures)).any(axis=0)
-        found |= common > alarm_limit(FALSE_ALARMS * kept)
-        yield f"{case}: {share(found)}, without the drag of all axes {share(without)}"
+        raised = (own > alarm_limit(FALSE_ALARMS * (1.0 - kept) / figures)).any(axis=0)
+        raised |= common > alarm_limit(FALSE_ALARMS * kept)
+        yield f"{case}: {share(raised)}, without the drag of all axes {share(without)}"
 
 
 BATCH = 25

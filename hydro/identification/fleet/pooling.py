@@ -104,7 +104,7 @@ def pool(
 
 
 def outside_share(scatter: BetweenDives, errors: ArrayLike, share: float) -> Array:
-    """Return the share (...) of the weights that lies outside where `share` of dives does.
+    """Return the share (...) of the weights to leave out where `share` of dives is.
 
     errors (..., k): of the dives so far. Dives whose scatter is within their errors cannot
     show that there is none, and weights on all that it may be are too wide: where most of

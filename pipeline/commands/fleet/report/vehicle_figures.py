@@ -188,7 +188,7 @@ def _of_vehicle(
 
 
 def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
-    """Yield drag at a common speed, of all axes, and other figures that two dives determine.
+    """Yield drag at a common speed, of all axes, then other figures of two dives.
 
     Two dives decide that a figure is shown; all dives that measure it count in it.
     """
