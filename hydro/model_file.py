@@ -21,6 +21,7 @@ from auvid.data_schemas.records.model_file import (
     ThrusterFigures,
 )
 from auvid.data_schemas.records.models import InertiaCard
+from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.propeller import Propeller
 from auvid.hydro.dynamics.actuators.thrusters import Thrusters
@@ -32,7 +33,7 @@ from auvid.hydro.dynamics.viscous.basis import eta_ratio
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import added_mass_change, added_mass_unknown
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from auvid.hydro.partial_model import figures_in_unit, in_unit_of_mass
+from auvid.hydro.partial_model import figures_in_unit, in_unit_of_mass, with_inertia_shares
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def vehicle_of(model: ModelFile) -> Vehicle:
     In the unit of mass of the file. Raises `DataError` where `dynamics` is not what
     follows from it.
     """
-    vehicle = vehicle_from_document(model.vehicle)
+    vehicle = with_fitted_shares(vehicle_from_document(model.vehicle), model.partial)
     change, screw = fitted_change(model.fitted_inertia), model.dynamics.propeller
     dynamics = dynamics_of(
         vehicle,
@@ -150,6 +151,12 @@ def vehicle_of(model: ModelFile) -> Vehicle:
             )
     vehicle = replace(vehicle, added_mass=vehicle.added_mass + change)
     return vehicle if unit is None else in_unit_of_mass(vehicle, unit)
+
+
+def with_fitted_shares(vehicle: Vehicle, partial: PartialFigures | None) -> Vehicle:
+    """Return the vehicle with the ratios of inertia that a partial model has fitted."""
+    shares = {} if partial is None else partial.inertia_shares
+    return with_inertia_shares(vehicle, {axis: item.value for axis, item in shares.items()})
 
 
 def frames(origin: str) -> FramesEntry:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -41,6 +41,18 @@ def in_unit_of_mass(vehicle: Vehicle, axis: str) -> Vehicle:
         fins=None,
         propeller=None,
     )
+
+
+def with_inertia_shares(vehicle: Vehicle, shares: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle whose inertia of axes is these times that of its file.
+
+    M_A,ii - (share - 1) M_ii: the rigid body stays.
+    """
+    added = vehicle.added_mass.copy()
+    for axis, share in shares.items():
+        place = AXES.index(axis)
+        added[place, place] -= (share - 1.0) * apparent_inertia(vehicle, axis)
+    return replace(vehicle, added_mass=read_only(added))
 
 
 def with_righting_moment(vehicle: Vehicle, moment: float, unit_of_mass: str | None) -> Vehicle:

@@ -166,12 +166,22 @@ class DisplacedMass(Model):
     """What the data say."""
 
 
+class InertiaShare(Model):
+    """A ratio of apparent inertias over that of the vehicle file."""
+
+    value: float
+    """The factor."""
+    interval_95: list[float]
+    """Ends of its 95 % interval."""
+
+
 class PartialFigures(Model):
     """Axes that a model has and lacks, and its unit of mass."""
 
     unit_of_mass: Axis | None
     """Null: kg. Else the apparent inertia of this axis is 1 and every mass, inertia, force
-    and coefficient of the file is a share of it; ratios of inertia are the vehicle file's.
+    and coefficient of the file is a share of it; ratios of inertia are the vehicle file's,
+    times `inertia_shares`.
     """
     axes: dict[Axis, AxisSource]
     """Axes that it has."""
@@ -189,5 +199,9 @@ class PartialFigures(Model):
     """Absent where the logs give none: that of the vehicle file then acts."""
     cross_forces: list[CrossForce] = Field(default_factory=list)
     """Forces that follow those of other axes; absent where none was fitted."""
+    inertia_shares: dict[Axis, InertiaShare] = Field(default_factory=dict)
+    """By what the apparent inertia of axes over that of the first of them differs from the
+    vehicle file's, as their Coriolis force tells; absent where nothing was fitted together.
+    """
     displaced: DisplacedMass | None = None
     """Absent where the logs give none: that of the vehicle file then acts."""

@@ -30,7 +30,7 @@ from auvid.stages.fit_axes.fitted import ArmChoice, AxisFits, AxisMotion
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import RATE_OF, fit_section, fit_views
-from auvid.stages.fit_axes.scaling import scaled
+from auvid.stages.fit_axes.scaling import fitted_vehicle, scaled
 from auvid.stages.free_run import NAMES, PERSISTENCE
 
 RMS_OF = dict(zip(VELOCITY, NAMES[:6], strict=True))
@@ -149,7 +149,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         inputs.campaign.get("fill") or {},
         FillSources(inputs.shelf or {}, {item.file: item for item in benches}),
         fitted=[item.axis for item in fits.fitted],
-        vehicle=inputs.vehicle,
+        vehicle=fitted_vehicle(fits, inputs.vehicle),
         unit_of_mass=forces.unit_of_mass,
     )
     card = model_card(fits, forces, filled, inputs.vehicle)

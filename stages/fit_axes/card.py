@@ -40,7 +40,7 @@ from auvid.stages.fit_axes.fitted import (
     Lacking,
     Together,
 )
-from auvid.stages.fit_axes.scaling import ScaledAxes
+from auvid.stages.fit_axes.scaling import ScaledAxes, fitted_vehicle
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 NAME, TITLE = "axes", "Axes of the log"
@@ -96,7 +96,7 @@ def model_card(
         predictor=few_axes.predictor_of(axes),
         method="axes",
         damping="negative",
-        inertia=_inertias(by_axis, scaled, vehicle),
+        inertia=_inertias(by_axis, scaled, fitted_vehicle(fits, vehicle)),
         partial=partial_figures(fits, scaled, filled),
     )
 
@@ -130,6 +130,10 @@ def partial_figures(
             "gains": _gains(fits, scaled) if fits.normalised else [],
             **({} if scaled.scale is None else {"scale": scaled.scale}),
             **({} if fits.together is None else {"together": _together(fits.together)}),
+            "inertia_shares": {
+                axis: {"value": share, "interval_95": interval_95(share, error)}
+                for axis, (share, error) in fits.inertia_shares.items()
+            },
             **righting_and_surge(fits, scaled),
         }
     )

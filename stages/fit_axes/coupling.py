@@ -20,7 +20,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
 from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
-from auvid.hydro.identification.axes.structure import RIGHTING, SYMMETRIC
+from auvid.hydro.identification.axes.structure import INERTIA, RIGHTING, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
@@ -32,11 +32,13 @@ from auvid.stages.fit_axes.flight import (
     held_out_fits,
     judged,
 )
-from auvid.stages.fit_axes.scaling import pull_of
+from auvid.stages.fit_axes.scaling import pull_of, ratio_error
 from auvid.stages.steps import tell
 
 HORIZONTAL = "uvr"
 """Velocities that have to be measured: their products are the largest Coriolis forces."""
+SHARED = "uvwr"
+"""Velocities whose ratio of inertia is fitted: their Coriolis forces move each other."""
 FEWEST_WINDOWS = 4
 """Windows that all axes share, below which nothing is fitted together."""
 WORTH = 0.98
@@ -150,6 +152,9 @@ def _common_fit(
     bent = shape != ForceDrive(lag_s=options.lag_s)
     free = ((LAG,) if options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
     numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
+    shares: dict[str, float] = {}
+    if commands.normalised and len({of for _, of in numerators.values()}) < 2:  # ratios of the file
+        numerators, shares = {}, share_deviations(joining, vehicle, options)
 
     def fitted(
         first: Mapping[str, Sequence[float]],
@@ -163,6 +168,7 @@ def _common_fit(
             inertia=np.array([apparent_inertia(vehicle, axis) for axis in AXES]),
             numerators=numerators,
             relative_sd=options.inertia_sd,
+            share_sd=shares,
             free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
             drive=shape,
             free=free,
@@ -177,6 +183,23 @@ def _common_fit(
         by_file = fitted(first, {}, judge=False)
         first = {speed: by_file.block(speed)[0].tolist() for speed in first}
     return fitted(first, numerators, judge=True)
+
+
+def share_deviations(
+    joining: Sequence[FittedAxis], vehicle: Vehicle, options: FitOptions
+) -> dict[str, float]:
+    """Return velocity -> deviation of the factor by which its ratio of inertia is off.
+
+    To the inertia of the first axis; none where the file's is measured.
+    """
+    if options.inertia_sd == 0.0:
+        return {}
+    first = joining[0].axis
+    return {
+        item.equation.speed: max(options.inertia_sd, ratio_error(vehicle, item.axis, first))
+        for item in joining[1:]
+        if item.equation.speed in SHARED
+    }
 
 
 def common_shape(joining: Sequence[FittedAxis], lag_s: float) -> ForceDrive:
@@ -297,11 +320,22 @@ def _one_of(
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),
         righting=fit.beside_force(velocity, RIGHTING),
+        inertia_share=_share(fit, single.axis),
         **judged(
             FlownAxis(velocity, fit.pool, fit.fit), fit.held_out, using, legs,
             rms=fit.speeds[velocity],
         ),
     )  # fmt: skip
+
+
+def _share(fit: CoupledFit, axis: str) -> tuple[float, float] | None:
+    """Return the factor of the inertia of an axis and its error, or None."""
+    name = f"{axis} {INERTIA}"
+    if name not in fit.fit.names:
+        return None
+    at = fit.fit.names.index(name)
+    error = float(np.sqrt(fit.fit.covariance[at, at])) * fit.width / NORMAL_95
+    return float(fit.fit.values[at]), error
 
 
 def _equation(fit: CoupledFit, velocity: str) -> AxisEquation:

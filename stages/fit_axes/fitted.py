@@ -128,6 +128,10 @@ class FittedAxis:
     """`force`, and acceleration down by a force ahead of 1, behind the lag of the surge
     speed (`SURGE`).
     """
+    inertia_share: tuple[float, float] | None = None
+    """Its inertia over that of the first axis fitted with it, over the same of the vehicle
+    file, as Coriolis force tells, and the standard error; None where it is the file's.
+    """
     righting: AxisEquation | None = None
     """`force`, and acceleration by the sine of the angle [1/s^2] (`RIGHTING`), below 0 where
     it rights.
@@ -244,6 +248,12 @@ class AxisFits:
     legs: tuple[str, ...]
     together: Together | None = None
     markers: Markers | None = None
+
+    @property
+    def inertia_shares(self) -> dict[str, tuple[float, float]]:
+        """Return axis -> factor of its inertia in the vehicle file, and its error."""
+        every = {item.axis: item.inertia_share for item in self.fitted}
+        return {axis: share for axis, share in every.items() if share is not None}
 
     @property
     def commands(self) -> CommandForces:

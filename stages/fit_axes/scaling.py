@@ -16,7 +16,7 @@ from auvid.data_schemas.records.partial import ScaleSource
 from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import FORCE, AxisEquation, AxisForces, Inertia, as_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.partial_model import apparent_inertia
+from auvid.hydro.partial_model import apparent_inertia, with_inertia_shares
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 
 UnitChoice = Literal["pull", "mass"]
@@ -44,7 +44,9 @@ def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
     apparent inertia of the first axis, by the ratios of the vehicle file, is 1.
     """
     equations = {item.axis: item.equation for item in fits.fitted}
-    inertias = axis_inertias(equations, fits.commands, vehicle, by=by)
+    vehicle = fitted_vehicle(fits, vehicle)
+    shares = {axis: error / share for axis, (share, error) in fits.inertia_shares.items()}
+    inertias = axis_inertias(equations, fits.commands, vehicle, by=by, shares=shares)
     forces = {axis: as_forces(item, inertias[axis]) for axis, item in equations.items()}
     first = next(iter(equations))
     pulled = fits.commands.pulled(equations)
@@ -68,6 +70,12 @@ def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
     return ScaledAxes(forces, inertias, unit, scale)
 
 
+def fitted_vehicle(fits: AxisFits, vehicle: Vehicle) -> Vehicle:
+    """Return the vehicle with the ratios of inertia that its fits give."""
+    shares = {axis: share for axis, (share, _) in fits.inertia_shares.items()}
+    return with_inertia_shares(vehicle, shares)
+
+
 def pull_of(axis: str, pulled: str, commands: CommandForces) -> float | None:
     """Return the force of a full command: measured, or tied to axis `pulled`.
 
@@ -87,17 +95,28 @@ def axis_inertias(
     vehicle: Vehicle,
     *,
     by: UnitChoice,
+    shares: Mapping[str, float],
 ) -> dict[str, Inertia]:
-    """Return the apparent inertia of each axis, as `scaled` has it."""
+    """Return the apparent inertia of each axis, as `scaled` has it.
+
+    shares: axis -> relative error of its ratio of inertia, where the vehicle has fitted ones.
+    """
     if not commands.normalised:
         return dict.fromkeys(equations, Inertia(1.0, 1))
     if by == "pull" and commands.pulled(equations) is not None:
-        return {axis: _by_pull(axis, equations, commands, vehicle) for axis in equations}
+        return {axis: _by_pull(axis, equations, commands, vehicle, shares) for axis in equations}
     in_file = {axis: apparent_inertia(vehicle, axis) for axis in equations}
     if by == "mass":
-        return {a: Inertia(m, 0, inertia_error(vehicle, a)) for a, m in in_file.items()}
+        first = next(iter(equations))
+        errors = {
+            axis: float(np.hypot(inertia_error(vehicle, first), shares[axis]))
+            if axis in shares
+            else inertia_error(vehicle, axis)
+            for axis in equations
+        }
+        return {axis: Inertia(mass, 0, errors[axis]) for axis, mass in in_file.items()}
     unit = in_file[next(iter(equations))]
-    return {axis: Inertia(mass / unit, 0) for axis, mass in in_file.items()}
+    return {axis: Inertia(m / unit, 0, shares.get(axis, 0.0)) for axis, m in in_file.items()}
 
 
 def _by_pull(
@@ -105,10 +124,11 @@ def _by_pull(
     equations: Mapping[str, AxisEquation],
     commands: CommandForces,
     vehicle: Vehicle,
+    shares: Mapping[str, float],
 ) -> Inertia:
-    """Return the inertia of an axis by its pull, the layout, or the file's ratio.
+    """Return the inertia of an axis by its pull, the layout, or a ratio.
 
-    The ratio has the error that the spreads of the vehicle file give it.
+    A fitted ratio has its own error, that of the file the one that its spreads give it.
     """
     relative_sd = vehicle.spreads.get("thrust", 0.0)
     pulled = commands.pulled(equations)
@@ -121,6 +141,8 @@ def _by_pull(
     gain = equation.value(FORCE)
     mass = pull / gain * apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
     own, ratio = equation.error(FORCE) / gain, ratio_error(vehicle, axis, pulled)
+    if axis in shares or pulled in shares:
+        ratio = float(np.hypot(shares.get(axis, 0.0), shares.get(pulled, 0.0)))
     return Inertia(mass, 0, float((relative_sd**2 + own**2 + ratio**2) ** 0.5))
 
 

@@ -37,7 +37,7 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
 from auvid.hydro.identification.regression.assumed_figures import total_error
-from auvid.hydro.model_file import dynamics_of, fitted_change, frames
+from auvid.hydro.model_file import dynamics_of, fitted_change, frames, with_fitted_shares
 from auvid.hydro.partial_model import (
     FROM_BENCH,
     FROM_SHELF,
@@ -102,6 +102,7 @@ def model_document(
     """
     lag = None if card.likelihood is None else card.likelihood.lag
     part = card.partial
+    vehicle = with_fitted_shares(vehicle, part)
     if part is not None and part.righting is not None:
         vehicle = with_righting_moment(vehicle, part.righting.value, part.unit_of_mass)
     if part is not None and part.displaced is not None:

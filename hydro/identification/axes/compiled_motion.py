@@ -16,8 +16,9 @@ from auvid.hydro.arrays import Array, Ints
 
 F = TypeVar("F", bound=Callable[..., Any])
 LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING = 0, 1, 2, 3, 4
-LINEAR_AHEAD, LINEAR_BACK, QUADRATIC_AHEAD, QUADRATIC_BACK = 5, 6, 7, 8
-"""Kinds of terms: nu, nu|nu|, an input, 1, sin s; of nu above and below 0 only."""
+LINEAR_AHEAD, LINEAR_BACK, QUADRATIC_AHEAD, QUADRATIC_BACK, SHARE = 5, 6, 7, 8, 9
+"""Kinds of terms: nu, nu|nu|, an input, 1, sin s; of nu above and below 0 only; none itself,
+but a factor of products."""
 LEAST_C = 1e-6
 """Coefficient of force below which the inertia 1 / c of a Coriolis force does not grow."""
 DIVERGED = 1e4
@@ -76,6 +77,8 @@ def _slope(
         elif kind == RESTORING:
             value = np.sin(y[k + i, 0])
             by[i, k] += theta[t] * np.cos(y[k + i, 0])
+        elif kind == SHARE:
+            value = 0.0
         elif kind != CONSTANT:
             x = nu[of]
             slope = 1.0

@@ -44,7 +44,9 @@ from auvid.hydro.identification.axes.single_axis import CONSTANT_SD, interval_wi
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import (
     FORCE,
+    INERTIA,
     INPUT,
+    SHARE,
     SYMMETRIC,
     AxisTerm,
     Structure,
@@ -103,7 +105,7 @@ class CoupledFit:
                 "another axis needs the ratios of inertia",
                 remedy="Give the apparent inertia of the vehicle.",
             )
-        ratio = float(self.inertia[VELOCITIES.index(velocity)] / self.inertia[VELOCITIES.index(of)])
+        ratio = self._fitted_inertia(velocity) / self._fitted_inertia(of)
         if scale.mass is not None:
             return Scale(mass=ratio * scale.mass, standard_error=ratio * scale.standard_error)
         assert scale.pull_N is not None
@@ -113,6 +115,13 @@ class CoupledFit:
             np.hypot(scale.standard_error / scale.pull_N, np.sqrt(covariance[2, 2]) / values[2])
         )
         return Scale(mass=float(mass), standard_error=float(mass) * relative)
+
+    def _fitted_inertia(self, velocity: str) -> float:
+        """Return the inertia of an axis with the factor that was fitted, if one was."""
+        assert self.inertia is not None
+        place, name = VELOCITIES.index(velocity), f"{AXES[VELOCITIES.index(velocity)]} {INERTIA}"
+        share = self.fit.values[self.fit.names.index(name)] if name in self.fit.names else 1.0
+        return float(self.inertia[place] * share)
 
     def physical(
         self, velocity: str, scale: Scale | None = None, *, of: str = "u"
@@ -139,6 +148,7 @@ def fit_coupled(
     inertia: Array | None = None,
     numerators: Mapping[str, tuple[float, str]] | None = None,
     relative_sd: float = 0.0,
+    share_sd: Mapping[str, float] | None = None,
     couplings: bool = False,
     drive: ForceDrive | None = None,
     free: Sequence[str] = (LAG,),
@@ -155,8 +165,8 @@ def fit_coupled(
     inertia (6,): apparent inertia of u v w p q r; its ratios give the Coriolis force, and
     where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. numerators:
     velocity -> k and velocity j whose c gives its inertia in the Coriolis force, k / c_j in
-    place of m_i. couplings:
-    linear ones that port-starboard symmetry allows, between the velocities that are
+    place of m_i. share_sd: velocity -> deviation of a factor of m_i there, which is fitted.
+    couplings: linear ones that port-starboard symmetry allows, between the velocities that are
     fitted (the noise of measured ones would enter). free: parameters of the drive that
     are fitted. restoring: roll and pitch by angles of their own. free_inertia: velocities
     whose c has no prior. first: velocity -> a, b, c, d to start from, as the fits of single
@@ -164,7 +174,7 @@ def fit_coupled(
     """
     pool = coupled_pool(
         records, velocities, inertia=inertia, numerators=numerators, relative_sd=relative_sd,
-        couplings=couplings, drive=drive or ForceDrive(), free=tuple(free),
+        share_sd=share_sd, couplings=couplings, drive=drive or ForceDrive(), free=tuple(free),
         constant_sd=constant_sd, restoring=restoring, loss=loss, window_s=window_s,
         free_inertia=free_inertia,
     )  # fmt: skip
@@ -203,6 +213,7 @@ def coupled_pool(
     window_s: float,
     free_inertia: Sequence[str] = (),
     numerators: Mapping[str, tuple[float, str]] | None = None,
+    share_sd: Mapping[str, float] | None = None,
 ) -> Pool:
     """Return the pool of a coupled fit; arguments as `fit_coupled`."""
     axes = tuple(AXES[VELOCITIES.index(velocity)] for velocity in velocities)
@@ -220,6 +231,7 @@ def coupled_pool(
             inverse=inverse,
             restoring=restoring and velocity in "pq",
             couplings=[other for other in SYMMETRIC[axis] if couplings and other in velocities],
+            share_sd=(share_sd or {}).get(velocity, 0.0),
         )
     sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
     ratios, by = inertia, {}
@@ -246,7 +258,7 @@ def one_by_one(
     terms = tuple(
         replace(term, of=0) if term.kind == INPUT else term
         for term in pool.structure.terms
-        if term.axis == axis and (term.name == velocity or term.name not in VELOCITIES)
+        if term.axis == axis and term.name not in {*VELOCITIES, INERTIA} - {velocity}
     )
     own = make_pool(
         Structure((velocity,), terms, (axis,)),
@@ -264,6 +276,7 @@ def one_by_one(
 def _start(pool: Pool, first: Mapping[str, Sequence[float]]) -> Array:
     """Return coefficients to start from: by velocity, else of the integral."""
     values = starting_values(pool)
+    values[[term.kind == SHARE for term in pool.structure.terms]] = 1.0
     for velocity, own in first.items():
         axis = AXES[VELOCITIES.index(velocity)]
         for name, value in zip((velocity, f"{velocity}|{velocity}|", FORCE, "constant"), own,

@@ -56,22 +56,37 @@ def inputs_of(
     record: AxisRecord,
     names: Sequence[str],
     drive: ForceDrive,
+    fine: Array,
     *,
     extra: Mapping[str, Array] | None = None,
 ) -> Array:
-    """Return inputs (n, m) by name: lagged forces of axes, `extra` columns as is."""
-    step = float(record.t_s[1] - record.t_s[0])
-    forces = [shaped(record.force[name], drive) for name in names if name in record.force]
+    """Return inputs (n, m) by name: lagged forces of axes, `extra` columns as is.
+
+    fine (n,): places among the nodes of the record. What acts is linear between nodes, its
+    lagged value is not; a command between two nodes acted at neither, so that dead band
+    and curve are those of the nodes.
+    """
+    step = float((record.t_s[1] - record.t_s[0]) * (fine[1] - fine[0]))
+    node = np.arange(len(record.t_s), dtype=np.float64)
+    forces = [
+        np.interp(fine, node, shaped(np.nan_to_num(record.force[name]), drive))
+        for name in names
+        if name in record.force
+    ]
     late = iter(lagged_columns(step, np.column_stack(forces), drive.lag_s).T)
     columns = [next(late) if name in record.force else (extra or {})[name] for name in names]
     return np.ascontiguousarray(np.column_stack(columns))
 
 
 def input_derivatives(
-    record: AxisRecord, names: Sequence[str], drive: ForceDrive, free: Sequence[str]
+    record: AxisRecord,
+    names: Sequence[str],
+    drive: ForceDrive,
+    fine: Array,
+    free: Sequence[str],
 ) -> Array:
     """Return derivatives (n, m, e) of `inputs_of` by free parameters of the drive."""
-    out = np.zeros((len(record.t_s), len(names), len(free)))
+    out = np.zeros((len(fine), len(names), len(free)))
     driven = [i for i, name in enumerate(names) if name in record.force]
     for e, parameter in enumerate(free):
         value = values_of(drive)[parameter]
@@ -79,7 +94,7 @@ def input_derivatives(
         half = STEPS[parameter] * (high if parameter == DEAD_BAND else value)
         ends = (max(value - half, low), min(value + half, high))
         here, there = (
-            inputs_of(record, [names[i] for i in driven], changed(drive, {parameter: end}))
+            inputs_of(record, [names[i] for i in driven], changed(drive, {parameter: end}), fine)
             for end in ends
         )
         out[:, driven, e] = (there - here) / (ends[1] - ends[0])

@@ -230,15 +230,9 @@ def loop_rows(pool: Pool, drive: ForceDrive) -> list[Array]:
         def between(column: Array, fine: Array = fine, node: Array = node) -> Array:
             return np.asarray(np.interp(fine, node, column))
 
-        # The force is linear between nodes, its lagged value is not: lag at half steps.
-        finer = replace(
-            record,
-            t_s=between(record.t_s),
-            force={name: between(np.nan_to_num(force)) for name, force in record.force.items()},
-        )
         more = {name: between(values) for name, values in extra.items()}
-        inputs = inputs_of(finer, pool.structure.inputs, drive, extra=more)
-        slopes = input_derivatives(finer, pool.structure.inputs, drive, pool.free)
+        inputs = inputs_of(record, pool.structure.inputs, drive, fine, extra=more)
+        slopes = input_derivatives(record, pool.structure.inputs, drive, fine, pool.free)
         motion_rows = [between(column) for column in (*data.nu.T, *data.turn.T)]
         out.append(
             np.ascontiguousarray(

@@ -18,6 +18,7 @@ from auvid.hydro.identification.axes.structure import (
     LINEAR,
     QUADRATIC,
     RESTORING,
+    SHARE,
     SIDES,
     AxisTerm,
 )
@@ -31,7 +32,11 @@ def starting_values(pool: Pool) -> Array:
     products, weights = pool.structure.coriolis
     out = np.zeros(len(pool.structure.terms))
     for i, place in enumerate(pool.structure.places):
-        own = [j for j, term in enumerate(pool.structure.terms) if AXES[place] == term.axis]
+        own = [
+            j
+            for j, term in enumerate(pool.structure.terms)
+            if AXES[place] == term.axis and term.kind != SHARE
+        ]
         terms = [pool.structure.terms[j] for j in own]
         matrix, target = [], []
         for window in pool.windows:
@@ -45,7 +50,8 @@ def starting_values(pool: Pool) -> Array:
             angle = data.start[nodes, len(pool.structure.places) + i]
             turning = np.zeros(len(nu))
             for (row, a, b, up, down), weight in zip(products, weights, strict=True):
-                if row == i and up < 0 and down < 0:  # others need the coefficients
+                by = [pool.structure.terms[j].kind for j in (up, down) if j >= 0]
+                if row == i and all(kind == SHARE for kind in by):  # others need coefficients
                     turning += weight * nu[:, a] * nu[:, b]
             columns = np.column_stack([_value(term, nu, drive, angle) for term in terms])
             part = np.cumsum(columns, axis=0) * data.step_s

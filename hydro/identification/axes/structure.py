@@ -21,9 +21,13 @@ import numpy as np
 
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
 
-LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING = 0, 1, 2, 3, 4
+LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING, SHARE = 0, 1, 2, 3, 4, 9
 SIDES = {"ahead": (5, 7), "back": (6, 8)}
 """Kinds of `compiled_motion`; on one side of 0: linear, quadratic."""
+INERTIA = "inertia"
+"""Name of the term by which the inertia of an axis differs from its given one: a factor of
+it in the Coriolis force, no force itself (`SHARE`)."""
+LEAST_SHARE, LARGEST_SHARE = 0.2, 5.0
 FORCE = "force"
 """Name of the term c F of an axis."""
 RIGHTING = "restoring"
@@ -60,7 +64,8 @@ class Structure:
 
     `inertia` (6,): only its ratios matter, for Coriolis; None leaves it out. `inertia_by`:
     place of a velocity -> term c whose coefficient divides its inertia, m = k / c, so that
-    the force has the inertia that the fit gives.
+    the force has the inertia that the fit gives. Otherwise terms of kind `SHARE` are factors
+    of the inertia of their axis.
     """
 
     velocities: tuple[str, ...]
@@ -95,9 +100,17 @@ class Structure:
         products, weights = [], []
         if self.inertia is not None:
             term = {place: self.names.index(name) for place, name in self.inertia_by.items()}
+            share = {
+                VELOCITIES[AXES.index(item.axis)]: number
+                for number, item in enumerate(self.terms)
+                if item.kind == SHARE
+            }
             for i, place in enumerate(self.places):
                 for a, b, sign, of in _CORIOLIS[int(place)]:
                     up, down = term.get(int(place), -1), term.get(of, -1)
+                    if share:
+                        up = share.get(VELOCITIES[of], -1)
+                        down = share.get(VELOCITIES[place], -1)
                     if up == down:
                         up = down = -1
                     products.append((i, a, b, up, down))
@@ -127,12 +140,13 @@ def axis_terms(
     restoring: bool = False,
     couplings: Sequence[str] = (),
     extra: Mapping[str, tuple[float, float]] | None = None,
+    share_sd: float = 0.0,
 ) -> tuple[AxisTerm, ...]:
     """Return the terms of one axis: damping not above 0, force, constant, couplings.
 
     inverse: prior of c, mean and sd (0 fixes it). sides: damping ahead and back by
     coefficients of their own. couplings: velocities with linear terms. extra: input ->
-    prior of its coefficient.
+    prior of its coefficient. share_sd: prior of the factor of its inertia, around 1; 0 for none.
     """
     at = AXES.index(axis)
     x = VELOCITIES[at]
@@ -150,4 +164,7 @@ def axis_terms(
     out += [AxisTerm(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]
     for name, (middle, width) in (extra or {}).items():
         out.append(AxisTerm(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))
+    if share_sd > 0.0:
+        bounds = {"lower": LEAST_SHARE, "upper": LARGEST_SHARE}
+        out.append(AxisTerm(axis, INERTIA, SHARE, at, **bounds, mean=1.0, sd=share_sd))
     return tuple(out)

@@ -19,7 +19,7 @@ from auvid.stages.fit_axes.coupling import filed_inertia, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
-from auvid.stages.fit_axes.presentation import COVERAGE_TOGETHER, fit_section
+from auvid.stages.fit_axes.presentation import fit_section
 from auvid.stages.fit_axes.scaling import scaled
 from tests.support.axis_legs import axis_leg
 from tests.support.axis_twin import leg
@@ -161,7 +161,6 @@ def test_a_body_with_coriolis_force_is_fitted_together() -> None:
     assert yaw.unused_legs == {"leg_2": "not commanded"}
     section = str(fit_section(fitted, card_of(fitted)))
     assert "Fitted together, with Coriolis force" in section
-    assert COVERAGE_TOGETHER in section
     assert "not commanded" in section
     assert all(item.whole_legs["leg_3"] > 85.0 for item in fitted.fitted)
 
@@ -291,6 +290,24 @@ def test_the_file_moves_as_it_was_fitted(coriolis: bool) -> None:
     assert a * v + b * v * abs(v) + d + turning == pytest.approx(0.0, abs=2e-3)
     parts = model.force([u, v, 0.0, 0.0, 0.0, r], [0.0] * 6)
     assert bool(np.any(parts.coriolis[[0, 1, 5]])) is coriolis
+
+
+def test_the_file_has_the_ratio_of_inertia_that_was_fitted() -> None:
+    """Yaw inertia .4 times the file's, give or take .02 of it."""
+    plain = fits(True)
+    (*others, yaw) = plain.fitted
+    fitted = replace(plain, fitted=(*others, replace(yaw, inertia_share=(0.4, 0.02))))
+    card = card_of(fitted)
+    mass = np.array(file_of(card, fitted, body()).dynamics.mass)
+    ratio = 0.4 * file_inertia()[5] / file_inertia()[0]
+    assert mass[5, 5] / mass[0, 0] == pytest.approx(ratio, rel=1e-9)
+    auvid.Model(file_of(card, fitted, body()))  # its dynamics follow from its vehicle
+    assert card.partial is not None
+    assert card.partial.inertia_shares["N"].interval_95 == pytest.approx([0.361, 0.439], abs=1e-3)
+    term = card.axes["N"].terms[0]
+    assert term.value == pytest.approx(yaw.equation.values[0] * ratio, rel=1e-9)
+    assert term.standard_error is not None
+    assert term.standard_error > 0.05 * abs(term.value)
 
 
 DEAD_BAND = 0.1

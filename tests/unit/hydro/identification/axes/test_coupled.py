@@ -8,9 +8,10 @@ import pytest
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.coupled import coupled_pool, fit_coupled
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.pooled_fit import PoolWork, loop_rows, motion
+from auvid.hydro.identification.axes.pooled_fit import Pool, PoolWork, loop_rows, motion
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord
+from auvid.hydro.identification.axes.windows import MotionWindow
 from tests.support.axis_legs import axis_leg
 
 INERTIA = np.array([20.0, 26.0, 32.0, 0.5, 0.5, 3.0])
@@ -44,6 +45,22 @@ def test_truth_comes_back_and_legs_left_out_run_free() -> None:
     inertia = fit.physical("r", Scale(pull_N=40.0, standard_error=2.0))[0]
     assert inertia.value == pytest.approx(3.0, rel=0.02)
     assert inertia.standard_error == pytest.approx(0.05 * inertia.value, rel=0.1)
+
+
+def test_ratios_of_inertia_come_back_where_those_of_the_file_are_wrong() -> None:
+    """With the ratios of the file held, forces over inertia are up to 13 % off."""
+    wrong, speeds = INERTIA * [1.0, 1.25, 1.0, 1.0, 1.0, 0.7], ("u", "v", "r")
+    fit = fit_coupled(
+        legs(), speeds, inertia=wrong, share_sd={"v": 0.3, "r": 0.3}, free=(), leave_out=False
+    )
+    shares = dict(zip(fit.fit.names, fit.fit.values, strict=True))
+    assert shares["Y inertia"] == pytest.approx(1.0 / 1.25, rel=0.02)
+    assert shares["N inertia"] == pytest.approx(1.0 / 0.7, rel=0.03)
+    for velocity, truth in TRUTH.items():
+        assert fit.block(velocity)[0][2] == pytest.approx(truth[2], rel=0.01)
+    # One pull in surge gives the others by the ratios that were fitted.
+    inertia = fit.physical("r", Scale(pull_N=40.0))[0]
+    assert inertia.value == pytest.approx(3.0, rel=0.03)
 
 
 def test_sensitivities_are_differences() -> None:
@@ -84,10 +101,31 @@ def test_coriolis_force_by_the_coefficients_has_their_sensitivities() -> None:
         window_s=10.0,
     )  # fmt: skip
     theta = np.concatenate([TRUTH[velocity] for velocity in ("u", "v", "r")])
-    (rows,), window = loop_rows(pool, pool.drive), pool.windows[1]
+    window = pool.windows[1]
     start = np.append(pool.prepared[0].start[window.first], np.zeros(3))
+    assert_slopes(pool, theta, window, start, places=(2, 10))  # the force of u, and of r
+
+
+def test_factors_of_inertia_have_their_sensitivities() -> None:
+    (leg, _) = legs()
+    pool = coupled_pool(
+        [leg], ("u", "v", "r"), inertia=INERTIA, share_sd={"v": 0.3, "r": 0.3}, relative_sd=0.0,
+        couplings=False, drive=ForceDrive(), free=(), constant_sd=None, restoring=False,
+        loss="soft_l1", window_s=10.0,
+    )  # fmt: skip
+    u, v, r = (TRUTH[velocity] for velocity in ("u", "v", "r"))
+    theta, window = np.array([*u, *v, 0.8, *r, 1.3]), pool.windows[1]
+    start = np.append(pool.prepared[0].start[window.first], np.zeros(3))
+    assert_slopes(pool, theta, window, start, places=(8, 13))
+
+
+def assert_slopes(
+    pool: Pool, theta: Array, window: MotionWindow, start: Array, *, places: tuple[int, ...]
+) -> None:
+    """Compare sensitivities to coefficients with central differences."""
+    (rows,) = loop_rows(pool, pool.drive)
     out = motion(pool, rows, theta, window, start)
-    for place in (2, 10):  # the force of u, and of r
+    for place in places:
         step = np.zeros(len(theta))
         step[place] = 1e-5
         ends = [motion(pool, rows, theta + s * step, window, start)[:, :, 0] for s in (1.0, -1.0)]
