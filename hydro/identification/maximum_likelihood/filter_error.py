@@ -158,7 +158,9 @@ def fit_filter_error(
 class _Scoring:
     """Steps of scoring on common unknowns and the noise, corrected by past ones.
 
-    `latest`: runs and information of the point that was taken last.
+    `latest`: runs and information of the point that was taken last. `tried`: runs of the
+    point that was tried last, with slopes: most steps are taken, and one without slopes
+    would run once more.
     """
 
     likelihood: Likelihood
@@ -168,6 +170,7 @@ class _Scoring:
     points: list[tuple[Array, Array]] = field(default_factory=list)
     last: float = np.inf
     latest: tuple[list[WindowRun], Array] = field(default_factory=lambda: ([], np.zeros((0, 0))))
+    tried: tuple[Array, list[WindowRun]] = field(default_factory=lambda: (np.zeros(0), []))
 
     def normalised_error(self, common: Array, phi: Array) -> float:
         """Return the RMS of innovations in their deviations; 0 where they diverge."""
@@ -179,11 +182,16 @@ class _Scoring:
     def evaluate(self, values: Array, _: Array, sensitive: bool) -> Evaluation:
         """Return minus the log-likelihood, and the equations of a step of scoring."""
         likelihood, unknown, size = self.likelihood, self.unknown, self.likelihood.unknowns
-        moved = unknown.noise_at(values[size:], self.sensor_sd)
-        channels = unknown.channels if sensitive else None
-        runs = likelihood.run(
-            values[:size], self.starts, moved, sensitive=sensitive, channels=channels
-        )
+        if not np.array_equal(values, self.tried[0]):
+            moved = unknown.noise_at(values[size:], self.sensor_sd)
+            channels = unknown.channels
+            self.tried = (
+                values,
+                likelihood.run(
+                    values[:size], self.starts, moved, sensitive=True, channels=channels
+                ),
+            )
+        runs = self.tried[1]
         objective = sum(run.objective for run in runs) + likelihood.prior_objective(values[:size])
         if not sensitive or not np.isfinite(objective):
             return Evaluation(objective, None)

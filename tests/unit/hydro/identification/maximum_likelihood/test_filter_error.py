@@ -13,7 +13,11 @@ from auvid.hydro.dynamics.simulation.simulation import gauss_markov
 from auvid.hydro.identification.maximum_likelihood import filter_error
 from auvid.hydro.identification.maximum_likelihood.filter_error import fit_filter_error
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import GAIN, Optimum
-from auvid.hydro.identification.maximum_likelihood.likelihood import Likelihood, NoiseModel
+from auvid.hydro.identification.maximum_likelihood.likelihood import (
+    Likelihood,
+    NoiseModel,
+    WindowRun,
+)
 from auvid.hydro.identification.maximum_likelihood.parameters import UnknownParameters
 from auvid.hydro.identification.maximum_likelihood.starting_values import (
     START_SD,
@@ -148,6 +152,23 @@ def test_a_noise_that_is_far_off_is_found_before_coefficients_move(
     good = fit_filter_error([leg], SWAY, {"Y v": -15.0}, noise=noise_model())
     assert fit.log_likelihood[-1] == pytest.approx(good.log_likelihood[-1], abs=2.0 * GAIN)
     assert fit.theta[0] == pytest.approx(good.theta[0], abs=0.3 * good.standard_errors[0])
+
+
+def test_a_step_that_is_taken_runs_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its run with slopes serves the trial and the next step; none is without but the first."""
+    leg = sway_leg(*pushed_run(3, 300))
+    runs: list[bool] = []
+    run = Likelihood.run
+
+    def counted(*arguments: Any, sensitive: bool, **rest: Any) -> list[WindowRun]:
+        runs.append(sensitive)
+        return run(*arguments, sensitive=sensitive, **rest)
+
+    monkeypatch.setattr(Likelihood, "run", counted)
+    fit = fit_filter_error([leg], SWAY, {"Y v": -15.0}, noise=noise_model())
+    assert fit.word == "converged"
+    assert runs.count(False) == 1
+    assert runs.count(True) <= len(fit.log_likelihood) + 1
 
 
 def test_without_convergence_the_best_point_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
