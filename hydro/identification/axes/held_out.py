@@ -167,6 +167,22 @@ def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
     return tuple(out)
 
 
+def no_leg_worse(before: Sequence[HeldOut], after: Sequence[HeldOut]) -> bool:
+    """Return whether every leg left out is flown as well by another fit.
+
+    A dead band and a curve of one leg's commands may fly its windows, and no other leg.
+
+    >>> straight, bent = HeldOut("leg 1", {"w": 63.0}, 9), HeldOut("leg 1", {"w": -21.0}, 9)
+    >>> no_leg_worse([straight], [bent]), no_leg_worse([], [])
+    (False, True)
+    """
+    return all(
+        new.percent[velocity] >= old.percent[velocity]
+        for old, new in zip(before, after, strict=True)
+        for velocity in old.percent
+    )
+
+
 def whole_leg(pool: Pool, fit: PoolFit, leg: int) -> dict[str, float]:
     """Return the fit [%] of one free run over a leg, by velocity; nan if it is lost."""
     span = span_of(pool, leg)

@@ -24,6 +24,7 @@ from auvid.hydro.identification.axes.held_out import (
     bent_commands,
     held_out_blocks,
     legs_left_out,
+    no_leg_worse,
 )
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
@@ -243,8 +244,12 @@ def fit_axis(
     if try_shape and records[0].normalised:
         bent = bent_commands(pool, fit, blocks)
         if bent is not None:
-            pool, fit, blocks = bent
-            shape = shape_of(fit)
+            terms = len(pool.structure.terms)
+            legs_apart = (legs_left_out(own, start.values[:terms]) for own, start in (
+                (pool, fit), bent[:2]))  # fmt: skip
+            if no_leg_worse(*legs_apart):
+                pool, fit, blocks = bent
+                shape = shape_of(fit)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
     width = interval_width(fit.windows)
