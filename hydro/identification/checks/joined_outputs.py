@@ -66,14 +66,16 @@ def other_order(
     direction: Array,
     *,
     horizontal: bool,
+    yaw: bool = False,
 ) -> OtherOrder | None:
     """Return how the outputs are joined, if not as the allocation (k, m) says.
 
     motions: the same at several lags behind the outputs, the one that any explanation
     fits best counts; impulse (n, m) of each thruster, with its direction (m,).
-    `horizontal`: whether the first two rows are surge and sway.
+    `horizontal`: whether the first two rows are surge and sway; `yaw`: whether the last
+    one is yaw, which no mounting exchanges with them.
     """
-    as_it_is = _same_wiring(allocation, horizontal=horizontal)
+    as_it_is = _same_wiring(allocation, horizontal=horizontal, yaw=yaw)
     orders = _orders(allocation.shape[1])
     best: tuple[float, OtherOrder] | None = None
     for motion in motions:
@@ -147,7 +149,7 @@ def _joined(allocation: Array, direction: Array, order: Order) -> Array:
     return rows
 
 
-def _same_wiring(allocation: Array, *, horizontal: bool) -> list[Array]:
+def _same_wiring(allocation: Array, *, horizontal: bool, yaw: bool) -> list[Array]:
     """Return allocations that a weak thruster or a wrong motion stand for, as it is."""
     count = allocation.shape[1]
     signs = [np.array(each) for each in product((1.0, -1.0), repeat=len(allocation))]
@@ -155,7 +157,7 @@ def _same_wiring(allocation: Array, *, horizontal: bool) -> list[Array]:
     for i in range(count):
         for strength in STRENGTHS:
             wrong.append(allocation * np.where(np.arange(count) == i, strength, 1.0))
-    for first, second in combinations(range(len(allocation)), 2):
+    for first, second in combinations(range(len(allocation) - yaw), 2):
         order = np.arange(len(allocation))
         order[[first, second]] = second, first
         wrong.append(allocation[order])

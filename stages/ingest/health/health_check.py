@@ -13,10 +13,12 @@ import pyarrow as pa
 from auvid.data_schemas.checks import FORCE_MODEL_NEEDS, SEVERITIES, checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
+from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
 from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
 from auvid.stages.ingest.health.actuation.responses import response_findings, responses
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
@@ -102,7 +104,7 @@ def check_health(
     excited = excitation(log)
     uses = capabilities(log, excited)
     measured = [item for check in CHECKS for item in check(log)]
-    measured += _of_commands(log)
+    measured = _clocks_first([*measured, *_of_commands(log)])
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -121,6 +123,18 @@ def check_health(
     }
 
 
+def _clocks_first(findings: list[Finding]) -> list[Finding]:
+    """Leave out signs of answers to commands, which a clock that is off turns."""
+    if not any(item["id"] in OF_CLOCKS for item in findings):
+        return findings
+    return [item for item in findings if item["id"] != "response_sign"]
+
+
+def of_forces(log: CheckedLog, _: Mapping[str, Response]) -> Iterator[Finding]:
+    """Yield forces of the thrusters that no body of this size needs."""
+    yield from force_findings(log)
+
+
 def _of_commands(log: CheckedLog) -> list[Finding]:
     """Return the findings of motion and commands.
 
@@ -129,7 +143,7 @@ def _of_commands(log: CheckedLog) -> list[Finding]:
     """
     tone = list(one_tone(log))
     signs = dict(push_responses(log, "uvwr")) if tone else {}
-    unrelated = [*tone, *response_signs(signs)] or list(unrelated_commands(log))
+    unrelated = [*tone, *response_signs(log, signs)] or list(unrelated_commands(log))
     if unrelated:
         tables = {name: table for name, table in log.tables.items() if name != "actuators"}
         log = replace(log, tables=tables)
@@ -161,7 +175,9 @@ CHECKS = (
     identity_findings,
 )
 """All checks of one log; each yields its findings."""
-OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings)
+OF_CLOCKS = ("gyro_lag", "velocity_lag", "clock_drift", "command_late", "commands_early")
+"""Findings of clocks."""
+OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 
 

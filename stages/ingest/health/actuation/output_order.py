@@ -57,6 +57,7 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
         thrusters.allocation[[YAW_LAST[place] for place in driven]],
         thrusters.direction,
         horizontal=driven[:2] == [0, 1],
+        yaw=driven[-1] == len(YAW_LAST) - 1,
     )
     if order is None:
         return

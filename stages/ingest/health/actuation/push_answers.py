@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -23,26 +23,32 @@ from auvid.stages.ingest.health.finding import (
 from auvid.stages.number_format import significant
 
 LEAST_RESPONSE_HZ = 4.0
+USUAL_LAGS_S, OTHER_LAGS_S = (0.0, 0.1, 0.2, 0.3), (-1.2, -0.9, -0.6, -0.3, 0.5, 0.7, 1.0, 1.3)
+"""Motion behind its thrusters, and lags of clocks that are off, which turn a sign."""
 COUPLED = (0, 1, 2, 5)
 RIGHTED = (3, 4)
 """Axes that gravity and buoyancy turn back: roll and pitch."""
 SMALLEST_MOTION = 0.01
 ANSWER_GAP = 0.3
 """By how much more of the motion other axes must explain than the velocity's own."""
+MOSTLY, UNLIKE_SHARE = 0.6, 0.25
+"""The same where other axes are joined rightly: all outputs must explain so much."""
 DRIVEN, JOINED, UNJOINED = 0.4, 0.5, 0.15
 """Share of a motion that all outputs must explain together, and parts of it that they
 explain as the vehicle file joins them where it is right, and where it is not.
 """
 TURNED_SHARE = 0.5
 """Least sum of the shares of surge and sway that a turned velocity must explain."""
-TURNS_GAP = 0.1
-"""By how much it must do so too where the forces of turns are taken off."""
+TURNS_GAP = 0.2
+"""By how much less it may do so where the forces of turns are taken off."""
 LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
 """Pushes in surge and sway tell a turned velocity if the smaller is so large a part of the
 other, and they are no multiples of each other.
 """
 CLEAR = 4.0
 """A gain is clear of a number if it is so many standard deviations away."""
+SMALLEST_GAIN, NEARLY_ALL = 0.25, 0.9
+"""Least gain of forces in a motion that they explain nearly wholly: 0.3 in healthy logs."""
 LEAST_FAST = 0.3
 """Share of its changes that the thrusters must explain of a motion that is too fast."""
 
@@ -53,7 +59,7 @@ both: of a true vehicle file 2.6 and 3.9 with parts of .07 and .015.
 """
 
 
-def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
+def pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     """Return times (n,) and the thrusters' force over mass (n, 6), where known."""
     vehicle = log.vehicle
     if vehicle is None or vehicle.thrusters is None or not log.has("actuators"):
@@ -71,15 +77,21 @@ def _pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     return t_s, forces / np.diag(vehicle.mass_matrix)
 
 
-def push_responses(log: CheckedLog, axes: str = "uvwpqr") -> Iterator[tuple[str, AxisGains]]:
+def push_responses(
+    log: CheckedLog,
+    axes: str = "uvwpqr",
+    *,
+    lags_s: Sequence[float] = USUAL_LAGS_S,
+    turning: bool = True,
+) -> Iterator[tuple[str, AxisGains]]:
     """Yield the gain of the thrusters' force in each motion that it can show.
 
-    Beside it act the forces that turns make of the motion in other axes.
+    `turning`: beside it act the forces that turns make of the motion in other axes.
     """
-    pushes = _pushes(log)
-    if pushes is None:
+    thrust = pushes(log)
+    if thrust is None:
         return
-    t_s, pushed = pushes
+    t_s, pushed = thrust
     streams = [("velocity", name) for name in LINEAR_VELOCITY]
     streams += [("imu", name) for name in GYRO]
     for axis, (stream, name) in enumerate(streams):
@@ -94,7 +106,8 @@ def push_responses(log: CheckedLog, axes: str = "uvwpqr") -> Iterator[tuple[str,
             angle = log.column("attitude", ATTITUDE[axis - 3])
             force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
         at = log.t_s(stream)
-        gains = response_gains(t_s, force, at, motion, coupled=coupling(log, axis, at))
+        turns = coupling(log, axis, at) if turning else None
+        gains = response_gains(t_s, force, at, motion, lags_s=lags_s, coupled=turns)
         if gains is not None:
             yield "uvwpqr"[axis], gains
 
@@ -131,6 +144,22 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
         and gains.explained > LEAST_FAST
         and gains.own[0] > OWN_PUSH
     }
+    slow = {
+        axis: float(gains.gain[0])
+        for axis, gains in response.items()
+        if 0.0 < gains.gain[0] + CLEAR * gains.sd[0] < SMALLEST_GAIN
+        and gains.gain[0] > CLEAR * gains.sd[0]
+        and gains.explained > NEARLY_ALL
+    }
+    if len(slow) > 1:
+        words = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
+        parts = [f"{words[axis]} changes {gain:.2f} times as fast" for axis, gain in slow.items()]
+        yield finding(
+            "response_unit",
+            f"Force over mass of the thrusters makes too much of the motion: {listed(parts)}.",
+            stream="actuators",
+            value=max(slow.values()),
+        )
     if len(fast) < 2:
         return
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
@@ -146,21 +175,20 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
 
 def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield surge and sway that answer each other's thrusters."""
-    pushes = _pushes(log)
-    if pushes is None or not {"u", "v"} <= set(response):
+    thrust = pushes(log)
+    if thrust is None or not {"u", "v"} <= set(response):
         return
-    t_s, pushed = pushes
+    t_s, pushed = thrust
     at = log.t_s("velocity")
-    turns = coupling(log, 0, at)
-    crossed = [
-        response_gains(
-            t_s, pushed[:, [1 - axis]], at, body_motion(log, "velocity", name), coupled=turns
-        )
-        for axis, name in enumerate(LINEAR_VELOCITY[:2])
+    speed, turns = log.body_velocity()[:, :2], coupling(log, 0, at)
+    crossed = _turned_gains(t_s, pushed[:, [1, 0]], at, speed, 0.0)
+    own = sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, 0.0))
+    other = sum(item.explained for item in crossed)
+    with_turns = [
+        sum(item.explained for item in _turned_gains(t_s, force, at, speed, 0.0, turns))
+        for force in (pushed, pushed[:, [1, 0]])
     ]
-    own = sum(response[axis].explained for axis in "uv")
-    other = sum(gains.explained for gains in crossed if gains is not None)
-    if other - own > ANSWER_GAP:
+    if other - own > ANSWER_GAP and with_turns[0] - with_turns[1] < TURNS_GAP:
         yield finding(
             "velocity_axes",
             "Surge of the velocity answers the thrusters of sway, and sway those of surge"
@@ -182,10 +210,10 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
 
     By one angle all log long, or by the heading, as a velocity over ground is.
     """
-    pushes = _pushes(log)
-    if pushes is None or not log.has("velocity", "attitude"):
+    thrust = pushes(log)
+    if thrust is None or not log.has("velocity", "attitude"):
         return
-    t_s, pushed = pushes
+    t_s, pushed = thrust
     if not pushes_apart(pushed[:, 0], pushed[:, 1]):
         return
     at, speed = log.t_s("velocity"), log.body_velocity()[:, :2]
@@ -213,7 +241,7 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
         sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, angle, coupled))
         for angle in (candidates[best], 0.0)
     )
-    if with_turns - as_it_is < TURNS_GAP:
+    if as_it_is - with_turns > TURNS_GAP:
         return
     yield finding(
         "velocity_axes",
@@ -270,6 +298,7 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
     names = dict(zip("uvwr", (*LINEAR_VELOCITY, GYRO[2]), strict=True))
     right: list[str] = []
     wrong: list[str] = []
+    unlike: list[str] = []
     for axis, stream in streams.items():
         if axis not in response or t_s is None:
             continue
@@ -283,11 +312,14 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
         if gains is None or gains.explained < DRIVEN:
             continue
         share = response[axis].explained / gains.explained
+        if share < UNLIKE_SHARE and gains.explained > MOSTLY:
+            unlike.append(axis)
         if share > JOINED:
             right.append(axis)
         elif share < UNJOINED:
             wrong.append(axis)
-    if len(wrong) < 2 or right:
+    wrong = unlike if right else wrong
+    if len(wrong) < 2:
         return
     words = dict(zip("uvwr", (*SPEEDS, RATES[2]), strict=True))
     yield finding(
@@ -299,13 +331,20 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
     )
 
 
-def response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+def response_signs(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield motions that go against their thrusters."""
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
     fields = dict(zip("uvwpqr", (*LINEAR_VELOCITY, *GYRO), strict=True))
     for axis, gains in response.items():
-        clear = float(gains.gain[0] / gains.sd[0]) if gains.sd[0] > 0.0 else 0.0
+        clear = _clear(gains)
         if clear < limit("response_sign") and gains.explained > 0.1:
+            if axis in "uvwr" and any(
+                _clear(other) > -limit("response_sign") and other.explained > gains.explained
+                for _, other in push_responses(log, axis, lags_s=OTHER_LAGS_S)
+            ):
+                continue  # a matter of clocks
+            if any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False)):
+                continue
             text = (
                 f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
                 f" forward accelerates it backward ({significant(clear)} standard deviations)."
@@ -317,3 +356,8 @@ def response_signs(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
                 value=clear,
                 fields=(fields[axis],),
             )
+
+
+def _clear(gains: AxisGains) -> float:
+    """Return the first gain in standard deviations; 0 without a spread."""
+    return float(gains.gain[0] / gains.sd[0]) if gains.sd[0] > 0.0 else 0.0

@@ -120,9 +120,14 @@ def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Itera
         wraps = np.abs(leaps / turn - 1.0) < WRAP_PART
         wrapped = turn > 1.0 and bool(wraps.any()) and not (np.abs(leaps - 1.0) < WRAP_PART).any()
         scale = agreement.scale[moved] * turn
-        turned = bool(moved) and bool(
-            (np.abs(scale - 1.0) < SCALE_PART).all()
-            and all(agreement.correlation[axis, axis] > SURE_TURN for axis in moved)
+        in_time = abs(agreement.lag_s) < limit("gyro_lag")  # a filtered gyro is late and smaller
+        turned = (
+            bool(moved)
+            and in_time
+            and bool(
+                (np.abs(scale - 1.0) < SCALE_PART).all()
+                and all(agreement.correlation[axis, axis] > SURE_TURN for axis in moved)
+            )
         )
         if turned or wrapped:
             how = (

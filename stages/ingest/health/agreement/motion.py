@@ -60,6 +60,10 @@ LEAST_GAIN, LARGEST_GAIN = -0.3, -3.0
 whole that its gain takes up what others leave.
 """
 LAGS_S = np.round(np.arange(-30, 31) * 0.1, 1)
+SURE_SCALE, SURE_SHARE = 1.25, 0.95
+"""Limit of the scale, and the share of the depth rate that must be explained for it: what
+noise takes off a gain it takes off the share as well.
+"""
 LAG_GAIN = 0.1
 """A lag must explain so much more of the depth rate than none does."""
 SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
@@ -84,6 +88,7 @@ NAMED_SCALES: Mapping[float, str] = {
     10.0: "depth in dm, or pressure in bar or kPa taken for metres",
     3.6: "a velocity in m/s declared as km/h",
     3.2808: "depth in ft, or a velocity in m/s declared as ft/s",
+    1.4504: "depth in psi of pressure",
     1.9438: "a velocity in m/s declared as knots",
     0.5468: "depth in fathoms declared as m",
     0.5144: "a velocity in knots declared as m/s",
@@ -130,9 +135,9 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
     if exchanged:
         yield from exchanged
     elif joined:
-        yield from response_signs(response)
+        yield from response_signs(log, response)
     else:
-        yield from list(answers_out_of_order(log, response)) or response_signs(response)
+        yield from list(answers_out_of_order(log, response)) or response_signs(log, response)
     yield from mixed_commands(log)
     if not log.has("velocity", "attitude"):
         return
@@ -341,7 +346,8 @@ def _depth(
     best = min(clear, key=lambda axis: gains.sd[axis] / abs(gains.gain[axis]))
     size, sd = abs(float(gains.gain[best])), float(gains.sd[best])
     factor = 1.0 + limit("velocity_scale")
-    if size - CLEAR * sd > factor or size + CLEAR * sd < 1.0 / factor:
+    most = SURE_SCALE if gains.explained > SURE_SHARE else factor
+    if size - CLEAR * sd > most or size + CLEAR * sd < 1.0 / most:
         yield finding(
             "velocity_scale",
             f"Depth moves {significant(size)} times as much as the velocity in"

@@ -504,6 +504,29 @@ def _weak_thrust(log: Log) -> None:
     log.vehicle = vehicle_from_document(document)
 
 
+@spoils("drag_size")
+def _strong_thrust(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    assert log.vehicle is not None
+    document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
+    entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
+    entry["value"] = (30.0 * np.array(entry["value"])).tolist()
+    log.vehicle = vehicle_from_document(document)
+
+
+@spoils("weight_held")
+def _too_much_water(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    assert log.vehicle is not None
+    document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
+    document["rigid_body"]["displaced_mass"]["value"] += 6.0
+    for name in ("phi_rad", "theta_rad"):
+        log.streams["attitude"][name] = 0.1 * log.streams["attitude"][name]
+    log.streams["velocity"]["w_m_s"] = 0.1 * log.streams["velocity"]["w_m_s"]
+    log.streams["velocity"]["u_m_s"] = 0.1 * log.streams["velocity"]["u_m_s"]
+    log.vehicle = vehicle_from_document(document)
+
+
 @spoils("response_sign")
 def _backward(log: Log) -> None:
     """Thrusters push aft where the vehicle speeds up."""

@@ -555,6 +555,22 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "taken for w, x, y, z",
     ),
     "thrust in kgf declared N": (thrust_in(1.0 / 9.80665), "response_unit", "kgf"),
+    "thrust in N declared kgf": (thrust_in(9.80665), "response_unit", "too much"),
+    "one aft output of two reversed": (
+        data(lambda pulse: 3000.0 - pulse, PULSES[1]),
+        "response_order",
+        "Output 2 acts backward",
+    ),
+    "outputs of sway and heave exchanged": (
+        exchanged(*PULSES[2:4]),
+        "response_order",
+        "sway and heave",
+    ),
+    "pressure in psi as depth": (
+        data(lambda z: z / 0.6895, "depth_m"),
+        "velocity_scale",
+        "psi",
+    ),
     "-32.768 m/s where no bottom is seen": (
         no_bottom(-32.768),
         "rejected_samples",
