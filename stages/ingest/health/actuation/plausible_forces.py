@@ -88,17 +88,17 @@ def _weight(log: CheckedLog, t_s: Array, force: Array, moved: Array) -> Iterator
         return
     if float(np.percentile(np.abs(moved[:, 0]), 95.0)) > FAST_M_S:
         return  # lift
-    held = -float(down.mean())
+    borne = -float(down.mean())
     sd = float(down.std()) / np.sqrt((t_s[-1] - t_s[0]) / SLICE_S)
     weight = vehicle.mass_kg * vehicle.gravity
     net = weight - vehicle.displaced_mass_kg * vehicle.gravity
-    if abs(held - net) - CLEAR * sd < limit("weight_held") * weight:
+    if abs(borne - net) - CLEAR * sd < limit("weight_held") * weight:
         return
     yield finding(
         "weight_held",
-        f"The vehicle keeps its depth while its thrusters hold {held:+.1f} +- {2.0 * sd:.1f} N"
+        f"The vehicle keeps its depth while its thrusters hold {borne:+.1f} +- {2.0 * sd:.1f} N"
         f" downward weight on average; the vehicle file gives {net:+.1f} N (mass less displaced"
         f" mass, times gravity).",
         stream="actuators",
-        value=held - net,
+        value=borne - net,
     )
