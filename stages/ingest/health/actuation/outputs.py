@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Mask
+from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.identification.checks.response import without_drift
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
@@ -17,11 +19,16 @@ from auvid.stages.number_format import percent, significant
 PULSES_US = (800.0, 2200.0)
 PWM_LIMITS_US = (1100.0, 1900.0)
 AT_LIMIT_US = 5.0
+PULSES = re.compile(r"pwm_(\d+)_us$")
 FULL_COMMAND = 0.99
 ACTIVE_COMMAND = 0.02
 LIVELY_MOTION = 0.05
 """Standard deviation [m/s, rad/s] about its mean over 10 s of a motion that constant
 forces do not make; a moored vehicle at full thrust stays below.
+"""
+CHANGES_SHARE = 0.3
+"""A thruster changes so often at least beside the median of the others; a camera that tilts
+does not.
 """
 LONGER_RUN, SETTLED_S = 5.0, 5.0
 """A record that froze is so many times as long as any other run of equal outputs; a vehicle
@@ -60,6 +67,43 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
         text = f"Outputs act in {percent(share)} of the samples only ({_active_span(log, moving)})."
         yield finding("little_actuation", text, stream="actuators", value=share)
     yield from _saturation(log)
+    yield from _without_thruster(log, moving)
+
+
+def _without_thruster(log: CheckedLog, moving: Mask) -> Iterator[Finding]:
+    """Yield outputs that act as thrusters do and have none in the vehicle file."""
+    vehicle = log.vehicle
+    if vehicle is None or vehicle.thrusters is None:
+        return
+    lacking: list[str] = []
+    usual = float(np.median([float(_changes(log, name)) for name in log.thrusters()] or [np.inf]))
+    for name in log.tables["actuators"].column_names:
+        number = PULSES.match(name)
+        if number is None or int(number[1]) in vehicle.thrusters.outputs:
+            continue
+        function = log.info.parameters.get(f"SERVO{number[1]}_FUNCTION")
+        if function is not None and function not in MOTOR_OF_FUNCTION:
+            continue  # lights, camera, gripper
+        offset = log.column("actuators", name) - NEUTRAL_US
+        acts = (np.abs(offset) > limit("no_actuation")) & (offset > -NEUTRAL_US) & moving
+        shares = [float(np.sum(acts & (sign * offset > 0.0))) for sign in (-1.0, 1.0)]
+        often = _changes(log, name) > CHANGES_SHARE * usual
+        if often and min(shares) > limit("output_unnamed") * float(np.sum(moving)):
+            lacking.append(number[1])
+    if lacking:
+        yield finding(
+            "output_unnamed",
+            f"{'Outputs' if len(lacking) > 1 else 'Output'} {listed(lacking)} of the log"
+            f" {'push' if len(lacking) > 1 else 'pushes'} both ways as thrusters do, and the"
+            f" vehicle file ({vehicle.title}) has no thruster there.",
+            stream="actuators",
+            value=float(len(lacking)),
+        )
+
+
+def _changes(log: CheckedLog, name: str) -> int:
+    """Return how often an output changes."""
+    return int(np.count_nonzero(np.diff(log.column("actuators", name))))
 
 
 def _never_changing(log: CheckedLog, still: str) -> Finding:

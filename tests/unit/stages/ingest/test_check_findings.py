@@ -452,6 +452,13 @@ def _record_stops(log: Log) -> None:
         log.streams["actuators"][f"pwm_{number}_us"] = output
 
 
+@spoils("output_unnamed")
+def _another_frame(log: Log) -> None:
+    """A vehicle file of six thrusters for outputs of eight."""
+    stepped_dive(log)
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2"))
+
+
 def stepped_dive(log: Log) -> None:
     """Two minutes in which outputs step every second and six motions follow them."""
     random, fine = np.random.default_rng(4), np.arange(0.0, 120.0, 0.1)
