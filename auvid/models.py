@@ -481,6 +481,8 @@ def _beyond(file: ModelFile, states: Array) -> list[str]:
                 " what follows means nothing; no leg flew so"
             )
     for name, flown in file.validity.items():
+        if name not in STATES:  # the propulsion ratio, which a motion alone does not tell
+            continue
         reach = states[:, STATES.index(name)]
         low, high = np.nanmin(reach), np.nanmax(reach)
         if low < flown.low or high > flown.high:

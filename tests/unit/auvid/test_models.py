@@ -15,6 +15,7 @@ import pytest
 
 import auvid
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.records.models import VelocityRange
 from auvid.export import write
 from auvid.pipeline.commands.model.score_command import score as command_score
 
@@ -365,6 +366,16 @@ def test_commands_that_are_missing_are_named_with_their_shapes() -> None:
         model.simulate(T)
     with pytest.raises(PipelineError, match=r"Give propeller_rev_s \(n,\), or tau"):
         model.simulate(T, fins=np.zeros((20, 4)))
+
+
+def test_a_model_that_was_fitted_with_the_propulsion_ratio_is_simulated() -> None:
+    """Its range of validity has a row of eta - 1, which is no state."""
+    file = auvid.open_model("vt690_fossen").file
+    flown = VelocityRange(rms=0.5, low=-0.5, high=0.1, threshold=0.03)
+    model = auvid.Model(file.model_copy(update={"validity": {"u": flown, "eta-1": flown}}))
+    motion = model.simulate(T, fins=np.zeros((20, 4)), propeller_rev_s=20.0, nu=(1, 0, 0, 0, 0, 0))
+    (words,) = motion.attrs["warnings"]
+    assert words.startswith("u reaches")
 
 
 WRONG_FITS: dict[str, tuple[dict[str, object], str]] = {
