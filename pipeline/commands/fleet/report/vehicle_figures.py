@@ -22,6 +22,7 @@ from auvid.pipeline.commands.fleet.fleet_tables import finite
 from auvid.pipeline.commands.fleet.run_results import INSTALLATION, THRUSTERS
 from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
+from auvid.stages.presentation import degrees
 
 FIGURE_VERDICTS = ("identified", "persistently exciting")
 MEASURED = (*FIGURE_VERDICTS, "weak", "inseparable")
@@ -219,7 +220,8 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
     for name, items in cells.items():
         if determined[name] >= FEWEST_DIVES:
             values, errors = _columns(items, len(logs))
-            yield DiveFigure(name, units[name], logs, values, errors, watched[name])
+            factor, unit = degrees(units[name])  # before intervals are written as text
+            yield DiveFigure(name, unit, logs, factor * values, factor * errors, watched[name])
 
 
 def _name(row: Row) -> str:

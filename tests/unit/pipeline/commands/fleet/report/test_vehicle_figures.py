@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pytest
 
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.arrays import Array
@@ -111,3 +112,16 @@ def test_a_term_at_its_bound_drops_no_drag() -> None:
     (drag,) = (item for item in rov.figures if item.name.startswith("drag"))
     np.testing.assert_allclose(drag.values, 10.0)
     np.testing.assert_allclose(drag.errors, 0.5)
+
+
+def test_an_angle_and_its_interval_have_one_unit() -> None:
+    """Values, means and intervals of a sensor's angle are in degrees, as the page has them."""
+    rows = [
+        coefficient(f"dive{number}", "angle x", 0.02, 0.001, "identified") | {"unit": "rad"}
+        for number in range(4)
+    ]
+    (rov,) = vehicle_figures(rows, [dive(number) for number in range(4)])
+    (figure,) = rov.figures
+    assert figure.unit == "deg"
+    np.testing.assert_allclose(figure.values, np.degrees(0.02))
+    assert rov.pooled[figure.name].mean == pytest.approx(np.degrees(0.02))
