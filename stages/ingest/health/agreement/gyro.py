@@ -39,6 +39,7 @@ SLOWEST_TURN_RAD_S = 0.02
 SMALLEST_CIRCLE_RAD = 1.05 * math.radians(2.0 * math.pi)
 """A whole circle in rad that is taken for degrees."""
 SAME_TURN = 0.9
+LONGER_S = 0.4
 UNIT_SCALES = {
     180.0 / math.pi: ("it is in deg/s, declared as rad/s", "deg/s"),
     math.pi / 180.0: ("it is in rad/s, declared as deg/s", "rad/s"),
@@ -88,7 +89,7 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
                 yield item
                 return
     unit = list(_unit(log, agreement))
-    wrong = unit or list(_axes(agreement))
+    wrong = unit or list(_axes(agreement, _over_longer_times(t_s, angles, gyro)))
     yield from wrong
     if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
         text = (
@@ -264,8 +265,23 @@ def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
     )
 
 
-def _axes(agreement: RateAgreement) -> Iterator[Finding]:
-    """Yield bias, sign, axes, scale and lag of the gyro against the attitude."""
+def _over_longer_times(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Array:
+    """Return the correlations (3,) of turns over .4 s.
+
+    The noise of an angle decides the turns of a quiet vehicle from sample to sample, and
+    a twentieth of them over a second.
+    """
+    step_s = float(np.median(np.diff(t_s)))
+    rows = slice(None, None, max(1, round(LONGER_S / max(step_s, 1e-3))))
+    agreement = rate_agreement(t_s[rows], angles[rows], *gyro)
+    return np.zeros(3) if agreement is None else np.diag(agreement.correlation)
+
+
+def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
+    """Yield bias, sign, axes, scale and lag of the gyro against the attitude.
+
+    slowly (3,): correlations of turns over .4 s.
+    """
     moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_COMPARED_RAD_S]
     largest = int(np.argmax(np.abs(agreement.bias)))
     if abs(agreement.bias[largest]) > limit("gyro_bias"):
@@ -296,6 +312,8 @@ def _axes(agreement: RateAgreement) -> Iterator[Finding]:
             yield finding(
                 "gyro_axes", text, stream="imu", value=float(abs(agreement.correlation[axis, best]))
             )
+        elif own < limit("gyro_disagrees") < slowly[axis]:
+            continue  # quiet, and the angle is noisy
         elif own < limit("gyro_disagrees"):
             text = (
                 f"Gyro {XYZ[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"

@@ -20,6 +20,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
@@ -696,6 +697,22 @@ def test_a_wrong_gyro_is_no_jump_of_the_attitude_and_the_verdict_says_it() -> No
         SPOIL[name](log)
         assert "attitude_jumps" not in log.ids(), name
         assert "gyro" in log.health()["verdict"].split("but ")[1], name
+
+
+def test_a_noisy_angle_of_a_quiet_vehicle_is_no_disagreement() -> None:
+    log, random = sound(), np.random.default_rng(3)
+    attitude = log.streams["attitude"]
+    noise = 0.007 * random.standard_normal(log.t_s("attitude").size)
+    attitude["phi_rad"] = attitude["phi_rad"] + noise
+    fine = rate_agreement(
+        log.t_s("attitude"),
+        np.column_stack([attitude[name] for name in ("phi_rad", "theta_rad", "psi_rad")]),
+        log.t_s("imu"),
+        np.column_stack([log.streams["imu"][name] for name in IMU_COLUMNS]),
+    )
+    assert fine is not None
+    assert fine.correlation[0, 0] < 0.7, "from sample to sample the noise decides"
+    assert "gyro_disagrees" not in log.ids()
 
 
 def test_every_jump_of_the_attitude_has_its_time() -> None:
