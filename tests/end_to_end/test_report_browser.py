@@ -212,6 +212,11 @@ def demo(committed_run: Callable[[str], Path], tmp_path_factory: pytest.TempPath
 
 
 BOTTOM = "(id => document.querySelector(id).getBoundingClientRect().bottom + scrollY)"
+OUTSIDE = """[...document.querySelectorAll('.uses b')].filter(word => {
+  const box = word.closest('.uses').getBoundingClientRect(), part = word.getBoundingClientRect();
+  return part.top < box.top || part.bottom > box.bottom || part.left < box.left;
+}).length"""
+"""Words of what the model is for that do not stand in their list."""
 WORDS = r"document.body.innerText.split(/\s+/).filter(word => /[\p{L}\p{N}]/u.test(word)).length"
 READY_MS = "performance.getEntriesByType('navigation')[0].domInteractive"
 
@@ -225,6 +230,7 @@ def test_the_answer_of_the_demo_stands_on_the_first_screen(
     assert pictures == 2
     for part in (".answer", ".pictures", "#coefficients"):
         assert browser.evaluate(f"{BOTTOM}({part!r})") <= first_screen_px, part
+    assert browser.evaluate(OUTSIDE) == 0
     assert browser.evaluate("document.documentElement.scrollWidth") <= width
 
 
