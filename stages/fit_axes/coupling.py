@@ -190,16 +190,19 @@ def share_deviations(
 ) -> dict[str, float]:
     """Return velocity -> deviation of the factor by which its ratio of inertia is off.
 
-    To the inertia of the first axis; none where the file's is measured.
+    To the inertia of the first axis; none where the file's is measured. A speed that no
+    axis fits counts too: a hull that drifts aside turns itself, by the inertia of sway.
     """
     if options.inertia_sd == 0.0:
         return {}
-    first = joining[0].axis
-    return {
-        item.equation.speed: max(options.inertia_sd, ratio_error(vehicle, item.axis, first))
-        for item in joining[1:]
-        if item.equation.speed in SHARED
+    first, joined = joining[0], {item.equation.speed for item in joining}
+    fitted = joined.intersection(SHARED).union("uv") - {first.equation.speed}
+    deviation = {
+        velocity: ratio_error(vehicle, AXES[VELOCITIES.index(velocity)], first.axis)
+        for velocity in VELOCITIES
+        if velocity in fitted
     }
+    return {velocity: max(options.inertia_sd, sd) for velocity, sd in deviation.items()}
 
 
 def common_shape(joining: Sequence[FittedAxis], lag_s: float) -> ForceDrive:

@@ -51,6 +51,7 @@ from auvid.hydro.identification.axes.structure import (
     AxisTerm,
     Structure,
     axis_terms,
+    share_term,
 )
 from auvid.hydro.identification.axes.windows import WINDOW_S, windows_of
 
@@ -165,12 +166,12 @@ def fit_coupled(
     inertia (6,): apparent inertia of u v w p q r; its ratios give the Coriolis force, and
     where forces are in newtons 1 / m_i is the prior of c_i with `relative_sd`. numerators:
     velocity -> k and velocity j whose c gives its inertia in the Coriolis force, k / c_j in
-    place of m_i. share_sd: velocity -> deviation of a factor of m_i there, which is fitted.
-    couplings: linear ones that port-starboard symmetry allows, between the velocities that are
-    fitted (the noise of measured ones would enter). free: parameters of the drive that
-    are fitted. restoring: roll and pitch by angles of their own. free_inertia: velocities
-    whose c has no prior. first: velocity -> a, b, c, d to start from, as the fits of single
-    axes give them. Raises `DataError` without shared windows.
+    place of m_i. share_sd: velocity -> deviation of a factor of m_i there, which is fitted, also
+    of a velocity that is measured alone. couplings: linear ones that port-starboard symmetry
+    allows, between the velocities that are fitted (the noise of measured ones would enter).
+    free: parameters of the drive that are fitted. restoring: roll and pitch by angles of
+    their own. free_inertia: velocities whose c has no prior. first: velocity -> a, b, c, d
+    to start from, as the fits of single axes give them. Raises `DataError` without shared windows.
     """
     pool = coupled_pool(
         records, velocities, inertia=inertia, numerators=numerators, relative_sd=relative_sd,
@@ -233,6 +234,11 @@ def coupled_pool(
             couplings=[other for other in SYMMETRIC[axis] if couplings and other in velocities],
             share_sd=(share_sd or {}).get(velocity, 0.0),
         )
+    terms += [
+        share_term(AXES[VELOCITIES.index(velocity)], sd)
+        for velocity, sd in (share_sd or {}).items()
+        if velocity not in velocities
+    ]
     sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
     ratios, by = inertia, {}
     if inertia is not None:

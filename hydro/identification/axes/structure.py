@@ -88,7 +88,10 @@ class Structure:
     def table(self) -> Ints:
         """Return row, kind and operand of every term (t, 3)."""
         row = {AXES[place]: i for i, place in enumerate(self.places)}
-        return np.array([(row[t.axis], t.kind, t.of) for t in self.terms], dtype=np.int64)
+        rows = [row.get(t.axis, 0) if t.kind == SHARE else row[t.axis] for t in self.terms]
+        return np.array(
+            [(i, t.kind, t.of) for i, t in zip(rows, self.terms, strict=True)], dtype=np.int64
+        )
 
     @cached_property
     def coriolis(self) -> tuple[Ints, Array]:
@@ -165,6 +168,15 @@ def axis_terms(
     for name, (middle, width) in (extra or {}).items():
         out.append(AxisTerm(axis, name, INPUT, list(inputs).index(name), mean=middle, sd=width))
     if share_sd > 0.0:
-        bounds = {"lower": LEAST_SHARE, "upper": LARGEST_SHARE}
-        out.append(AxisTerm(axis, INERTIA, SHARE, at, **bounds, mean=1.0, sd=share_sd))
+        out.append(share_term(axis, share_sd))
     return tuple(out)
+
+
+def share_term(axis: str, sd: float) -> AxisTerm:
+    """Return the factor of the inertia of an axis, of prior 1 and sd; no force.
+
+    The axis may be one that is measured and not fitted: its inertia moves the others.
+    """
+    at = AXES.index(axis)
+    bounds = {"lower": LEAST_SHARE, "upper": LARGEST_SHARE}
+    return AxisTerm(axis, INERTIA, SHARE, at, **bounds, mean=1.0, sd=sd)

@@ -63,6 +63,23 @@ def test_ratios_of_inertia_come_back_where_those_of_the_file_are_wrong() -> None
     assert inertia.value == pytest.approx(3.0, rel=0.03)
 
 
+def test_a_hull_that_nothing_drives_aside_tells_its_inertia_of_sway() -> None:
+    """It drifts when it turns, and u v turns it: by (m_1 - m_2) / m_6, of a file 35 % off."""
+    record = axis_leg(
+        5, TRUTH, seconds=60.0, inertia=INERTIA, normalised=True, idle=("v",)
+    )  # fmt: skip
+    wrong = INERTIA * [1.0, 0.65, 1.0, 1.0, 1.0, 1.0]
+    c = {
+        tuple(shares): fit_coupled(
+            [record], ("u", "r"), inertia=wrong, share_sd=shares, free=(), leave_out=False
+        ).block("r")[0][2]
+        for shares in ({"r": 0.3}, {"v": 0.3, "r": 0.3})
+    }
+    truth = TRUTH["r"][2]
+    assert c["v", "r"] == pytest.approx(truth, rel=0.02)
+    assert abs(c[("r",)] / truth - 1.0) > 0.05
+
+
 def test_sensitivities_are_differences() -> None:
     records = legs()
     pool = coupled_pool(
