@@ -22,6 +22,8 @@ DENSITIES_KG_M3 = (950.0, 1250.0)
 POUNDS = 2.2046
 SURE_BELOW = 0.05
 """Part of the radius of a ball of the displaced water; trim errs by less."""
+SENSOR_RADII = 20.0
+"""Largest arm of a sensor in the same radii; centimetres are 100 times off, mm 1000 times."""
 GYRATION_RADII, LARGEST_OF_SMALLEST, THRUSTER_RADII = (0.15, 4.0), 1.5, 15.0
 """Bounds of radii of gyration and of thrusters' arms, in radii of a ball of the
 displaced water: a torpedo of fifteen diameters has 0.19 and 3.1. The smallest one of
@@ -120,6 +122,8 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
         pushing = forces > 0.1  # others make a moment alone
         arm = float((moments[pushing] / forces[pushing]).max(initial=0.0))
         lengths.append(("a thruster's lever arm", arm, 0.0, THRUSTER_RADII))
+    for words, place in (("velocity log", vehicle.dvl.arm_m), ("IMU", vehicle.imu.arm_m)):
+        lengths.append((f"an arm of the {words}", float(np.linalg.norm(place)), 0.0, SENSOR_RADII))
     for words, length, low, high in lengths:
         if not low * radius <= length <= high * radius:
             light = length > high * radius and "smallest" in words

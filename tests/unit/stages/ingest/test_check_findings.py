@@ -1126,3 +1126,13 @@ def test_one_moment_of_inertia_that_does_not_fit_is_found(axis: int, factor: flo
     inertia[axis, axis] *= factor
     log.vehicle = replace(log.vehicle, inertia=inertia)
     assert "body_size" in log.ids()
+
+
+@pytest.mark.parametrize("sensor", ["dvl", "imu"])
+def test_an_arm_in_millimetres_is_found(sensor: str) -> None:
+    log = sound()
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    place = replace(getattr(log.vehicle, sensor), arm_m=np.array([-120.0, 0.0, 60.0]))
+    log.vehicle = replace(log.vehicle, **{sensor: place})
+    (finding,) = [item for item in log.health()["findings"] if item["id"] == "body_size"]
+    assert "arm of the" in finding["text"]
