@@ -502,24 +502,21 @@ def _of_another_dive(log: Log) -> None:
         log.streams["actuators"][f"pwm_{number}_us"] = levels
 
 
-@spoils("response_unit")
-def _weak_thrust(log: Log) -> None:
-    drive(log, RIGHT_ORDER)
-    assert log.vehicle is not None
-    document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
-    entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
-    entry["value"] = (np.array(entry["value"]) / 9.80665).tolist()
-    log.vehicle = vehicle_from_document(document)
+def thrust_times(factor: float) -> Spoil:
+    """A thrust curve of the vehicle file in another unit."""
+
+    def change(log: Log) -> None:
+        drive(log, RIGHT_ORDER)
+        assert log.vehicle is not None
+        document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
+        entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
+        entry["value"] = (factor * np.array(entry["value"])).tolist()
+        log.vehicle = vehicle_from_document(document)
+
+    return change
 
 
-@spoils("drag_size")
-def _strong_thrust(log: Log) -> None:
-    drive(log, RIGHT_ORDER)
-    assert log.vehicle is not None
-    document = log.vehicle.document.model_dump(mode="python", exclude_none=True)
-    entry = document["actuators"]["thrusters"]["thrust_curve"]["force"]
-    entry["value"] = (30.0 * np.array(entry["value"])).tolist()
-    log.vehicle = vehicle_from_document(document)
+SPOIL |= {"response_unit": thrust_times(1.0 / 9.80665), "drag_size": thrust_times(30.0)}
 
 
 @spoils("weight_held")
