@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from numba.core.compiler_lock import global_compiler_lock
 
+from auvid.hydro.arrays import Array, Singles
+
 OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"contract", "reassoc", "nsz"},
@@ -49,21 +51,21 @@ def second_level(compiled_loop: Any) -> Any:
 
 
 @compiled
-def vector(n: int) -> Any:
+def vector(n: int) -> Array:
     """Return zeros (n,): one function a shape, since numba compiles each call anew."""
     return np.zeros(n)
 
 
 @compiled
-def matrix(n: int, m: int) -> Any:
+def matrix(n: int, m: int) -> Array:
     return np.zeros((n, m))
 
 
 @compiled
-def stack(n: int, m: int, k: int) -> Any:
+def stack(n: int, m: int, k: int) -> Array:
     return np.zeros((n, m, k))
 
 
 @compiled
-def singles(n: int, m: int, k: int) -> Any:
+def singles(n: int, m: int, k: int) -> Singles:
     return np.zeros((n, m, k), np.float32)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import MOTION
 from auvid.hydro.identification.maximum_likelihood.window_loop.transition import write_product
@@ -11,7 +10,13 @@ from auvid.hydro.identification.maximum_likelihood.window_loop.transition import
 
 @compiled
 def carry_covariance(
-    P: Any, Phi: Any, fade: Any, h: float, variance: Any, inverse: Any, T: Any
+    P: Array,
+    Phi: Array,
+    fade: Array,
+    h: float,
+    variance: Array,
+    inverse: Array,
+    T: Array,
 ) -> None:
     """Replace P by Phi P Phi' + Q of the force that is new within the step.
 

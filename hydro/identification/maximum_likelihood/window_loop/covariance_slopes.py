@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from auvid.hydro.arrays import Array, Ints, Singles
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import (
     FORCE,
@@ -13,6 +12,7 @@ from auvid.hydro.identification.maximum_likelihood.window_loop.layout import (
     LAG,
     MOTION,
     VISCOUS,
+    Noise,
 )
 
 TINY = np.float32(1e-28)
@@ -21,9 +21,23 @@ TINY = np.float32(1e-28)
 
 @compiled
 def carry_tangents(
-    D: Any, Phi: Any, fade: Any, push: Any, product: Any, h: float, noise: Any, inverse: Any,
-    kinds: Any, places: Any, pull0: Any, pull1: Any, T: Any, b: Any, w: Any, mean: Any,
-) -> None:  # fmt: skip
+    D: Singles,
+    Phi: Array,
+    fade: Array,
+    push: Array,
+    product: Array,
+    h: float,
+    noise: Noise,
+    inverse: Array,
+    kinds: Ints,
+    places: tuple[Ints, int, int],
+    pull0: Array,
+    pull1: Array,
+    T: Singles,
+    b: Array,
+    w: Array,
+    mean: Array,
+) -> None:
     """Replace the derivatives D (n, n, q) of P by those after a step; lower half.
 
     D <- Phi D Phi' + B w' + w B' + dQ with dPhi = B m', w = Phi P m: every parameter adds
@@ -120,9 +134,18 @@ def carry_tangents(
 
 @compiled
 def sample_tangents(
-    D: Any, P: Any, h_row: Any, gain: Any, variance: float, own: float, place: int, kinds: Any,
-    lever: Any, pull: Any, dg: Any,
-) -> None:  # fmt: skip
+    D: Singles,
+    P: Array,
+    h_row: Array,
+    gain: Array,
+    variance: float,
+    own: float,
+    place: int,
+    kinds: Ints,
+    lever: Array,
+    pull: Array,
+    dg: Singles,
+) -> None:
     """Update D by one scalar sample; write `dg` (n + 1, q), the last row d(variance).
 
     dg = variance d(gain / variance). `own`, `place`: variance of the sample and its place
@@ -171,7 +194,7 @@ def sample_tangents(
 
 
 @compiled
-def write_gathered(row: Any, D: Any, j: int, out: Any) -> None:
+def write_gathered(row: Array, D: Singles, j: int, out: Array) -> None:
     """Write row . D[:, j, :] (q,) of a symmetric D, stored as its lower half."""
     for d in range(len(out)):
         out[d] = TINY
@@ -189,7 +212,7 @@ def write_gathered(row: Any, D: Any, j: int, out: Any) -> None:
 
 
 @compiled
-def add_pair(D: Any, d: int, b: Any, w: Any) -> None:
+def add_pair(D: Singles, d: int, b: Array, w: Array) -> None:
     """Add b w' + w b' to one derivative, lower half."""
     for i in range(len(b)):
         for j in range(i + 1):
@@ -197,7 +220,7 @@ def add_pair(D: Any, d: int, b: Any, w: Any) -> None:
 
 
 @compiled
-def add_news(D: Any, d: int, k: int, h: float, variance: float, inverse: Any) -> None:
+def add_news(D: Singles, d: int, k: int, h: float, variance: float, inverse: Array) -> None:
     """Add what news of the k-th force of a variance add to P, lower half."""
     f = MOTION + k
     for i in range(6):

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT
+from auvid.hydro.dynamics.simulation.plant_constants import Tables
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import (
     INERTIA,
     MEASURED,
     MOTION,
     VISCOUS,
+    Workspace,
 )
 from auvid.hydro.identification.maximum_likelihood.window_loop.motion import (
     inertia_force,
     inverse_column,
     rates,
 )
-from auvid.hydro.identification.maximum_likelihood.window_loop.sensors import accelerometer, outputs
+from auvid.hydro.identification.maximum_likelihood.window_loop.sensors import (
+    SensorPlaces,
+    accelerometer,
+    outputs,
+)
 
 STEP = 1e-6
 """Width of one-sided differences of the state [rad, m/s, rad/s], whose error is some
@@ -26,9 +31,24 @@ STEP = 1e-6
 
 @compiled
 def jacobians(
-    x: Any, rate: Any, y: Any, inputs: Any, c: Any, decay: Any, g: Any, A: Any, H: Any,
-    kinds: Any, terms: Any, pull: Any, moved: Any, there: Any, y_there: Any, force: Any, work: Any,
-) -> None:  # fmt: skip
+    x: Array,
+    rate: Array,
+    y: Array,
+    inputs: Array,
+    c: Tables,
+    decay: Array,
+    g: SensorPlaces,
+    A: Array,
+    H: Array,
+    kinds: Ints,
+    terms: Array,
+    pull: Array,
+    moved: Array,
+    there: Array,
+    y_there: Array,
+    force: Array,
+    work: Workspace,
+) -> None:
     """Write d(rate)/dx of the motion (10, n) and d(outputs)/dx (13, n).
 
     `rate` and `y`: rate and outputs at x. The columns of the force are M^-1. `pull`

@@ -11,6 +11,9 @@ VISCOUS, INERTIA, LAG = 0, 1, 2
 """Kinds of parameters: a coefficient of a viscous term or constant (axis, column of the
 tables), an entry of the mass matrix (row, column), the lag of the actuators."""
 
+Workspace = tuple[Array, ...]
+"""Arrays that a function may write to: made once a loop, since making them costs."""
+
 
 class Noise(NamedTuple):
     """Variances (13,) of samples; variance (6,) and rate 1/T (6,) of the force."""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.dynamics.mechanics import rigid_body
 from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, model_force, motion_rates
+from auvid.hydro.dynamics.simulation.plant_constants import Tables
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import (
     INERTIA,
     LAG,
     MOTION,
     VISCOUS,
+    Workspace,
 )
 
 WIDE = 1e-4
@@ -19,7 +20,7 @@ WIDE = 1e-4
 
 
 @compiled
-def rates(x: Any, inputs: Any, c: Any, decay: Any, out: Any, work: Any) -> None:
+def rates(x: Array, inputs: Array, c: Tables, decay: Array, out: Array, work: Workspace) -> None:
     """Write d/dt of the state.
 
     work: state (12,), its rate (12,), inputs (12,), factors.
@@ -46,7 +47,15 @@ def rates(x: Any, inputs: Any, c: Any, decay: Any, out: Any, work: Any) -> None:
 
 @compiled
 def integrate_step(
-    x: Any, h: float, inputs: Any, c: Any, decay: Any, stage: Any, total: Any, slope: Any, work: Any
+    x: Array,
+    h: float,
+    inputs: Array,
+    c: Tables,
+    decay: Array,
+    stage: Array,
+    total: Array,
+    slope: Array,
+    work: Workspace,
 ) -> None:
     """Carry x over a step by Runge-Kutta 4; `slope` is its rate at first."""
     for i in range(len(x)):
@@ -64,7 +73,7 @@ def integrate_step(
 
 
 @compiled
-def inertia_force(x: Any, rate: Any, row: int, column: int, force: Any) -> None:
+def inertia_force(x: Array, rate: Array, row: int, column: int, force: Array) -> None:
     """Write -(E nu_dot + C_E(nu) nu) (6,), E with 1 at the entry and its mirror."""
     for i in range(6):
         force[i] = 0.0
@@ -81,7 +90,7 @@ def inertia_force(x: Any, rate: Any, row: int, column: int, force: Any) -> None:
 
 
 @compiled
-def inverse_column(inverse: Any, k: int) -> Any:
+def inverse_column(inverse: Array, k: int) -> Workspace:
     """Return column k of M^-1: the acceleration (6,) by a force on axis k."""
     return (
         inverse[k], inverse[6 + k], inverse[12 + k],
@@ -91,9 +100,18 @@ def inverse_column(inverse: Any, k: int) -> Any:
 
 @compiled
 def parameter_accelerations(
-    x: Any, rate: Any, inputs: Any, along: Any, c: Any, decay: Any, kinds: Any, a: Any, force: Any,
-    work: Any, pair: Any,
-) -> None:  # fmt: skip
+    x: Array,
+    rate: Array,
+    inputs: Array,
+    along: Array,
+    c: Tables,
+    decay: Array,
+    kinds: Ints,
+    a: Array,
+    force: Array,
+    work: Workspace,
+    pair: Workspace,
+) -> None:
     """Write the acceleration (6,) that each parameter adds per unit, a (6, parameters).
 
     Called after `rates` at the same state: its factors hold the terms.

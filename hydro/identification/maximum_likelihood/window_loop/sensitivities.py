@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import MOTION
 from auvid.hydro.identification.maximum_likelihood.window_loop.transition import write_product
 
 
 @compiled
-def carry_sensitivities(S: Any, Phi: Any, fade: Any, push: Any, a0: Any, a1: Any, T: Any) -> None:
+def carry_sensitivities(
+    S: Array,
+    Phi: Array,
+    fade: Array,
+    push: Array,
+    a0: Array,
+    a1: Array,
+    T: Array,
+) -> None:
     """Replace S (n, m) by Phi S and what the parameters' accelerations add."""
     n, m = S.shape
     parameters = a0.shape[1]
@@ -26,7 +33,7 @@ def carry_sensitivities(S: Any, Phi: Any, fade: Any, push: Any, a0: Any, a1: Any
 
 
 @compiled
-def write_row_product(row: Any, matrix: Any, out: Any) -> None:
+def write_row_product(row: Array, matrix: Array, out: Array) -> None:
     """Write row . matrix, zeros of the row left out."""
     for j in range(len(out)):
         out[j] = 0.0
@@ -38,7 +45,7 @@ def write_row_product(row: Any, matrix: Any, out: Any) -> None:
 
 
 @compiled
-def add_turned_slopes(lever: Any, pull: Any, shift: Any, out: Any) -> None:
+def add_turned_slopes(lever: Array, pull: Array, shift: Array, out: Array) -> None:
     """Add the parameters' change of an accelerometer's slopes times a state shift."""
     for p in range(len(pull)):
         for row in range(6):

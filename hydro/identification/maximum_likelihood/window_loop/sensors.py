@@ -54,7 +54,7 @@ def sensor_places(places: SensorGeometry) -> SensorPlaces:
 
 
 @compiled
-def outputs(x: Any, rate: Any, g: Any, y: Any) -> None:
+def outputs(x: Array, rate: Array, g: SensorPlaces, y: Array) -> None:
     """Write what ideal sensors measure (13,) at a state with its rate."""
     nu = (x[4], x[5], x[6], x[7], x[8], x[9])
     nu_dot = (rate[4], rate[5], rate[6], rate[7], rate[8], rate[9])
@@ -73,7 +73,7 @@ def outputs(x: Any, rate: Any, g: Any, y: Any) -> None:
 
 
 @compiled
-def accelerometer(g: Any, a: Any) -> Any:
+def accelerometer(g: SensorPlaces, a: Array | tuple[Array, ...]) -> Any:
     """Return what an accelerometer (3,) makes of an acceleration (6,) alone."""
     arm = (g.imu_arm[0], g.imu_arm[1], g.imu_arm[2])
     inner = cross_components((a[3], a[4], a[5]), arm)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.maximum_likelihood.window_loop.compiling import compiled
 from auvid.hydro.identification.maximum_likelihood.window_loop.layout import MOTION
 
 
 @compiled
 def step_transition(
-    A0: Any, A1: Any, h: float, decay: Any, Phi: Any, fade: Any, push: Any, mean: Any, power: Any,
-    product: Any,
-) -> None:  # fmt: skip
+    A0: Array,
+    A1: Array,
+    h: float,
+    decay: Array,
+    Phi: Array,
+    fade: Array,
+    push: Array,
+    mean: Array,
+    power: Array,
+    product: Array,
+) -> None:
     """Write Phi = exp(A h) to fourth order, A the mean over the step, and `push`.
 
     push (2, 10, 6): what accelerations at both ends of the step, linear between, do to
@@ -56,7 +63,7 @@ def step_transition(
 
 
 @compiled
-def write_product(left: Any, right: Any, out: Any) -> None:
+def write_product(left: Array, right: Array, out: Array) -> None:
     """Write left . right into the first rows of `out`, zeros left out."""
     for i in range(len(left)):
         for j in range(right.shape[1]):
