@@ -43,7 +43,7 @@ class NormalEquations:
     def reduced(self, damping: float = 0.0) -> tuple[Array, Array]:
         """Return the Schur complement (g, g) and its right-hand side (g,)."""
         matrix, vector = self.matrix.copy(), self.vector.copy()
-        matrix[np.diag_indices_from(matrix)] *= 1.0 + damping
+        matrix.flat[:: len(matrix) + 1] *= 1.0 + damping
         for block, across, right in zip(self.local, self.coupling, self.right, strict=True):
             solved = solve_scaled(_damped(block, damping), np.column_stack([across, right]))
             matrix -= across.T @ solved[:, :-1]
@@ -220,15 +220,19 @@ def solve_scaled(matrix: Array, right: Array) -> Array:
     An unknown without information keeps its right-hand side; directions with less than
     1e-13 of the others get next to no step.
     """
-    from scipy.linalg import cho_factor, cho_solve
+    from scipy.linalg.lapack import dposv
 
-    scale = np.sqrt(np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0))
-    scaled = matrix / np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] = 1.0
+    if not matrix.size:
+        return right.copy()
+    diagonal = matrix.diagonal()
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrix / (scale[:, None] * scale)
+    scaled.flat[:: len(scaled) + 1] = 1.0 + 1e-13
     shaped = (right.T / scale).T
-    try:
-        solved = cho_solve(cho_factor(scaled + 1e-13 * np.eye(len(scaled))), shaped)
-    except np.linalg.LinAlgError:
+    if not (np.isfinite(scaled).all() and np.isfinite(shaped).all()):
+        raise ValueError("normal equations must not contain infs or NaNs")
+    _, solved, failed = dposv(scaled, shaped)
+    if failed:
         values, vectors = np.linalg.eigh(scaled)
         kept = values > 1e-13 * values[-1]
         solved = (vectors[:, kept] / values[kept]) @ (vectors[:, kept].T @ shaped)
@@ -237,5 +241,5 @@ def solve_scaled(matrix: Array, right: Array) -> Array:
 
 def _damped(block: Array, damping: float) -> Array:
     out = block.copy()
-    out[np.diag_indices_from(out)] *= 1.0 + damping
+    out.flat[:: len(out) + 1] *= 1.0 + damping
     return out
