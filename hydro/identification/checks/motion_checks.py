@@ -20,6 +20,8 @@ FEWEST_WINDOWS = 12
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""
 WINDOW_S = 1.0
+BLOCK_ROWS = 16384
+"""Samples that are summed at a time."""
 ROBUST_ROUNDS = 3
 ROBUST_SPREADS = 4.0
 LAG_GAINS, MAIN_PART = (0.75, 1.33), 0.3
@@ -145,13 +147,34 @@ def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_
 
 def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> Array:
     """Return the integrals (m, k) of values (n, k) at t (n,) over windows from `at`."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
-    ends = [
-        np.stack([np.interp(side, t, column) for column in total.T], axis=1)
-        for side in (at, at + width_s)
-    ]
-    return np.asarray(ends[1] - ends[0])
+    sides = np.concatenate([at, at + width_s])
+    order = np.argsort(sides, kind="stable")
+    ordered = np.empty((sides.size, values.shape[1]))
+    ordered[order] = _integral_to(t, values, sides[order])
+    return ordered[at.size :] - ordered[: at.size]
+
+
+def _integral_to(t: Array, values: Array, times: Array) -> Array:
+    """Return the integral (m, k) of values (n, k) from t[0] to ascending times (m,).
+
+    Straight lines of the sum between samples; summed block by block, so that no array of
+    all n sums is needed.
+    """
+    out = np.zeros((times.size, values.shape[1]))
+    after = np.searchsorted(t, times, side="right")
+    total = np.zeros(values.shape[1])
+    for start in range(0, t.size - 1, BLOCK_ROWS):
+        stop = min(start + BLOCK_ROWS, t.size - 1)
+        clock, part = t[start : stop + 1], values[start : stop + 1]
+        steps = 0.5 * (part[1:] + part[:-1]) * np.diff(clock)[:, None]
+        sums = np.cumsum(np.concatenate([total[None, :], steps]), axis=0)
+        first, last = np.searchsorted(after, (start + 1, stop + 1))
+        row = after[first:last] - start - 1
+        slope = (sums[row + 1] - sums[row]) / (clock[row + 1] - clock[row])[:, None]
+        out[first:last] = slope * (times[first:last] - clock[row])[:, None] + sums[row]
+        total = sums[-1]
+    out[np.searchsorted(after, t.size) :] = total
+    return out
 
 
 def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
@@ -403,18 +426,22 @@ def response_gains(
     and signs agree, also under feedback, which the drag terms alone would turn around.
     """
     best: AxisGains | None = None
-    parts = np.column_stack([motion, motion * np.abs(motion)])
     taken = np.zeros((len(motion), 0)) if coupled is None else coupled
-    parts = np.hstack([taken, parts])
-    for lag in np.asarray(lags_s, dtype=np.float64):
-        start = max(t_force[0], t_motion[0])
-        end = min(t_force[-1], t_motion[-1] - lag)
-        at = windows(start, end, t_force, t_motion, width_s=width_s)
-        if at.size < FEWEST_WINDOWS:
-            continue
+    parts = np.hstack([taken, np.column_stack([motion, motion * np.abs(motion)])])
+    lags = np.asarray(lags_s, dtype=np.float64)
+    start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
+    starts = [windows(start, stop, t_force, t_motion, width_s=width_s) for stop in end]
+    tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
+    if not tried:
+        return None
+    # One pass over the samples serves all lags.
+    every = np.concatenate([at for _, at in tried])
+    later = np.concatenate([at + lag for lag, at in tried])
+    edges = np.cumsum([at.size for _, at in tried])[:-1]
+    every_push = np.split(integrals(t_force, acceleration, every, width_s), edges)
+    every_drag = np.split(integrals(t_motion, parts, later, width_s), edges)
+    for (lag, at), pushed, drag in zip(tried, every_push, every_drag, strict=True):
         ends = [np.interp(side + lag, t_motion, motion) for side in (at, at + width_s)]
-        pushed = integrals(t_force, acceleration, at, width_s)
-        drag = integrals(t_motion, parts, at + lag, width_s)
         change = ends[1] - ends[0]
         off = np.column_stack([drag[:, : taken.shape[1]], np.ones(at.size)])
         change = change - off @ np.linalg.lstsq(off, change, rcond=None)[0]

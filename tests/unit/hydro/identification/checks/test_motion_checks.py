@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.motion_checks import (
+    BLOCK_ROWS,
     AxisGains,
     angles_at,
     depth_gains,
     down_at,
     fitted_gains,
+    integrals,
     velocity_lag,
 )
 
@@ -41,6 +45,25 @@ def test_down_is_the_third_row_of_the_rotation_whatever_the_yaw() -> None:
     own = down_at(T_VELOCITY, T_ATTITUDE, euler(T_ATTITUDE))
     angles = angles_at(T_VELOCITY, T_ATTITUDE, euler(T_ATTITUDE))
     np.testing.assert_allclose(own, rotation_body_to_ned(angles)[:, 2], atol=1e-15)
+
+
+def test_integrals_are_those_of_one_sum_of_trapezoids_block_after_block() -> None:
+    rng = np.random.default_rng(4)
+    count = 9 * BLOCK_ROWS + 7
+    t = np.cumsum(rng.uniform(0.01, 0.03, count))
+    values = rng.normal(size=(count, 2))
+    ends = np.append(t[[0, BLOCK_ROWS, 2 * BLOCK_ROWS - 1, -1]] - 0.25, (t[0] - 9.0, t[-1] + 9.0))
+    at = np.concatenate([t[0] + np.arange(0.0, t[-1] - t[0] - 0.5, 7.0), ends])
+    tracemalloc.start()
+    own = integrals(t, values, at, 0.5)
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)[:, None]
+    total = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    for column in range(2):
+        sides = [np.interp(side, t, total[:, column]) for side in (at, at + 0.5)]
+        np.testing.assert_array_equal(own[:, column], sides[1] - sides[0])
+    assert used < values.nbytes  # one sum of all samples takes 3 times as much
 
 
 def test_outliers_are_left_out_and_the_rest_is_the_plain_fit() -> None:
