@@ -3,6 +3,7 @@
     python -m benchmarks.fleet_figures selection
     python -m benchmarks.fleet_figures lengths --dives 100 --fleets 500
     python -m benchmarks.fleet_figures next --fleets 5000
+    python -m benchmarks.fleet_figures after --fleets 1000
     python -m benchmarks.fleet_figures together --fleets 400
 
 `selection`: fleets of dives with unequal errors (standard deviation .4 of their
@@ -11,10 +12,11 @@ where dives that call the figure identified are pooled, and where all are, shown
 such dives on. `lengths`: how often fleets without a change have an alarm, by their number of
 dives, at the limit of ten dives and at that of their length. `next`: how often a further dive
 shows what its interval holds, by dives and by share of the variance between them; with the
-level of the product and at 95 % of the weights. `together`: a change of all drags after five
-of ten dives among twenty figures, found within five dives with and without the drag of all
-axes, and false alarms. Each line has the 95 % interval
-of its share (Clopper and Pearson).
+level of the product and at 95 % of the weights. `after`: the same of fleets in which a change
+was found, pooled as levels, over all dives, and over those since the change. `together`: a
+change of all drags after five of ten dives among twenty figures, found within five dives
+with and without the drag of all axes, and false alarms. Each line has the 95 % interval of
+its share (Clopper and Pearson).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from scipy.special import betaincinv
@@ -32,7 +35,7 @@ from scipy.special import betaincinv
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.fleet.alarms import FALSE_ALARMS, alarm_limit, change_odds
 from auvid.hydro.identification.fleet.drag import common_drag
-from auvid.hydro.identification.fleet.pooling import outside_share
+from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, outside_share
 from auvid.hydro.identification.fleet.scatter import between_dives
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.pipeline.commands.fleet.report.vehicle_figures import ALL_DRAGS, SHARES
@@ -141,6 +144,48 @@ def next_dive(fleets: int) -> Iterator[str]:
             yield f"{dives} dives, share between dives {i2}: {words[0]}, of the weights {words[1]}"
 
 
+def after_change(fleets: int, change: float = 0.3) -> Iterator[str]:
+    """Yield the coverage of the next dive where a change was found, by way of pooling."""
+    for dives, at in ((8, 5), (10, 5), (10, 7), (10, 9), (20, 10)):
+        for size, i2 in product((0.03, 0.05, 0.08), (0.0, 0.3, 0.9)):
+            random = np.random.default_rng([37, dives, at, round(100 * size), round(10 * i2)])
+            every = size * unequal(random, (fleets, dives + 1), np.sqrt((1 - i2) / np.exp(0.32)))
+            values = 1.0 + size * np.sqrt(i2) * random.standard_normal(every.shape)
+            values += every * random.standard_normal(every.shape)
+            values[:, at:] += change
+            y, s = values[:, :-1], every[:, :-1]
+            levels = np.zeros(y.shape, dtype=np.int64)
+            for end in range(4, dives + 1):  # the first alarm decides
+                odds = change_odds(y[:, :end], s[:, :end])
+                raised = (odds.max(axis=-1) > alarm_limit(FALSE_ALARMS)) & ~levels.any(axis=-1)
+                first = 3 + np.argmax(odds[raised], axis=-1)
+                levels[raised] = np.arange(dives) >= first[:, None]
+            found = levels.any(axis=-1)
+            y, s, levels, shown = y[found], s[found], levels[found], values[found, -1]
+            error = np.sqrt(np.mean(s**2, axis=-1))
+            below = between_dives(y, s, levels=levels).next_dive_share(shown, error)
+            every_dive = between_dives(y, s)
+            words = [share((below > 0.025) & (below < 0.975))]
+            below, outside = (
+                every_dive.next_dive_share(shown, error),
+                outside_share(every_dive, s, 0.05),
+            )
+            words.append(share((below > 0.5 * outside) & (below < 1.0 - 0.5 * outside)))
+            few = []
+            for row in range(len(y)):
+                own = levels[row] == 1
+                if own.sum() >= FEWEST_DIVES:
+                    since = between_dives(y[row, own], s[row, own])
+                    part = float(since.next_dive_share(shown[row], error[row]))
+                    half = 0.5 * float(outside_share(since, s[row, own], 0.05))
+                    few.append(half < part < 1.0 - half)
+            yield (
+                f"{dives} dives, {change:g} more after {at}, scatter {size:g}, share between dives"
+                f" {i2}: found {found.mean():.2f}; levels {words[0]}; all dives {words[1]};"
+                f" dives since {share(few)}"
+            )
+
+
 CHANGES: dict[str, tuple[Sequence[float], Sequence[float], float]] = {
     "none, six axes, all of it errors": ([0.05] * 6, [0.0] * 6, 0.0),
     "none, six axes": ([0.05] * 6, [0.0] * 6, 0.9),
@@ -186,7 +231,7 @@ def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
 
 
 BATCH = 25
-STUDIES = ("selection", "lengths", "next", "together")
+STUDIES = ("selection", "lengths", "next", "after", "together")
 
 
 def main() -> None:
@@ -200,6 +245,7 @@ def main() -> None:
         "selection": selection,
         "lengths": lambda: lengths(options.dives, options.fleets),
         "next": lambda: next_dive(options.fleets),
+        "after": lambda: after_change(options.fleets),
         "together": lambda: together(options.fleets),
     }
     for line in studies[options.study]():

@@ -29,14 +29,16 @@ Interval = tuple[float, float]
 class PooledFigure:
     """One figure over dives, in its own unit; intervals hold at `level`.
 
-    dives: with a number. mean and its interval. tau: scatter between dives (REML) and its
+    dives: with a number, since the last change; earlier: with a number before it. mean and
+    its interval: of the dives since the last change. tau: scatter between dives (REML) and its
     interval. i2: share of the scatter of estimates that is between dives. q, q_p:
     Cochran's Q and the probability of so large a Q without scatter. next_dive: interval
     of what a further dive shows with the standard error `next_error`. Intervals are None
-    for two dives, and `refusal` says why; mean and tau are then those of the estimates.
+    for too few dives, and `refusal` says why; mean and tau are then those of the estimates.
     """
 
     dives: int
+    earlier: int
     level: float
     mean: float
     mean_interval: Interval | None
@@ -51,10 +53,17 @@ class PooledFigure:
 
 
 def pool(
-    values: ArrayLike, errors: ArrayLike, *, next_error: float | None = None, level: float = 0.95
+    values: ArrayLike,
+    errors: ArrayLike,
+    *,
+    levels: ArrayLike | None = None,
+    next_error: float | None = None,
+    level: float = 0.95,
 ) -> PooledFigure:
     """Return what dives with values (k,) and standard errors (k,) agree on.
 
+    levels (k,): number of changes of the figure before each dive, None for no change;
+    means are those of the last level, the scatter is that of all dives about theirs.
     next_error: of a further dive; None is the root mean square of these dives, 0 asks for
     the interval of its true figure. A dive without a number has nan and is left out.
     Raises `DataError` for fewer than two dives with a number and for a standard error that
@@ -68,25 +77,35 @@ def pool(
     y, s = numbers_of(values, errors)
     if len(y) < 2:
         raise DataError("too few dives with a number", value=len(y), allowed="2 or more")
-    w = 1.0 / s**2
-    q = float(w @ (y - w @ y / w.sum()) ** 2)
-    scatter = between_dives(y, s)
+    there = np.isfinite(np.asarray(values)) & np.isfinite(np.asarray(errors))
+    every = np.zeros(len(there), dtype=np.int64) if levels is None else np.asarray(levels)
+    _, of = np.unique(every[there], return_inverse=True)
+    freedom = len(y) - int(of.max()) - 1
+    scatter = between_dives(y, s, levels=of)
+    at_0 = 1.0 / s**2
+    means = np.bincount(of, at_0 * y) / np.bincount(of, at_0)
+    q = float(at_0 @ (y - means[of]) ** 2)
     tau = float(scatter.tau_reml)
     from scipy.special import gammaincc
 
-    own = 1.0 / (s**2 + tau**2)
+    last = of == of.max()
+    own = last / (s**2 + tau**2)
     tails = (0.5 * (1.0 - level), 0.5 * (1.0 + level))
     error = float(np.sqrt(np.mean(s**2))) if next_error is None else next_error
-    outside = float(outside_share(scatter, s, 1.0 - level)) if error else 1.0 - level
+    changed = not last.all()
+    outside = 1.0 - level
+    if error and not changed:
+        outside = float(outside_share(scatter, s, outside))
     next_tails = (0.5 * outside, 1.0 - 0.5 * outside)
-    enough = len(y) >= FEWEST_DIVES
+    enough = freedom >= FEWEST_DIVES - 1
     low, high = (
         [(float(scatter.mean_quantile(p)), float(scatter.tau_quantile(p)),
           float(scatter.next_dive_quantile(n, error)))
          for p, n in zip(tails, next_tails, strict=True)]
     )  # fmt: skip
     return PooledFigure(
-        dives=len(y),
+        dives=int(last.sum()),
+        earlier=int((~last).sum()),
         level=level,
         mean=float(own @ y / own.sum()),
         mean_interval=(low[0], high[0]) if enough else None,
@@ -94,7 +113,7 @@ def pool(
         tau_interval=(low[1], high[1]) if enough else None,
         i2=tau**2 / (tau**2 + float(typical_error(s)) ** 2),
         q=q,
-        q_p=float(gammaincc(0.5 * (len(y) - 1), 0.5 * q)),
+        q_p=float(gammaincc(0.5 * freedom, 0.5 * q)),
         next_error=error,
         next_dive=(low[2], high[2]) if enough else None,
         refusal=""

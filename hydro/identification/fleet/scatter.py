@@ -3,8 +3,9 @@
 A figure of dive i is y_i = mu + tau e_i + s_i f_i: a mean, the scatter between dives and
 the error s_i of the fit, e_i and f_i standard normal. Three or four dives hardly
 determine tau, so it is not one number here but weights on a grid, by the likelihood of
-the contrasts (REML) and a prior 1/(s + tau), s the typical error. Functions take arrays
-(..., k) of fleets of k dives; the grid is the last axis but one.
+the contrasts (REML) and a prior 1/(s + tau), s the typical error. Where the figure changed
+between dives, each level has a mean of its own, and all of them one tau. Functions take
+arrays (..., k) of fleets of k dives; the grid is the last axis but one.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ class BetweenDives:
     """Weights (..., g) on values of tau (..., g), and at each of them the mean.
 
     `log_weight`: logarithms, since a change of level can make weights of 1e-400 count.
-    `mean`, `mean_variance` (..., g): of mu given tau. `log_likelihood` (..., g): of the
-    contrasts (REML), without prior. `squares` (..., g): Q(tau), sum of squares of the
-    estimates about the mean over their variances.
+    `mean`, `mean_variance` (..., g): of mu given tau, of the last level. `log_likelihood`
+    (..., g): of the contrasts (REML), without prior. `squares` (..., g): Q(tau), sum of
+    squares of the estimates about the mean of their level over their variances.
     """
 
     tau: Array
@@ -47,7 +48,7 @@ class BetweenDives:
         return np.exp(self.log_weight)
 
     def mean_quantile(self, share: float) -> Array:
-        """Return the quantile (...) of the mean of all dives."""
+        """Return the quantile (...) of the mean of the dives of the last level."""
         return _quantile(share, self.weight, self.mean, np.sqrt(self.mean_variance))
 
     def next_dive_quantile(self, share: float, error: ArrayLike = 0.0) -> Array:
@@ -97,14 +98,17 @@ class BetweenDives:
         return np.asarray(np.sqrt(self.mean_variance + self.tau**2 + own**2))
 
 
-def between_dives(values: ArrayLike, errors: ArrayLike, *, grid: int = GRID) -> BetweenDives:
+def between_dives(
+    values: ArrayLike, errors: ArrayLike, *, levels: ArrayLike | None = None, grid: int = GRID
+) -> BetweenDives:
     """Return the scatter between dives of values and standard errors (..., k).
 
-    `grid`: values of tau.
+    `levels` (..., k): 0, 1 ... up to the last level, the number of changes before each
+    dive; None for no change. `grid`: values of tau.
 
-
-    With w_i = 1 / (s_i^2 + tau^2), mu = sum w y / sum w, Q = sum w (y - mu)^2:
-        2 log L = sum log w - log sum w - Q,   weight ~ L / (s + tau) d tau.
+    With w_i = 1 / (s_i^2 + tau^2), mu_l = sum w y / sum w of the dives of level l,
+    Q = sum_l sum w (y - mu_l)^2:
+        2 log L = sum log w - sum_l log sum w - Q,   weight ~ L / (s + tau) d tau.
     Where tau is far above all errors, the figure of a further dive then has Student's
     distribution with k - 1 degrees of freedom, as it has to.
 
@@ -113,15 +117,27 @@ def between_dives(values: ArrayLike, errors: ArrayLike, *, grid: int = GRID) -> 
     True
     """
     y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    level = np.zeros(y.shape, dtype=np.int64) if levels is None else np.asarray(levels)
+    of_level = [level == number for number in range(int(level.max()) + 1)]
     typical = typical_error(s)
-    spread = np.maximum(typical, np.std(y, axis=-1, ddof=1))
+    away = sum(
+        (own * (y - (own * y).sum(axis=-1, keepdims=True) / own.sum(axis=-1, keepdims=True)) ** 2
+         for own in of_level), np.zeros(y.shape)
+    )  # fmt: skip
+    freedom = max(y.shape[-1] - len(of_level), 1)
+    spread = np.maximum(typical, np.sqrt(away.sum(axis=-1) / freedom))
     low, high = np.log(LEAST_TAU * typical), np.log(MOST_TAU * spread)
     tau = np.exp(low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, grid))
-    weight = 1.0 / (s[..., None, :] ** 2 + tau[..., None] ** 2)
-    total = weight.sum(axis=-1)
-    mean = (weight * y[..., None, :]).sum(axis=-1) / total
-    squares = (weight * (y[..., None, :] - mean[..., None]) ** 2).sum(axis=-1)
-    likelihood = 0.5 * (np.log(weight).sum(axis=-1) - np.log(total) - squares)
+    every = 1.0 / (s[..., None, :] ** 2 + tau[..., None] ** 2)
+    likelihood = 0.5 * np.log(every).sum(axis=-1)
+    squares = np.zeros(tau.shape)
+    for own in of_level:
+        weight = every * own[..., None, :]
+        total = weight.sum(axis=-1)
+        mean = (weight * y[..., None, :]).sum(axis=-1) / total
+        squares += (weight * (y[..., None, :] - mean[..., None]) ** 2).sum(axis=-1)
+        likelihood -= 0.5 * np.log(total)
+    likelihood -= 0.5 * squares
     # tau: equal steps of the logarithm.
     posterior = likelihood + np.log(tau / (typical[..., None] + tau))
     log_weight = posterior - np.logaddexp.reduce(posterior, axis=-1, keepdims=True)

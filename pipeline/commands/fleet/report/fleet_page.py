@@ -14,12 +14,14 @@ from markupsafe import Markup
 
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.fleet.alarms import FEWEST_BEFORE, ChangeAlarm
+from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     ALL_DRAGS,
     COLUMNS,
+    DiveFigure,
     VehicleFigures,
     in_time,
     main_models,
@@ -125,7 +127,7 @@ def _summary(
         own = [words for words in doubts if words.startswith(f"{look.vehicle}: ")]
         why = own[0].removeprefix(f"{look.vehicle}: ") if own else ""
         first = f"; look at {look.vehicle} first: {why}".rstrip(": ")
-    agreed = _agreed(vehicles)
+    agreed, since = _agreed(vehicles), _since(vehicles, names)
     level = "poor" if not counts["done"] else "fair" if doubts or notes else "good"
     return Summary(
         level=level,  # type: ignore[arg-type]
@@ -136,6 +138,7 @@ def _summary(
                 f"They agree on {agreed}."
                 if agreed
                 else "The dives of no vehicle agree on a drag.",
+                *([f"Since the last change: {since}."] if since else []),
             ]
         ),
         recommended=None,
@@ -164,19 +167,40 @@ def _uses(runs: Sequence[Row]) -> Iterator[str]:
 
 def _agreed(vehicles: Sequence[VehicleFigures]) -> str:
     """Return the drag that the dives of each vehicle agree on, in words."""
-    words = []
-    for each in vehicles:
-        changed = {alarm.figure for alarm in each.alarms}
-        for item in each.figures:
-            pooled = each.pooled[item.name]
-            if item.name in (*changed, ALL_DRAGS) or not item.name.startswith("drag"):
-                continue
-            if pooled.next_dive is not None:
-                words.append(
-                    f"{item.name} {significant(pooled.mean)} {item.unit} ({each.vehicle},"
-                    f" {pooled.dives} dives; the next {_interval(pooled.next_dive)})"
-                )
+    words = [
+        f"{item.name} {_pooled_words(each, item)}"
+        for each in vehicles
+        for item in each.figures
+        if item.name not in (*each.since, ALL_DRAGS) and _is_agreed_drag(each, item)
+    ]
     return "; ".join(words[:MOST_AGREED])
+
+
+def _since(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) -> str:
+    """Return the drag of each vehicle from its last change on, in words."""
+    words = [
+        f"{item.name} {_pooled_words(each, item, names[each.dives[each.since[item.name]]])}"
+        for each in vehicles
+        for item in each.figures
+        if item.name in each.since and item.name != ALL_DRAGS and _is_agreed_drag(each, item)
+    ]
+    return "; ".join(words[:MOST_AGREED])
+
+
+def _is_agreed_drag(each: VehicleFigures, item: DiveFigure) -> bool:
+    return item.name.startswith("drag") and each.pooled[item.name].next_dive is not None
+
+
+def _pooled_words(each: VehicleFigures, item: DiveFigure, first: str = "") -> str:
+    """Return value, vehicle, dives and interval of the next; `first`: dive of the level."""
+    pooled = each.pooled[item.name]
+    count = f"{pooled.dives} dives" if pooled.dives > 1 else "1 dive"
+    count += f" from {first} on" if first else ""
+    doubt = ", if it stays so" if first and pooled.dives < FEWEST_DIVES else ""
+    return (
+        f"{significant(pooled.mean)} {item.unit} ({each.vehicle}, {count};"
+        f" the next {_interval(pooled.next_dive)}{doubt})"
+    )
 
 
 def _change(alarm: ChangeAlarm) -> str:
@@ -314,6 +338,7 @@ def _figures_section(
                     _label(item.name),
                     item.unit,
                     pooled.dives,
+                    names[item.dives[each.since[item.name]]] if item.name in each.since else "",
                     pooled.mean,
                     _interval(pooled.mean_interval),
                     pooled.tau,
@@ -333,11 +358,13 @@ def _figures_section(
         words = "No figure is identified in two dives of one vehicle."
         return section("What dives agree on", [text(words)], order=order)
     heads: list[str | tuple[str, str]] = ["vehicle", "model", "figure", "unit", "dives"]
-    heads += ["pooled", "95 % of the mean", "tau", ("I2", "%"), "95 % of the next dive"]
+    heads += ["since", "pooled", "95 % of the mean", "tau", ("I2", "%"), "95 % of the next dive"]
     note = (
         "Random effects: tau is the scatter between dives, I2 the share of all scatter that is"
         " between dives. The last interval is that of what a further dive will show, if it is"
-        " as sure as these."
+        " as sure as these. Where a figure changed, mean and interval are of the dives since"
+        " then, with the scatter of all about the mean before and after; what they were before"
+        " stands in the table of changes."
     )
     kept = [place < KEPT_ROWS for place in range(len(single))]
     return section(
@@ -504,7 +531,8 @@ def _pictures(each: VehicleFigures, names: Mapping[str, str]) -> Iterator[Markup
     lines = [*(names[each.dives[at]] for at in last), "pooled", "next dive"]
     note = f"95 % intervals; model {each.model}" if each.model else "95 % intervals"
     if len(each.dives) > MOST_DIVES:
-        note += f"; the last {MOST_DIVES} of {len(each.dives)} dives, pooled over all"
+        note += f"; the last {MOST_DIVES} of {len(each.dives)} dives"
+        note += ", pooled over all since the last change"
     yield whisker_picture(f"Figures of {each.vehicle}, dive by dive", note, lines, boxes)
 
 

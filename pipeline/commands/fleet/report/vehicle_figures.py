@@ -59,6 +59,7 @@ class DiveFigure:
 
     `values`, `errors` (k,): nan where a dive has none. `dives`: their logs, those without a
     place in time last. `watched`: whether changes and outlying dives are sought in it.
+    `part_of`: figures that it changes with, where it shows no change of its own.
     """
 
     name: str
@@ -67,13 +68,16 @@ class DiveFigure:
     values: Array
     errors: Array
     watched: bool = True
+    part_of: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class VehicleFigures:
     """What the dives of one vehicle agree on, and what changed.
 
-    `trends`: the clear ones of all vehicles, of figures without a change. `weak`: row of
+    `since`: figure that changed -> place of the first dive after its last change: those
+    from there on are pooled. `trends`: the clear ones of all vehicles, of figures without
+    a change. `weak`: row of
     each thruster and dive where it gives less than those like it. `order_unknown`: dives
     without a place in time, in which no change and no trend is sought.
     """
@@ -86,6 +90,7 @@ class VehicleFigures:
     alarms: tuple[ChangeAlarm, ...]
     trends: Mapping[str, Trend]
     weak: tuple[Row, ...]
+    since: Mapping[str, int]
     order_unknown: int = 0
 
     @property
@@ -168,14 +173,22 @@ def _of_vehicle(
         for name, (values, errors) in watched.items()
     }
     alarms = change_alarms(in_order, shares=SHARES) if in_order else ()
-    changed = {alarm.figure for alarm in alarms}
+    changes = {item.name: _changes(item, alarms) for item in figures}
+    pooled = {
+        name: pool(
+            np.where(placed, values, np.nan) if changes[name] else values,
+            errors,
+            levels=np.searchsorted(changes[name], np.arange(len(dives)), side="right"),
+        )
+        for name, (values, errors) in series.items()
+    }
     days = [_day(row) for row in dives]
-    trends = {name: _trend(days, *pair) for name, pair in watched.items() if name not in changed}
+    trends = {name: _trend(days, *pair) for name, pair in watched.items() if not changes[name]}
     return VehicleFigures(
         vehicle,
         model,
         figures,
-        {name: pool(*pair) for name, pair in series.items()},
+        pooled,
         outlying_dives(watched, _conditions(dives)) if watched else (),
         alarms,
         {name: item for name, item in trends.items() if item is not None},
@@ -184,8 +197,18 @@ def _of_vehicle(
             for row in rows
             if row["model"] == THRUSTERS and row["verdict"] not in FIGURE_VERDICTS
         ),
+        {name: dives_of[-1] for name, dives_of in changes.items() if dives_of},
         int((~placed).sum()),
     )
+
+
+def _changes(item: DiveFigure, alarms: Sequence[ChangeAlarm]) -> list[int]:
+    """Return the first dive of each new level of a figure, in order."""
+    for name in (item.name, *item.part_of):
+        firsts = sorted(alarm.first_dive for alarm in alarms if alarm.figure == name)
+        if firsts:
+            return firsts
+    return []
 
 
 def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
@@ -200,10 +223,13 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
     together = common_drag([(item.values, item.errors) for _, item in drags])
     if together is not None:
         yield DiveFigure(ALL_DRAGS, "1", logs, *together)
-    within = {(axis, term) for axis, _ in drags for term in drag_terms(axis)}
+    within = {
+        f"{axis}_{term}": (item.name, ALL_DRAGS)
+        for axis, item in drags
+        for term in drag_terms(axis)
+    }
     units: dict[str, str] = {}
     cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-    watched: dict[str, bool] = {}
     determined: Counter[str] = Counter()
     for row in rows:
         certain = finite(row["value"]) and finite(row["standard_error"])
@@ -213,7 +239,6 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
             continue
         name = _name(row)
         units.setdefault(name, row["unit"])
-        watched[name] = (row["axis"], row["term"]) not in within
         if units[name] == row["unit"]:
             cells[name][place[row["log"]]] = row["value"], row["standard_error"]
             determined[name] += of_thruster or row["verdict"] in FIGURE_VERDICTS
@@ -221,7 +246,8 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
         if determined[name] >= FEWEST_DIVES:
             values, errors = _columns(items, len(logs))
             factor, unit = degrees(units[name])  # before intervals are written as text
-            yield DiveFigure(name, unit, logs, factor * values, factor * errors, watched[name])
+            drag = within.get(name, ())
+            yield DiveFigure(name, unit, logs, factor * values, factor * errors, not drag, drag)
 
 
 def _name(row: Row) -> str:
@@ -277,7 +303,8 @@ def _drags(
             name = f"drag in {word} at {significant(speed)} {'rad/s' if moment else 'm/s'}"
             values, errors = _columns(cells, len(place))
             logs = tuple(place)
-            yield axis, DiveFigure(name, "N m" if moment else "N", logs, values, errors)
+            unit = "N m" if moment else "N"
+            yield axis, DiveFigure(name, unit, logs, values, errors, part_of=(ALL_DRAGS,))
 
 
 def _error(row: Row) -> float:

@@ -149,3 +149,20 @@ def test_factors_of_other_terms_are_refused() -> None:
         merged_factor([one, other])
     with pytest.raises(DataError, match="no dive"):
         merged_factor([])
+
+
+def test_the_next_dive_after_a_change_is_of_the_new_level() -> None:
+    """Two levels that differ by 5: t of four and two degrees of freedom about each."""
+    values = np.concatenate([VALUES, VALUES[:3] + 5.0])
+    levels = [0] * 6 + [1] * 3
+    pooled = pool(values, np.full(9, 1e-5), levels=levels)
+    mean = values[6:].mean()
+    away = values - np.where(levels, mean, values[:6].mean())
+    half = t.ppf(0.975, 7) * np.sqrt(away @ away / 7.0 * (1.0 + 1.0 / 3.0))
+    assert (pooled.dives, pooled.earlier) == (3, 6)
+    assert pooled.next_dive is not None
+    assert_allclose(pooled.next_dive, (mean - half, mean + half), rtol=2e-3)
+    assert_allclose(
+        pool(values, np.full(9, 0.3), levels=levels).q_p,
+        pool(values - np.repeat([0.0, 5.0], [6, 3]), np.full(9, 0.3), levels=levels).q_p,
+    )

@@ -148,3 +148,22 @@ def test_short_or_no_legs_are_refused() -> None:
         thruster_strengths([short], B)
     with pytest.raises(DataError, match="no leg"):
         thruster_strengths([], B)
+
+
+def test_lift_of_the_hull_is_no_strength_of_fore_and_aft_thrusters() -> None:
+    """A lateral thruster fore, one aft, and a hull whose drift at speed pushes and turns it."""
+    leg = drawn([1.0] * 8, noise=0.1)
+    lateral = np.zeros((6, 4))
+    lateral[0, :2], lateral[5, :2] = 1.0, (-0.3, 0.3)
+    lateral[1, 2:], lateral[5, 2:] = 1.0, (0.8, -0.7)
+    thrust = leg.thrust_N[:, :4]
+    nu = leg.nu.copy()
+    nu[:, 1] = 0.001 * np.cumsum(thrust[:, 2:].sum(axis=1))  # it drifts where they push
+    u, v, r = nu[:, 0], nu[:, 1], nu[:, 5]
+    late = first_order_lag(thrust, lag_s=0.1, step_s=0.05)
+    random = np.random.default_rng(1)
+    force = (late - thrust) @ lateral.T + 0.01 * random.standard_normal((len(u), 6))
+    force[:, 1] -= 120.0 * u * v + 20.0 * r
+    force[:, 5] -= 80.0 * u * v + 25.0 * v
+    result = thruster_strengths([ThrusterLeg(leg.t_s, nu, force, thrust)], lateral)
+    assert_allclose([item.strength for item in result], 1.0, atol=1e-3)

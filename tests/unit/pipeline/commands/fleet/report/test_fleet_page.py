@@ -133,3 +133,17 @@ def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> Non
     assert "Vehicles and findings over time" in page
     assert "They agree on" not in page
     assert "drifts by" not in page
+
+
+def test_the_next_dive_after_a_change_comes_from_the_dives_since() -> None:
+    rows = tables(fouled_from=6)
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    pooled = rov.pooled["drag in surge at 0.3 m/s"]
+    fouled = 1.5 * (LINEAR * SPEED + QUADRATIC * SPEED**2)
+    assert (pooled.dives, pooled.earlier) == (4, 6)
+    assert pooled.next_dive is not None
+    assert 0.9 * fouled < pooled.next_dive[0] < fouled < pooled.next_dive[1] < 1.1 * fouled
+    assert rov.since["X_u"] == rov.since["drag in surge at 0.3 m/s"] == 6
+    page = fleet_page("disk", rows).decode()
+    assert "Since the last change: drag in surge at 0.3 m/s" in page
+    assert "4 dives from dive6.BIN (2024-05-07) on; the next" in page
