@@ -160,14 +160,14 @@ def after_change(fleets: int, change: float = 0.3) -> Iterator[str]:
                 raised = (odds.max(axis=-1) > alarm_limit(FALSE_ALARMS)) & ~levels.any(axis=-1)
                 first = 3 + np.argmax(odds[raised], axis=-1)
                 levels[raised] = np.arange(dives) >= first[:, None]
-            found = levels.any(axis=-1)
-            y, s, levels, shown = y[found], s[found], levels[found], values[found, -1]
+            alarmed = levels.any(axis=-1)
+            y, s, levels, following = y[alarmed], s[alarmed], levels[alarmed], values[alarmed, -1]
             error = np.sqrt(np.mean(s**2, axis=-1))
-            below = between_dives(y, s, levels=levels).next_dive_share(shown, error)
+            below = between_dives(y, s, levels=levels).next_dive_share(following, error)
             every_dive = between_dives(y, s)
             words = [share((below > 0.025) & (below < 0.975))]
             below, outside = (
-                every_dive.next_dive_share(shown, error),
+                every_dive.next_dive_share(following, error),
                 outside_share(every_dive, s, 0.05),
             )
             words.append(share((below > 0.5 * outside) & (below < 1.0 - 0.5 * outside)))
@@ -176,12 +176,12 @@ def after_change(fleets: int, change: float = 0.3) -> Iterator[str]:
                 own = levels[row] == 1
                 if own.sum() >= FEWEST_DIVES:
                     since = between_dives(y[row, own], s[row, own])
-                    part = float(since.next_dive_share(shown[row], error[row]))
+                    part = float(since.next_dive_share(following[row], error[row]))
                     half = 0.5 * float(outside_share(since, s[row, own], 0.05))
                     few.append(half < part < 1.0 - half)
             yield (
                 f"{dives} dives, {change:g} more after {at}, scatter {size:g}, share between dives"
-                f" {i2}: found {found.mean():.2f}; levels {words[0]}; all dives {words[1]};"
+                f" {i2}: found {alarmed.mean():.2f}; levels {words[0]}; all dives {words[1]};"
                 f" dives since {share(few)}"
             )
 

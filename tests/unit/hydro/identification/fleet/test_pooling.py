@@ -152,7 +152,7 @@ def test_factors_of_other_terms_are_refused() -> None:
 
 
 def test_the_next_dive_after_a_change_is_of_the_new_level() -> None:
-    """Two levels that differ by 5: t of four and two degrees of freedom about each."""
+    """Levels that differ by 5: seven degrees of freedom about both."""
     values = np.concatenate([VALUES, VALUES[:3] + 5.0])
     levels = [0] * 6 + [1] * 3
     pooled = pool(values, np.full(9, 1e-5), levels=levels)
