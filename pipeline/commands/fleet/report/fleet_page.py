@@ -192,7 +192,7 @@ def _is_agreed_drag(each: VehicleFigures, item: DiveFigure) -> bool:
 
 
 def _pooled_words(each: VehicleFigures, item: DiveFigure, first: str = "") -> str:
-    """Return value, vehicle, dives, interval of the next; `first`: dive of the level."""
+    """Return value, vehicle, dives and next dive in words; `first`: of the level."""
     pooled = each.pooled[item.name]
     count = f"{pooled.dives} dives" if pooled.dives > 1 else "1 dive"
     count += f" from {first} on" if first else ""
