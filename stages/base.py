@@ -127,14 +127,16 @@ def collection(items: Mapping[str, T]) -> Collection[T]:
     return Collection({key: partial(items.__getitem__, key) for key in items})
 
 
-def port(schema: str, *, many: bool = False, optional: bool = False) -> Any:
+def port(schema: str, *, many: bool = False, optional: bool = False, by_rows: bool = False) -> Any:
     """An input or output artefact of this schema.
 
     `many` output: a mapping key -> artefact (model cards by model). `optional`: None
-    when the producer gave none.
+    when the producer gave none. `by_rows`: the runner gives `Rows`, and the stage loads
+    those that it needs.
     """
     default = None if optional else MISSING
-    return field(default=default, metadata={"port": schema, "many": many, "optional": optional})
+    metadata = {"port": schema, "many": many, "optional": optional, "by_rows": by_rows}
+    return field(default=default, metadata=metadata)
 
 
 def every(schema: str) -> Any:

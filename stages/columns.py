@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pyarrow as pa
@@ -76,6 +76,18 @@ def forces(table: pa.Table, component: str) -> Array:
 def rms(values: Array) -> float:
     """Root mean square of all entries, 0 for none."""
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else 0.0
+
+
+class Rows(Protocol):
+    """A table on disk; rows are loaded by their clock."""
+
+    def between(self, start_us: float, end_us: float) -> pa.Table:
+        """Return the rows of these times, and maybe more of them."""
+
+
+def rows_between(table: pa.Table | Rows, start_us: float, end_us: float) -> pa.Table:
+    """Return the rows of these times, and maybe more; all of a table in memory."""
+    return table if isinstance(table, pa.Table) else table.between(start_us, end_us)
 
 
 def leg_window(leg: LegEntry, start_us: int, end_us: int) -> Span:

@@ -26,6 +26,7 @@ from auvid.pipeline.execution.task_inputs import (
     Artefact,
     Log,
     Many,
+    RowsOnDisk,
     Source,
     Value,
     artefacts_of,
@@ -416,7 +417,8 @@ class Run:
             return Many({str(key): artefact for key, artefact in of_item.items()})
         artefact = of_item.get(place.item if producer.many else None)
         if artefact is not None:
-            return artefact
+            by_rows = ports(stage.inputs)[feed.port].get("by_rows")
+            return RowsOnDisk(artefact) if by_rows else artefact
         if feed.optional:
             return Value(None)
         meaning = schema(producer.schema).meaning.rstrip(".")

@@ -81,12 +81,30 @@ class Artefact:
     def fingerprint(self) -> str:
         return self.hash
 
-    def load(self, columns: Sequence[str] = ()) -> Any:
-        """Return the artefact; with `columns` a table of those alone."""
+    def load(self, columns: Sequence[str] = (), times: tuple[float, float] | None = None) -> Any:
+        """Return the artefact; with `columns` or `times` a part of a table."""
         with suppress(OSError):  # the loading says what is wrong
             if self.path.stat().st_size > LONG_FILE_BYTES:
                 give_back()
-        return artefacts.load(self.path, self.schema, self.hash, columns)
+        return artefacts.load(self.path, self.schema, self.hash, columns, times)
+
+
+@dataclass(frozen=True)
+class RowsOnDisk:
+    """A table whose rows are loaded when the stage asks for them (`Rows`)."""
+
+    artefact: Artefact
+
+    @property
+    def fingerprint(self) -> str:
+        return self.artefact.fingerprint
+
+    def load(self) -> RowsOnDisk:
+        return self
+
+    def between(self, start_us: float, end_us: float) -> Any:
+        """Return the rows of these times, and others of their groups."""
+        return self.artefact.load(times=(start_us, end_us))
 
 
 def artefacts_of(manifest: Manifest, port: Port, item: str) -> dict[str | None, Artefact]:

@@ -26,6 +26,8 @@ from auvid.pipeline.store.file_hashes import hash_bytes, hash_file
 from auvid.pipeline.store.pipes import saved_pieces
 
 LINE = 120
+GROUP_ROWS = 65_536
+"""Rows of a table that are read at a time where only some are needed."""
 LONG_TABLE_BYTES = 16_000_000
 """In memory; the file of a longer table is written while it is encoded."""
 SCALARS = {float, int, bool, type(None)}
@@ -65,6 +67,7 @@ def _write_parquet(table: pa.Table, sink: BinaryIO) -> None:
         compression="zstd",
         use_dictionary=[item.name for item in table.schema if pa.types.is_string(item.type)],
         column_encoding=dict.fromkeys(numbers, "BYTE_STREAM_SPLIT"),
+        row_group_size=GROUP_ROWS,
     )
 
 
@@ -85,8 +88,16 @@ def in_pieces(artefact: object, name: str, *, file: object) -> Generator[bytes]:
         yield encode(artefact, name, file=file)
 
 
-def load(path: Path, name: str, expected: str | None = None, columns: Sequence[str] = ()) -> Any:
+def load(
+    path: Path,
+    name: str,
+    expected: str | None = None,
+    columns: Sequence[str] = (),
+    times: tuple[float, float] | None = None,
+) -> Any:
     """Read an artefact back, checked; with `columns` those of a table, and its clock.
+
+    With `times` the groups of rows whose clock lies between the two, at least.
 
     Raises `SchemaError` where its hash is not `expected` or it does not fit its schema.
     """
@@ -104,7 +115,11 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
         return content
     try:
         chosen = {*columns, schema(name).clock} if columns else set()
-        value = _read_parquet(path, chosen) if kind == "table" else json.loads(content)
+        value = (
+            _read_parquet(path, chosen, schema(name).clock, times)
+            if kind == "table"
+            else json.loads(content)
+        )
     except (pa.ArrowInvalid, OSError, ValueError) as fault:
         if isinstance(fault, OSError) and fault.errno in REMEDIES:
             raise refusal(fault, "artefact cannot be read", path) from fault
@@ -117,15 +132,35 @@ def load(path: Path, name: str, expected: str | None = None, columns: Sequence[s
     return value
 
 
-def _read_parquet(path: Path, chosen: Collection[str | None]) -> pa.Table:
-    """Return the table of a file, or the `chosen` columns of it.
+def _read_parquet(
+    path: Path,
+    chosen: Collection[str | None],
+    clock: str | None,
+    times: tuple[float, float] | None,
+) -> pa.Table:
+    """Return the table of a file, or the `chosen` columns and the groups of `times`.
 
     It is read column by column: the bytes of the file are never all in memory.
     """
     with pa.OSFile(str(path)) as file:
         parquet = pq.ParquetFile(file)
         names = [item for item in parquet.schema_arrow.names if not chosen or item in chosen]
-        return parquet.read(names, use_threads=False)
+        if times is None or clock not in parquet.schema_arrow.names:
+            return parquet.read(names, use_threads=False)
+        column = parquet.schema_arrow.names.index(clock)
+        groups = [
+            group
+            for group in range(parquet.num_row_groups)
+            if _overlaps(parquet.metadata.row_group(group).column(column).statistics, times)
+        ]
+        return parquet.read_row_groups(groups, names, use_threads=False)
+
+
+def _overlaps(bounds: pq.Statistics | None, times: tuple[float, float]) -> bool:
+    """Return whether a group of rows may have some of these times."""
+    if bounds is None or not bounds.has_min_max:
+        return True
+    return bool(bounds.max >= times[0] and bounds.min <= times[1])
 
 
 def to_plain(value: object, *, file: object = None, at: str = "") -> Any:

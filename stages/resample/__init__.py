@@ -27,7 +27,7 @@ from auvid.data_schemas.records.motion import LegGap, SegmentRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Stage, param, port
-from auvid.stages.columns import Span, leg_window
+from auvid.stages.columns import Rows, Span, leg_window, rows_between
 from auvid.stages.resample.segments import (
     COVERING,
     Signal,
@@ -52,13 +52,13 @@ class Inputs:
     leg: LegEntry = port("leg")
     log_info: LogInfo = port("log_info")
     vehicle: Vehicle = port("vehicle")
-    imu: pa.Table | None = port("imu", optional=True)
-    attitude: pa.Table | None = port("attitude", optional=True)
-    depth: pa.Table | None = port("depth", optional=True)
-    velocity: pa.Table | None = port("velocity", optional=True)
-    actuators: pa.Table | None = port("actuators", optional=True)
-    battery: pa.Table | None = port("battery", optional=True)
-    water_velocity: pa.Table | None = port("water_velocity", optional=True)
+    imu: pa.Table | Rows | None = port("imu", optional=True, by_rows=True)
+    attitude: pa.Table | Rows | None = port("attitude", optional=True, by_rows=True)
+    depth: pa.Table | Rows | None = port("depth", optional=True, by_rows=True)
+    velocity: pa.Table | Rows | None = port("velocity", optional=True, by_rows=True)
+    actuators: pa.Table | Rows | None = port("actuators", optional=True, by_rows=True)
+    battery: pa.Table | Rows | None = port("battery", optional=True, by_rows=True)
+    water_velocity: pa.Table | Rows | None = port("water_velocity", optional=True, by_rows=True)
 
 
 @dataclass(frozen=True)
@@ -226,19 +226,22 @@ def _signals(
         table = getattr(inputs, stream)
         item = None
         if table is not None:
+            span = (max(0.0, window[0] - params.margin_s), window[1] + params.margin_s)
+            at_us = [start_us + 1e6 * (second + lags[stream]) for second in span]
             item = signal(
                 stream,
-                table,
+                rows_between(table, at_us[0] - 1.0, at_us[1] + 1.0),
                 start_us=start_us,
                 lag_s=lags[stream],
-                window=(max(0.0, window[0] - params.margin_s), window[1] + params.margin_s),
+                window=span,
                 max_gap_s=params.max_gap_s if stream in COVERING else np.inf,
             )
         if item is not None:
             rotation = rotations.get(stream)
             signals[stream] = item if rotation is None else in_body_axes(item, rotation)
         elif stream in ("attitude", "depth"):
-            raise missing_stream(stream, inputs.leg, table, start_us=start_us)
+            log = None if table is None else rows_between(table, -np.inf, np.inf)
+            raise missing_stream(stream, inputs.leg, log, start_us=start_us)
         elif table is not None:
             notes.append(f"{stream} has fewer than five samples in the leg and is left out")
     if "imu" in signals:

@@ -18,7 +18,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import resample
-from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY
+from auvid.stages.columns import ACCELERATION, ACCELEROMETER, GYRO, VELOCITY, Rows
 from auvid.stages.resample.segments import Signal, gap_list
 from tests.support.motions import log_document, shipped_vehicle, vehicle_document
 
@@ -97,7 +97,7 @@ def battery(time_us: Array) -> pa.Table:
     return make_table("battery", {"time_us": time_us, "voltage_v": 16.0 - 0.01 * seconds(time_us)})
 
 
-def streams(**changes: pa.Table | None) -> dict[str, pa.Table | None]:
+def streams(**changes: pa.Table | Rows | None) -> dict[str, pa.Table | Rows | None]:
     tables = {
         "imu": imu(times(50)),
         "attitude": attitude(times(10)),
@@ -111,7 +111,7 @@ def run(
     leg: dict[str, Any] | None = None,
     params: dict[str, Any] | None = None,
     vehicle: Vehicle = VEHICLE,
-    **changes: pa.Table | None,
+    **changes: pa.Table | Rows | None,
 ) -> resample.Outputs:
     info = log_document(start_us=START_US, end_us=START_US + 60_000_000)
     inputs = resample.Inputs(
@@ -402,6 +402,30 @@ def test_a_leg_that_ends_after_its_log_says_so() -> None:
     assert notes == ["the leg asks for data up to 90 s, the log ends at 60.000 s"]
 
 
+class OnDisk:
+    """A table whose rows are loaded; `loaded` counts them."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self.table, self.loaded = table, 0
+
+    def between(self, start_us: float, end_us: float) -> pa.Table:
+        time_us = column(self.table, "time_us")
+        part = self.table.filter(pa.array((time_us >= start_us) & (time_us <= end_us)))
+        self.loaded += part.num_rows
+        return part
+
+
+def test_a_leg_is_the_same_of_the_rows_around_it_alone() -> None:
+    leg, late = {"start_s": 20.0, "end_s": 31.0}, {"lag_s": {"depth": 2.5}}
+    tables = {name: table for name, table in streams().items() if table is not None}
+    stored = {name: OnDisk(table) for name, table in tables.items()}
+    full, part = run(leg, late), run(leg, late, **stored)
+    assert part.resampled["leg"].equals(full.resampled["leg"])
+    assert part.segment == full.segment
+    for name, rows in stored.items():
+        assert rows.loaded < 0.4 * tables[name].num_rows, name
+
+
 def test_a_missing_stream_says_what_could_supply_it() -> None:
     with pytest.raises(
         DataError,
@@ -417,7 +441,7 @@ def test_a_missing_stream_says_what_could_supply_it() -> None:
             r"depth begins at 0\.\d s of the log and ends at 1\d\.\d s"
         ),
     ):
-        run({"start_s": 30.0}, depth=depth(times(10, end_s=20.0)))
+        run({"start_s": 30.0}, depth=OnDisk(depth(times(10, end_s=20.0))))
     with pytest.raises(DataError, match=r"attitude begins at 40\.\d s.*Choose start_s and end_s"):
         run({"end_s": 30.0}, attitude=attitude(times(20, start_s=40.0)))
 

@@ -425,6 +425,22 @@ def test_some_columns_of_a_table_are_read_with_its_clock(tmp_path: Path) -> None
         load(path, "depth", "0" * 64, ["depth_m"])
 
 
+def test_rows_of_some_times_are_read_without_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(artefacts, "GROUP_ROWS", 10)
+    path, table = tmp_path / "depth.parquet", depth_table(95)
+    path.write_bytes(content := encode(table, "depth", file="x"))
+    digest = hash_bytes(content)
+    rows = {
+        times: load(path, "depth", digest, times=times)
+        for times in ((25.0, 39.0), (40.0, 40.0), (-np.inf, np.inf), (95.0, 200.0))
+    }
+    expected = [(20, 20), (40, 10), (0, 95), (0, 0)]
+    for part, (start, count) in zip(rows.values(), expected, strict=True):
+        assert part.equals(table.slice(start, count))
+
+
 @pytest.mark.parametrize("opens", [True, False])
 def test_a_fault_of_what_saves_itself_comes_through(tmp_path: Path, opens: bool) -> None:
     def save(path: str) -> None:
