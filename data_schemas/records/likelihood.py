@@ -42,7 +42,7 @@ class LegFit(Model):
 
 
 class LagFit(Model):
-    """The lag of the actuators, fitted beside the coefficients."""
+    """The lag of the actuators that a model goes with."""
 
     value_s: float
     """The lag."""
@@ -50,8 +50,8 @@ class LagFit(Model):
     """Its standard error; null at its bound."""
     verdict: Literal["identified", "weak", "inseparable", "at its bound"]
     """Inseparable: from an inertia."""
-    correlations: dict[str, float]
-    """Fitted inertia -> correlation with the lag."""
+    correlations: dict[str, float] = Field(default_factory=dict)
+    """Inertia fitted beside it -> correlation with the lag."""
 
 
 class LikelihoodFit(Model):
@@ -79,8 +79,6 @@ class LikelihoodFit(Model):
     """Per leg: biases, unsteady force."""
     force_time_s: dict[str, float] | None
     """Axis -> time constant of the unsteady force; null for output error."""
-    lag: LagFit | None
-    """Lag of the actuators; null where none was fitted."""
     limits_cost: float
     """By how much the limits lower the log-likelihood."""
     left_out: list[str] = Field(default_factory=list)

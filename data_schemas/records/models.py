@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from auvid.data_schemas.documents.model import Model
-from auvid.data_schemas.records.likelihood import LikelihoodFit
+from auvid.data_schemas.records.likelihood import LagFit, LikelihoodFit
 from auvid.data_schemas.records.partial import PartialFigures
 
 Verdict = Literal[
@@ -270,6 +270,8 @@ class ModelCard(Model):
     """J/J0 on training with limits less that without."""
     inertia: list[InertiaCard] = Field(default_factory=list)
     """Inertia fitted beside the viscous terms; the predictor goes with it."""
+    lag: LagFit | None = None
+    """Lag of the actuators behind their record that the model goes with; null for none."""
     held_out: dict[str, dict[str, float | None]] = Field(default_factory=dict)
     """Training leg -> axis or all -> J/J0 on it, predicted from the other legs; empty
     with one leg.
@@ -281,11 +283,16 @@ class ModelCard(Model):
     measured_priors: list[MeasuredPriorCard] = Field(default_factory=list)
     """Priors from a bench or from other campaigns."""
     likelihood: LikelihoodFit | None = None
-    """Noise, lag and errors of the sensors, for a model fitted by maximum likelihood."""
+    """Noise and errors of the sensors, for a model fitted by maximum likelihood."""
     partial: PartialFigures | None = None
     """Axes that the model has and lacks, and its unit of mass; absent where it has six in
     newtons.
     """
+
+    @property
+    def lag_s(self) -> float:
+        """Return the lag of the actuators that the model goes with [s]."""
+        return 0.0 if self.lag is None else self.lag.value_s
 
     @property
     def identified(self) -> int:

@@ -100,8 +100,7 @@ def model_document(
 
     free_runs: its rows of the table of free runs; merit: None where nothing judges it.
     """
-    lag = None if card.likelihood is None else card.likelihood.lag
-    part = card.partial
+    lag, part = card.lag, card.partial
     vehicle = with_fitted_shares(vehicle, part)
     if part is not None and part.righting is not None:
         vehicle = with_righting_moment(vehicle, part.righting.value, part.unit_of_mass)
@@ -110,7 +109,7 @@ def model_document(
     dynamics = dynamics_of(
         vehicle,
         fitted_change(card.inertia),
-        lag_s=0.0 if lag is None else lag.value_s,
+        lag_s=card.lag_s,
         minimum_speed_m_s=minimum_speed_m_s,
     )
     if part is not None and part.unit_of_mass is not None:

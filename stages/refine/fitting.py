@@ -111,8 +111,9 @@ class CardUnknowns:
         }
         for (i, j), item in zip(self.parameters.inertia, self.card.inertia, strict=True):
             start[f"M[{i},{j}]"] = item.value
-        lags = [item.lag_s for item in self.card.inertia if 0.0 < item.lag_s < LONGEST_LAG_S]
-        return start | {LAG: float(np.mean(lags)) if lags else FIRST_LAG_S}
+        lags = [self.card.lag_s, *(item.lag_s for item in self.card.inertia)]
+        first = next((lag for lag in lags if 0.0 < lag < LONGEST_LAG_S), FIRST_LAG_S)
+        return start | {LAG: first}
 
     @property
     def prior(self) -> ParameterPrior | None:

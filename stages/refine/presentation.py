@@ -97,10 +97,10 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
         f" log-likelihood rose by {fit.log_likelihood_gain:.4g}. Errors are"
         f" {fit.weighted_residual:.3g} of what is predicted of them (1 where model and noise fit)."
     )
-    if fit.lag is not None:
-        error = fit.lag.standard_error_s
+    if card.lag is not None:
+        error = card.lag.standard_error_s
         spread = "" if error is None else f" +- {NORMAL_95 * error:.2g} (95 %)"
-        words += f" Lag of the actuators: {fit.lag.value_s:.3g}{spread} s, {fit.lag.verdict}."
+        words += f" Lag of the actuators: {card.lag.value_s:.3g}{spread} s, {card.lag.verdict}."
     for item in card.inertia:
         words += (
             f" Inertia of {item.name}: {item.value:.3g} +- {NORMAL_95 * item.standard_error:.2g}"
@@ -109,7 +109,7 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
         )
         words += (
             f"; its correlation with the lag is {item.correlation:.2f}."
-            if fit.lag is not None
+            if card.lag is not None
             else "."
         )
     if card.limits:

@@ -90,6 +90,7 @@ def refined_card(
             ],
             "limits_cost": 0.0,
             "inertia": [_inertia(item, fit, status, words) for item in card.inertia],
+            "lag": _lag(fit),
             "likelihood": _likelihood(fit, estimator, legs, left_out),
         }
     )
@@ -285,7 +286,6 @@ def _likelihood(
             "channels": channels,
             "legs": [_leg(number, leg, fit) for number, leg in enumerate(legs)],
             "force_time_s": None if noise.time_s is None else _by_axis(noise.time_s),
-            "lag": _lag(fit),
             "limits_cost": fit.limited.cost,
             "left_out": [
                 *left_out,

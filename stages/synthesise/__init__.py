@@ -10,12 +10,13 @@ campaign names, are fitted within physical limits.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
+from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.models import FactorRecord, ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.records.priors import PriorSourcesRecord
@@ -32,6 +33,7 @@ from auvid.hydro.dynamics.viscous.models import (
     without_propeller_terms,
 )
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.identification.constrained.actuator_lag import SHORTEST_S, measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.regression.error_functions import (
     ERROR_FUNCTIONS,
@@ -46,7 +48,7 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.presentation import remark
+from auvid.stages.presentation import Block, remark
 from auvid.stages.steps import counted
 from auvid.stages.synthesise.error_choice import (
     EQUAL,
@@ -57,7 +59,7 @@ from auvid.stages.synthesise.error_choice import (
     check_choice,
 )
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
-from auvid.stages.synthesise.presentation import synthesise_section
+from auvid.stages.synthesise.presentation import early_words, lag_words, synthesise_section
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
@@ -66,6 +68,7 @@ from auvid.stages.synthesise.training import (
     TrainingData,
     TrainingSegment,
     coloured_errors,
+    driven_leg,
     merged_figures,
     motion_factor,
     others_of,
@@ -83,6 +86,7 @@ from auvid.stages.synthesise.within_limits import (
 )
 
 PRIORS = ("none", "vehicle", "strip_theory")
+MEASURED = "measured"
 STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True))
 """Forms that follow from the symmetry of the hull, beside the eight published ones."""
 
@@ -121,6 +125,12 @@ class Params:
     )
     inertia: tuple[str, ...] = param(
         "1", (), meaning="added masses fitted beside the damping of structures, as N_rdot"
+    )
+    actuator_lag: str = param(
+        "1",
+        MEASURED,
+        meaning="lag of the actuators: that which the training legs show clearly, or none",
+        allowed=(MEASURED, "none"),
     )
     trim: bool = param(
         "1",
@@ -214,18 +224,27 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             field="legs",
             remedy="Give a leg `use: training`.",
         )
+    lag, lag_blocks = _lag(inputs, training, params)
+    lag_s, vehicle = 0.0, inputs.vehicle
+    if lag is not None:
+        lag_s = lag.value_s
+        spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s or 0.0}
+        vehicle = replace(vehicle, spreads=spreads)
     with_ratio = all(has_columns(inputs.residual[key], ("eta_ratio",)) for key in training)
     models = declared if with_ratio else [without_propeller_terms(model) for model in declared]
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
 
     def legs() -> Iterator[TrainingSegment]:
-        return (TrainingSegment.of(_tables(inputs, key), with_ratio=with_ratio) for key in training)
+        return (
+            TrainingSegment.of(_tables(inputs, key), with_ratio=with_ratio, lag_s=lag_s)
+            for key in training
+        )
 
     parts: dict[str, TrainingData] = {}
     names = parts_of([inputs.segment[key].leg for key in training])
     for name, leg in zip(names, legs(), strict=True):
-        own = TrainingData.of(leg, terms, inputs.vehicle, excitation=params.excitation)
+        own = TrainingData.of(leg, terms, vehicle, excitation=params.excitation)
         parts[name] = parts[name].merge(own) if name in parts else own
     data = reduce(TrainingData.merge, parts.values())
     factors = {name: part.factor for name, part in parts.items()}
@@ -258,11 +277,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             fits={axis: (fits[model.name, axis], coloured[model.name, axis]) for axis in AXES},
             turns={axis: turns[model.name, axis] for axis in AXES},
             left_out=list(others),
-            vehicle=inputs.vehicle,
+            vehicle=vehicle,
             prior=on_published if model.name in published else none,
             trim=params.trim,
             held_out=held_out[model.name],
-        )
+        ).model_copy(update={"lag": lag})
         for declared_model, model in zip(declared, models, strict=True)
     }
     conflicts: list[str] = []
@@ -280,12 +299,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if params.inertia:
             factors = {}
             for name, own_factor in zip(
-                names, _with_motion(inputs, training, structures), strict=True
+                names, _with_motion(inputs, training, structures, lag_s), strict=True
             ):
                 factor_kept = factors.get(name)
                 factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
             moving = reduce(TriangularFactor.merge, factors.values())
-            figures = _motion_figures(inputs, training, structures)
+            figures = _motion_figures(inputs, training, structures, vehicle, lag_s)
         for model in structures:
             squares = cards[model.name]
             per_one = {
@@ -295,7 +314,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 for axis in AXES
             }
             cards[model.name] = within_limits(
-                squares, model, moving, limits, inputs.vehicle, per_one, factors, figures
+                squares, model, moving, limits, vehicle, per_one, factors, figures
             )
             conflicts += prior_conflicts(squares, cards[model.name], limits)
     factor = FactorRecord(
@@ -303,8 +322,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         samples=data.factor.n_samples,
         factor=data.factor.R.tolist(),
     )
-    wiring = wiring_blocks((_tables(inputs, key) for key in training), inputs.vehicle)
-    warnings = [*wiring, *(remark(words, "warning") for words in conflicts)]
+    wiring = wiring_blocks((_tables(inputs, key) for key in training), vehicle)
+    warnings = [*lag_blocks, *wiring, *(remark(words, "warning") for words in conflicts)]
     return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
 
 
@@ -316,6 +335,22 @@ def _tables(inputs: Inputs, key: str) -> LegTables:
         None if inputs.fusion is None else inputs.fusion[key],
         None if inputs.controls is None else inputs.controls[key],
     )
+
+
+def _lag(
+    inputs: Inputs, training: Sequence[str], params: Params
+) -> tuple[LagFit | None, list[Block]]:
+    """Return the lag of the actuators that all models go with, and words on it."""
+    if params.actuator_lag != MEASURED:
+        return None, []
+    legs = [driven_leg(_tables(inputs, key)) for key in training]
+    lag = measured_lag([leg for leg in legs if leg is not None])
+    if lag is None or not lag.clear or lag.value_s < SHORTEST_S:
+        return None, []
+    if not lag.of_thrusters:
+        return None, [remark(early_words(lag), "warning")]
+    fit = LagFit(value_s=lag.value_s, standard_error_s=lag.sd_s, verdict="identified")
+    return fit, [remark(lag_words(lag, inputs.vehicle.spreads.get("thrust_lag")))]
 
 
 def _chosen(params: Params) -> list[ViscousModel]:
@@ -377,7 +412,7 @@ def _prior_means(source: str, vehicle: Vehicle) -> Coefficients:
 
 
 def _with_motion(
-    inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel]
+    inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel], lag_s: float
 ) -> list[TriangularFactor]:
     """Return each segment's factor with accelerations and rates of the actuator force.
 
@@ -389,7 +424,7 @@ def _with_motion(
             field="stages.synthesise.inertia",
         )
     terms, fused = _motion_terms(structures), inputs.fused
-    return [motion_factor(inputs.residual[key], fused[key], terms) for key in training]
+    return [motion_factor(inputs.residual[key], fused[key], terms, lag_s) for key in training]
 
 
 def _motion_terms(structures: Sequence[ViscousModel]) -> tuple[str, ...]:
@@ -400,14 +435,18 @@ def _motion_terms(structures: Sequence[ViscousModel]) -> tuple[str, ...]:
 
 
 def _motion_figures(
-    inputs: Inputs, training: Sequence[str], structures: Sequence[ViscousModel]
+    inputs: Inputs,
+    training: Sequence[str],
+    structures: Sequence[ViscousModel],
+    vehicle: Vehicle,
+    lag_s: float,
 ) -> dict[str, tuple[NormalChange, ...]]:
     """Return what assumed figures do to the normal equations with accelerations."""
     terms = _motion_terms(structures)
-    legs = (TrainingSegment.of(_tables(inputs, key), with_ratio=False) for key in training)
-    return reduce(
-        merged_figures, (DataErrors.of_motion(leg, terms, inputs.vehicle) for leg in legs)
+    legs = (
+        TrainingSegment.of(_tables(inputs, key), with_ratio=False, lag_s=lag_s) for key in training
     )
+    return reduce(merged_figures, (DataErrors.of_motion(leg, terms, vehicle) for leg in legs))
 
 
 STAGE = Stage(

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
+from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.constrained.actuator_lag import LONGEST_S, ActuatorLag
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -238,6 +240,34 @@ def _remarks(card: ModelCard) -> list[dict[str, Any]]:
             )
         )
     return blocks
+
+
+def lag_words(lag: ActuatorLag, spread_s: float | None) -> str:
+    """Return how late the actuators are, and where that goes; spread_s: of the file."""
+    usual = (
+        "" if spread_s is None else f", in place of 0 +- {NORMAL_95 * spread_s:.2g} s of the file"
+    )
+    axes = ", ".join(
+        f"{axis} {value:.2g} +- {NORMAL_95 * sd:.1g}"
+        for axis, (value, sd) in lag.by_axis.items()
+        if sd < lag.value_s
+    )
+    return (
+        f"The force follows the record of the actuators by {lag.value_s:.2g} +-"
+        f" {NORMAL_95 * lag.sd_s:.1g} s (95 %), as a first-order lag{usual}: {axes} s by axis. All"
+        " models go with this lag; without it linear damping comes out too small and quadratic too"
+        " large. stages.synthesise.actuator_lag: none leaves it out."
+    )
+
+
+def early_words(lag: ActuatorLag) -> str:
+    """Return the warning of a force that is later than thrusters can be."""
+    return (
+        f"The force follows the record of the actuators by {lag.value_s:.2g} +-"
+        f" {NORMAL_95 * lag.sd_s:.1g} s (95 %), longer than thrusters take ({LONGEST_S:g} s): the"
+        " commands are stamped early, or all sensors late. Coefficients are wrong by it. Set"
+        " stages.resample.lag_s of actuators to how late they are to be taken (a negative number)."
+    )
 
 
 def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:

@@ -13,8 +13,10 @@ import pyarrow as pa
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.identification.constrained.actuator_lag import DrivenLeg
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ACTUATOR_RATES,
@@ -43,6 +45,7 @@ from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,
+    ACTUATORS,
     POSE,
     VELOCITY,
     VELOCITY_SD,
@@ -60,8 +63,8 @@ ROWS_AT_ONCE = 8192  # the basis rows of a larger chunk leave the processor's ca
 FROM_ERRORS = "errors"
 EXCITATION = (FROM_ERRORS, "fixed")
 """What a velocity has to exceed to count as excited: its own errors, or a fixed RMS."""
-ACTUATORS = ("fins", "propeller", "thrusters")
-"""Components of the residual force that a lag of the actuators delays."""
+LAG_STEP_S = 0.05
+"""Clock of the samples that a lag is measured on: commands are logged no faster."""
 THRUST = ("propeller", "thrusters")
 """Those that a thrust curve scales."""
 SPLINES = {
@@ -90,9 +93,9 @@ class LegTables:
 class TrainingSegment:
     """One training segment; None where unknown.
 
-    nu and its standard deviations (n, 6), eta_ratio (n,), tau_bar (n, 6); thrust (n, 6)
-    is what thrusters and propeller have in it. cutoffs_hz: of the splines behind the
-    six accelerations.
+    nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
+    actuators; thrust (n, 6) is what thrusters and propeller have in it. cutoffs_hz: of
+    the splines behind the six accelerations.
     """
 
     nu: Array
@@ -104,8 +107,8 @@ class TrainingSegment:
     cutoffs_hz: tuple[float | None, ...] = ()
 
     @classmethod
-    def of(cls, tables: LegTables, *, with_ratio: bool) -> TrainingSegment:
-        """Return the samples of a segment."""
+    def of(cls, tables: LegTables, *, with_ratio: bool, lag_s: float = 0.0) -> TrainingSegment:
+        """Return the samples of a segment whose actuators are late by `lag_s`."""
         residual, nu = tables.residual, matrix(tables.residual, VELOCITY)
         measured, cutoffs = None, []
         if tables.fused is not None and tables.controls is not None:
@@ -126,8 +129,8 @@ class TrainingSegment:
             nu,
             matrix(residual, VELOCITY_SD) if has_columns(residual, VELOCITY_SD) else None,
             column(residual, "eta_ratio") if with_ratio else None,
-            forces(residual, "tau_bar"),
-            acting(residual, THRUST),
+            forces(residual, "tau_bar") - late_change(residual, lag_s),
+            acting(residual, THRUST, lag_s),
             measured,
             tuple(cutoffs),
         )
@@ -287,19 +290,44 @@ def others_of(parts: Mapping[str, TriangularFactor]) -> dict[str, TriangularFact
     }
 
 
-def acting(residual: pa.Table, components: Sequence[str]) -> Array:
-    """Return the sum (n, 6) of those components that the residual table has."""
+def acting(residual: pa.Table, components: Sequence[str], lag_s: float = 0.0) -> Array:
+    """Return the sum (n, 6), late by `lag_s`, of the components in the table."""
     total = np.zeros((residual.num_rows, 6))
     for name in components:
         if has_columns(residual, force_columns(name)):
             total += forces(residual, name)
-    return total
+    if lag_s <= 0.0:
+        return total
+    return first_order_lag(total, lag_s=lag_s, step_s=float(np.mean(np.diff(clock(residual)))))
 
 
-def motion_factor(residual: pa.Table, fused: pa.Table, terms: Sequence[str]) -> TriangularFactor:
+def late_change(residual: pa.Table, lag_s: float) -> Array:
+    """Return what a lag of the actuators changes of their force (n, 6)."""
+    return acting(residual, ACTUATORS, lag_s) - acting(residual, ACTUATORS)
+
+
+def driven_leg(tables: LegTables) -> DrivenLeg | None:
+    """Return a segment for `measured_lag`; None without its state."""
+    if tables.fused is None:
+        return None
+    residual = tables.residual
+    step_s = float(np.mean(np.diff(clock(residual))))
+    rows = slice(None, None, max(1, round(LAG_STEP_S / step_s)))
+    return DrivenLeg(
+        matrix(residual, VELOCITY)[rows],
+        matrix(tables.fused, ACCELERATION)[rows],
+        forces(residual, "tau_bar")[rows],
+        acting(residual, ACTUATORS)[rows],
+        step_s * rows.step,
+    )
+
+
+def motion_factor(
+    residual: pa.Table, fused: pa.Table, terms: Sequence[str], lag_s: float = 0.0
+) -> TriangularFactor:
     """Return the factor of a leg with accelerations and actuator force rates."""
-    t_s, force = clock(residual), forces(residual, "tau_bar")
-    actuators = acting(residual, ACTUATORS)
+    t_s, force = clock(residual), forces(residual, "tau_bar") - late_change(residual, lag_s)
+    actuators = acting(residual, ACTUATORS, lag_s)
     ratio = column(residual, "eta_ratio") if has_columns(residual, ("eta_ratio",)) else None
     extra = extra_rows(matrix(fused, ACCELERATION), actuators, step_s=float(np.mean(np.diff(t_s))))
     rows = basis_rows(matrix(residual, VELOCITY).T, ratio, terms)

@@ -148,7 +148,7 @@ def within_limits(
             "limits_cost": fit.cost,
             "held_out": held_out_card(held_out),
             "inertia": [
-                _inertia(name, fit, factor, model, noise, moved, vehicle=vehicle, trim=card.trim)
+                _inertia(name, fit, factor, model, noise, moved, vehicle=vehicle, card=card)
                 for name in limits.inertia
             ],
             "axes": {axis: _axis(axis, part, fit) for axis, part in card.axes.items()},
@@ -397,7 +397,7 @@ def _inertia(
     moved: Mapping[str, Sequence[Array]],
     *,
     vehicle: Vehicle,
-    trim: bool,
+    card: ModelCard,
 ) -> InertiaCard:
     """Return a fitted inertia, and how far a thrust lag could take its place.
 
@@ -407,7 +407,7 @@ def _inertia(
     i = fit.unknowns.index(unknown)
     row, column = AXES.index(unknown.axis), ACCELERATIONS.index(unknown.term)
     in_file = float(vehicle.mass_matrix[row, column])
-    trade = inertia_against_lag(factor, viscous_equations(model, trim=trim), name, noise=noise)
+    trade = inertia_against_lag(factor, viscous_equations(model, trim=card.trim), name, noise=noise)
     change, error = float(fit.values[i]), float(fit.standard_errors[i])
     shifts = {}
     for figure, numbers in moved.items():
@@ -429,7 +429,7 @@ def _inertia(
         change=change,
         beside_lag=trade.joint[0],
         beside_lag_error=trade.joint_errors[0],
-        lag_s=trade.joint[1],
+        lag_s=card.lag_s + trade.joint[1],
         lag_error_s=trade.joint_errors[1],
         correlation=trade.correlation,
         verdict=verdict,

@@ -170,13 +170,7 @@ class Predictor:
             {added_mass_unknown(item.name): item.change for item in card.inertia}
         )
         trim = [card.predictor.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
-        lag = None if card.likelihood is None else card.likelihood.lag
-        return cls(
-            IdentifiedModel(card.name, terms),
-            np.array(trim),
-            change,
-            0.0 if lag is None else lag.value_s,
-        )
+        return cls(IdentifiedModel(card.name, terms), np.array(trim), change, card.lag_s)
 
     def force(self, residual: pa.Table, fused: pa.Table | None) -> Array:
         """Return the residual force (n, 6) that the model predicts on a segment.

@@ -172,10 +172,10 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
             assert entry.verdict == word
     fit = card.likelihood
     assert fit is not None
-    assert fit.lag is not None
+    assert card.lag is not None
     # 10 Hz of pulses, linear between them, count some of a tick as lag.
-    assert fit.lag.value_s == pytest.approx(LAG_S, abs=0.015)
-    assert fit.lag.verdict == "identified"
+    assert card.lag.value_s == pytest.approx(LAG_S, abs=0.015)
+    assert card.lag.verdict == "identified"
     assert fit.weighted_residual == pytest.approx(1.0, abs=0.05)
     noise = {item.channel: item.noise_sd for item in fit.channels}
     assert noise["velocity x"] == pytest.approx(0.005, rel=0.2)
@@ -207,9 +207,9 @@ def test_limits_prior_and_inertia_of_the_card_hold(limited: refine.Inputs) -> No
     assert inertia.value == pytest.approx(true, abs=4.0 * inertia.standard_error + 0.02)
     assert inertia.in_vehicle_file - inertia.change == pytest.approx(inertia.value)
     assert card.likelihood is not None
-    assert card.likelihood.lag is not None
-    assert inertia.lag_s == card.likelihood.lag.value_s
-    assert inertia.correlation == card.likelihood.lag.correlations["N_rdot"]
+    assert card.lag is not None
+    assert inertia.lag_s == card.lag.value_s
+    assert inertia.correlation == card.lag.correlations["N_rdot"]
     assert card.prior == limited.model_card["symmetric"].prior
 
 

@@ -1,0 +1,75 @@
+"""The lag of the actuators, measured on made motion whose lag is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.identification.constrained.actuator_lag import DrivenLeg, measured_lag
+
+STEP_S, SECONDS, SMOOTH = 0.05, 120.0, 7
+
+
+def driven_leg(lag_s: float, seed: int = 1) -> DrivenLeg:
+    """Return a leg of surge, sway and yaw under steps of force that act late."""
+    rng = np.random.default_rng(seed)
+    n = int(SECONDS / STEP_S)
+    acting = np.zeros((n, 6))
+    for axis in (0, 1, 5):
+        steps = np.repeat(rng.uniform(-20.0, 20.0, n // 80 + 1), 80)[:n]
+        acting[:, axis] = np.convolve(steps, np.ones(SMOOTH) / SMOOTH, "same")
+    late = first_order_lag(acting, lag_s=lag_s, step_s=STEP_S)
+    nu, mass, drag = np.zeros((n, 6)), 30.0, (15.0, 25.0)
+    nu_dot = np.zeros((n, 6))
+    for k in range(n):
+        nu_dot[k] = (late[k] - drag[0] * nu[k] - drag[1] * nu[k] * np.abs(nu[k])) / mass
+        if k + 1 < n:
+            nu[k + 1] = nu[k] + STEP_S * nu_dot[k]
+    tau_bar = mass * nu_dot - acting + 0.5 * rng.standard_normal((n, 6))
+    return DrivenLeg(nu, nu_dot, tau_bar, acting, STEP_S)
+
+
+@pytest.mark.parametrize("lag_s", [0.08, 0.2])
+def test_a_lag_of_thrusters_is_measured(lag_s: float) -> None:
+    lag = measured_lag([driven_leg(lag_s)])
+    assert lag is not None
+    assert lag.clear
+    assert lag.of_thrusters
+    assert abs(lag.value_s - lag_s) < 2.0 * lag.sd_s + 0.002
+    assert set(lag.by_axis) == {"X", "Y", "N"}
+
+
+def test_no_lag_is_taken_where_there_is_none() -> None:
+    lag = measured_lag([driven_leg(0.0)])
+    assert lag is not None
+    assert not (lag.clear and lag.of_thrusters)
+
+
+def test_commands_that_are_early_are_no_thrusters() -> None:
+    lag = measured_lag([driven_leg(0.8)])
+    assert lag is not None
+    assert lag.clear
+    assert not lag.of_thrusters
+
+
+def test_axes_that_differ_determine_no_lag() -> None:
+    one, other = driven_leg(0.05), driven_leg(0.35)
+    mixed: Array = one.tau_bar.copy()
+    mixed[:, 1:] = other.tau_bar[:, 1:]
+    nu, nu_dot = one.nu.copy(), one.nu_dot.copy()
+    nu[:, 1:], nu_dot[:, 1:] = other.nu[:, 1:], other.nu_dot[:, 1:]
+    lag = measured_lag([replace(one, nu=nu, nu_dot=nu_dot, tau_bar=mixed)])
+    assert lag is not None
+    assert not lag.clear
+
+
+def test_no_leg_and_a_short_one_tell_no_lag() -> None:
+    assert measured_lag([]) is None
+    leg = driven_leg(0.2)
+    rows = slice(0, 400)
+    parts = (leg.nu, leg.nu_dot, leg.tau_bar, leg.actuators)
+    assert measured_lag([DrivenLeg(*(part[rows] for part in parts), STEP_S)]) is None
