@@ -33,7 +33,7 @@ from auvid.hydro.dynamics.viscous.models import (
     without_propeller_terms,
 )
 from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
-from auvid.hydro.identification.constrained.actuator_lag import SHORTEST_S, measured_lag
+from auvid.hydro.identification.constrained.actuator_lag import measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.regression.error_functions import (
     ERROR_FUNCTIONS,
@@ -59,7 +59,7 @@ from auvid.stages.synthesise.error_choice import (
     check_choice,
 )
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
-from auvid.stages.synthesise.presentation import early_words, lag_words, synthesise_section
+from auvid.stages.synthesise.presentation import lag_words, synthesise_section
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
@@ -345,10 +345,8 @@ def _lag(
         return None, []
     legs = [driven_leg(_tables(inputs, key)) for key in training]
     lag = measured_lag([leg for leg in legs if leg is not None])
-    if lag is None or not lag.clear or lag.value_s < SHORTEST_S:
+    if lag is None or not (lag.clear and lag.of_thrusters):
         return None, []
-    if not lag.of_thrusters:
-        return None, [remark(early_words(lag), "warning")]
     fit = LagFit(value_s=lag.value_s, standard_error_s=lag.sd_s, verdict="identified")
     return fit, [remark(lag_words(lag, inputs.vehicle.spreads.get("thrust_lag")))]
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.constrained.actuator_lag import LONGEST_S, ActuatorLag
+from auvid.hydro.identification.constrained.actuator_lag import ActuatorLag
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -257,16 +257,6 @@ def lag_words(lag: ActuatorLag, spread_s: float | None) -> str:
         f" {NORMAL_95 * lag.sd_s:.1g} s (95 %), as a first-order lag{usual}: {axes} s by axis. All"
         " models go with this lag; without it linear damping comes out too small and quadratic too"
         " large. stages.synthesise.actuator_lag: none leaves it out."
-    )
-
-
-def early_words(lag: ActuatorLag) -> str:
-    """Return the warning of a force that is later than thrusters can be."""
-    return (
-        f"The force follows the record of the actuators by {lag.value_s:.2g} +-"
-        f" {NORMAL_95 * lag.sd_s:.1g} s (95 %), longer than thrusters take ({LONGEST_S:g} s): the"
-        " commands are stamped early, or all sensors late. Coefficients are wrong by it. Set"
-        " stages.resample.lag_s of actuators to how late they are to be taken (a negative number)."
     )
 
 

@@ -36,7 +36,7 @@ SLOPE_S = 0.02
 """Difference of two lags whose forces give the slope by the lag."""
 SHORTEST_S, LONGEST_S = 0.03, 0.3
 """Lags that are taken. A shorter one moves no coefficient; a longer one is no thruster's:
-the record is early, or the fit falls on as the recorded force is smoothed away.
+the fit may go on falling as the recorded force is smoothed away.
 """
 CLEAR_AXES = 2
 """Axes that must show a lag clearly, so that it is no error of one of them."""
