@@ -765,6 +765,33 @@ def test_inertias_and_sums_scale_with_the_thrust_curve_as_coefficients_do() -> N
     assert row.assumed
 
 
+def test_a_lag_of_the_actuators_goes_with_all_models_and_can_be_left_out() -> None:
+    """Thrust that acts .15 s after its record: without the lag damping is a quarter too small."""
+    lag_s, motion, vehicle = 0.15, rich_motion(60.0, seed=5), shipped_vehicle("bluerov2_heavy")
+    damping = motion.nu @ -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    inertial = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, motion.nu)
+    late = inertial - damping
+    recorded = late + lag_s * np.gradient(late, motion.t_s, axis=0)
+    noise = 0.1 * np.random.default_rng(12).normal(size=damping.shape)
+    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, inertial - recorded + noise, recorded)
+    models = ("linear", "diagonal")
+    with_lag = synthesise.run(inputs, synthesise.Params(models=models))
+    without = synthesise.run(inputs, synthesise.Params(models=models, actuator_lag="none"))
+    for name in models:
+        card, plain = with_lag.model_card[name], without.model_card[name]
+        assert card.lag is not None
+        assert card.lag.standard_error_s is not None
+        assert card.lag.value_s == pytest.approx(lag_s, abs=0.005)
+        assert card.spreads["thrust_lag"] == card.lag.standard_error_s
+        assert card.predictor["Y"]["v"] == pytest.approx(-60.0, rel=0.01)
+        assert plain.lag is None
+        assert plain.spreads["thrust_lag"] == vehicle.spreads["thrust_lag"]
+        assert plain.predictor["Y"]["v"] > -50.0
+    words = "The force follows the record of the actuators by 0.15"
+    assert words in str(with_lag.section)
+    assert words not in str(without.section)
+
+
 def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     """A slow vehicle whose drag balances its thrust: its coefficients scale with it."""
     motion = rich_motion(30.0, seed=5)
