@@ -344,6 +344,10 @@ class SteadyRange(Model):
     """Fastest growth of a disturbance about them; not above 0 where all are stable."""
     grows_on: str
     """Axis that this disturbance shows on most."""
+    grows_by: str = ""
+    """What adds most to its growth where it grows: a coefficient, `C` (Coriolis force),
+    `G` (righting moment).
+    """
     tips_in: Literal["", "roll", "pitch", "no steady motion", "unstable"]
     """What ends the range; empty where it is all of the flown one."""
     cause: str

@@ -34,7 +34,9 @@ NO_MOTION = "no steady motion"
 TILTS = ("roll", "pitch")
 TILT = [3, 4]
 """Places of phi and theta in eta."""
-STATES = [0, 1, 2, 3, 4, 5, 9, 10]
+TILT_STATES = [9, 10]
+"""Places of phi and theta in [nu, eta]."""
+STATES = [0, 1, 2, 3, 4, 5, *TILT_STATES]
 """Places in [nu, eta] of what a steady motion keeps: velocities, roll and pitch."""
 ROUNDING = 8 * np.finfo(float).eps
 """Slopes with less than this share of the largest count as none."""

@@ -30,7 +30,7 @@ from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.simulation.growth import Growth, growth
-from auvid.hydro.dynamics.steady_motion import Floating
+from auvid.hydro.dynamics.steady_motion import TILT_STATES, Floating
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.equations import (
@@ -326,13 +326,13 @@ def _motion_check(
 
 
 def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -> dict[str, Growth]:
-    """Return the growth where the first lost run of each model starts, by name."""
-    causes = {}
-    for model, diverged in zip(models, runs.diverged_s, strict=True):
-        if np.isfinite(diverged).any():
-            start = runs.starts[int(np.nanargmin(diverged)), :6]
-            causes[model.viscous.name] = growth(model.vehicle(vehicle), model.viscous, start)
-    return causes
+    """Return the fastest growth over the run that each model loses soonest, by name."""
+    return {
+        models[i].viscous.name: growth(
+            models[i].vehicle(vehicle), models[i].viscous, measured[:, :6], measured[:, TILT_STATES]
+        )
+        for i, measured in runs.lost_motion.items()
+    }
 
 
 def _forces(

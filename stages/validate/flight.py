@@ -23,6 +23,7 @@ from auvid.hydro.dynamics.simulation.free_run import (
     wrapped,
 )
 from auvid.hydro.dynamics.simulation.growth import Growth, growth
+from auvid.hydro.dynamics.steady_motion import TILT_STATES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.draws import (
@@ -82,7 +83,7 @@ class FreeFlight:
 
     Restarted from the measured state at `starts_s`, with a row of nan before. low, high:
     edges of the band. flown, lost: draws in the first window, and how many of them left
-    all bounds in any. cause: what grows in the first of these, where it starts.
+    all bounds in any. cause: what grows fastest in the one lost first, until then.
     """
 
     t_s: Array
@@ -254,7 +255,8 @@ def fly(
         if cause is None and np.isfinite(gone).any():
             first = int(np.nanargmin(gone))
             inertia = replace(vehicle, added_mass=vehicle.added_mass + some.added_mass[first])
-            cause = growth(inertia, some.models[first], motion.state[start, :6])
+            flown = motion.some_states(start, float(gone[first]))
+            cause = growth(inertia, some.models[first], flown[:, :6], flown[:, TILT_STATES])
         lost |= np.isfinite(gone)
         measured = motion.state[start + steps][:, COMPARED]
         measured[:, 8] = np.unwrap(measured[:, 8])

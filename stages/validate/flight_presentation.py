@@ -9,7 +9,7 @@ import numpy as np
 
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.hydro.dynamics.simulation.growth import Growth
+from auvid.hydro.dynamics.simulation.growth import CORIOLIS, RIGHTING, Growth
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS
 from auvid.stages.columns import ATTITUDE, VELOCITY
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -122,7 +122,13 @@ def growth_words(cause: Growth) -> str:
     if cause.rate <= 0.0:
         return ""
     words = f"{AXIS_WORDS[cause.axis]} grows at {cause.rate:.2g} 1/s"
-    return words + (f", mostly by {cause.cause}" if cause.cause else "")
+    return words + (f", mostly by {named_cause(cause.cause)}" if cause.cause else "")
+
+
+def named_cause(cause: str) -> str:
+    """Return what makes a motion grow, in words: `K_p`, `the Coriolis force of its inertia`."""
+    names = {CORIOLIS: "the Coriolis force of its inertia", RIGHTING: "its righting moment"}
+    return names.get(cause, cause)
 
 
 def flight_views(name: str, segments: Sequence[str]) -> list[dict[str, Any]]:

@@ -23,6 +23,7 @@ from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.dynamics.jacobians import restoring_jacobian
 from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
+from auvid.hydro.dynamics.simulation.growth import Growth, growth
 from auvid.hydro.dynamics.steady_motion import (
     NO_MOTION,
     TIPPED_RAD,
@@ -40,6 +41,7 @@ from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import GROWS_1_S, ORIGIN, TILTED, TILTS, damping_of, listed, own_drives
 from auvid.stages.number_format import true_minus
 from auvid.stages.page.first_screen import AXIS_WORDS
+from auvid.stages.validate.flight_presentation import growth_words, named_cause
 
 DRIVEN = ("X", "Y", "Z", "N")
 """Axes with a steady motion: the righting moment ends those of roll and pitch."""
@@ -80,11 +82,13 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
         Tried(track.axis, drive, track.direction, track.speeds, *motions)
         for (drive, track), motions in zip(tracks, outcomes, strict=True)
     ]
-    upright, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
+    upright, lost, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
     pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}
     for item, stays in zip(tried, upright, strict=True):
         pairs.setdefault((item.axis, item.drive), []).append((item, stays))
-    ranges = [_range(floating, card, parts) for parts in pairs.values()]
+    ranges = [
+        _range(floating, card, parts, minimum_speed=minimum_speed) for parts in pairs.values()
+    ]
     rest = rest_tilt(floating)
     righting = -restoring_jacobian(
         np.zeros(6),
@@ -105,10 +109,11 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
         righting_is_assumed=assumed,
         steps=len(steps),
         steps_lost=int(np.sum(~steps)),
-        decays=len(decays),
-        decays_lost=int(np.sum(~decays)),
+        decays=decays,
+        decays_lost=len(lost),
         seconds=FLIGHT_S,
     )
+    decay = growth(vehicle, floating.model, lost, 0.0 * lost[:, :2]) if len(lost) else None
     own = own_drives(check)
     ends = {item.tips_in for item in own}
     if not own:
@@ -120,7 +125,7 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     elif NO_MOTION in ends:
         check = check.model_copy(update={"verdict": "unknown"})
     return check.model_copy(
-        update={"words": _words(check), "remedies": _remedies(check, card, drives)}
+        update={"words": _words(check, decay), "remedies": _remedies(check, card, drives)}
     )
 
 
@@ -160,8 +165,8 @@ def _speeds(flown: VelocityRange) -> list[Array]:
 
 def _fly(
     floating: Floating, card: ModelCard, tried: Sequence[Tried], *, minimum_speed: float
-) -> tuple[list[Mask], Mask]:
-    """Return which steps to each steady motion stay upright, and which decays do."""
+) -> tuple[list[Mask], Array, int]:
+    """Return which steps to each steady motion stay upright, and decays (k, 6) that do not."""
     rows = int(FLIGHT_S / STEP_S) + 1
     ends = np.array([[card.conditions[n].low, card.conditions[n].high] for n in VELOCITIES])
     single = [np.eye(6)[i] * value for i in range(6) for value in ends[i]]
@@ -195,10 +200,16 @@ def _fly(
     stays = np.all(np.isfinite(tilts) & (tilts < TIPPED_RAD), axis=(1, 2))
     counts = np.cumsum([0, *(len(item.motions) for item in tried)])
     parts = [stays[a:b] for a, b in pairwise(counts)]
-    return parts, stays[len(steps) :]
+    return parts, np.array(decays)[~stays[len(steps) :]], len(decays)
 
 
-def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mask]]) -> SteadyRange:
+def _range(
+    floating: Floating,
+    card: ModelCard,
+    parts: Sequence[tuple[Tried, Mask]],
+    *,
+    minimum_speed: float,
+) -> SteadyRange:
     """Return how far both directions of a drive go."""
     tried = parts[0][0]
     flown = card.conditions[OWN_VELOCITY[tried.axis]]
@@ -206,6 +217,7 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
     reached = [first, first]
     ends = [("", "", 0.0)]
     steady: list[SteadyMotion] = []
+    judged: list[SteadyMotion] = []
     for item, stays in parts:
         # A step overshoots: it may tip over on its way to a motion that is upright.
         good = int(np.argmin(stays)) if not stays.all() else len(stays)
@@ -214,9 +226,20 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
         place = int(item.speeds[-1] > item.speeds[0])
         reached[place] = kept[-1].speed if kept else first
         ends.append(_end(floating, item, good))
+        # Of an unstable range the motions that no step reaches count: they grow fastest.
+        judged += item.motions if ends[-1][0] == UNSTABLE else kept
     tips, cause, most = max(ends, key=lambda end: WORST.index(end[0]))
     tilts = np.array([motion.tilt for motion in steady]).reshape(-1, 2)
-    fastest = max(steady, key=lambda motion: motion.growth, default=None)
+    fastest = max(judged, key=lambda motion: motion.growth, default=None)
+    grows_by = ""
+    if fastest is not None and fastest.growth > GROWS_1_S:
+        grows_by = growth(
+            floating.vehicle,
+            floating.model,
+            fastest.nu,
+            fastest.tilt,
+            minimum_speed=minimum_speed,
+        ).cause
     return SteadyRange.model_validate(
         {
             "axis": tried.axis,
@@ -227,6 +250,7 @@ def _range(floating: Floating, card: ModelCard, parts: Sequence[tuple[Tried, Mas
             "pitch_rad": float(np.max(np.abs(tilts[:, 1]), initial=0.0)),
             "growth_1_s": 0.0 if fastest is None else fastest.growth,
             "grows_on": "" if fastest is None else fastest.grows_on,
+            "grows_by": grows_by,
             "tips_in": tips,
             "cause": cause,
             "cause_N_m": most,
@@ -248,8 +272,11 @@ def _end(floating: Floating, item: Tried, good: int) -> tuple[str, str, float]:
     return tips, cause, shares.get(cause, 0.0)
 
 
-def _words(check: MotionCheck) -> str:
-    """Return in words what it does under its drive, under a force alone, at rest."""
+def _words(check: MotionCheck, decay: Growth | None) -> str:
+    """Return in words what it does under its drive, under a force alone, at rest.
+
+    decay: what grows fastest where a decay that is lost starts.
+    """
     if not check.ranges:
         return "no drive was tried: the flown velocities have no range"
     own = [item for item in check.ranges if item.drive != ORIGIN]
@@ -272,11 +299,13 @@ def _words(check: MotionCheck) -> str:
         words.append(
             f"unstable in {AXIS_WORDS[worst.grows_on]}: a disturbance grows by"
             f" {worst.growth_1_s:.2g} 1/s at flown speeds of {AXIS_WORDS[worst.axis]}"
+            + (f", mostly by {named_cause(worst.grows_by)}" if worst.grows_by else "")
         )
     if check.decays_lost:
         words.append(
             f"{check.decays_lost} of {check.decays} decays from the flown velocities tip over or"
             " leave all bounds"
+            + (f": {grown}" if decay is not None and (grown := growth_words(decay)) else "")
         )
     if check.rest_rad is not None and max(map(abs, check.rest_rad)) > TILTED_RAD:
         roll, pitch = np.degrees(check.rest_rad) + 0.0

@@ -257,8 +257,9 @@ def cause_blocks(
     if not rows:
         return []
     note = (
-        "About the measured state from which the first lost run starts, without restoring force."
-        " Cause: the coefficient that adds most to the growth, and what it adds."
+        "About the measured state at which it is fastest, from the start of the run that is lost"
+        " soonest until it is, under constant actuators. Cause: the coefficient that adds most to"
+        " the growth, C (Coriolis force of the inertia) or G (righting moment); and what it adds."
     )
     heads: list[str | tuple[str, str]] = [
         "model", ("first lost", "s"), "axis", ("growth", "1/s"), "cause", ("adds", "1/s"),

@@ -9,7 +9,7 @@ models run at once as one batch (McCarter 2.60-2.66 with the identified tau_nu).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -31,6 +31,8 @@ comes near them.
 """
 LIMITS = np.array([SPEED_LIMIT] * 3 + [RATE_LIMIT] * 3 + [np.inf] * 6)
 """Of each state; a position or an angle has none but to be finite."""
+LOOKED_AT = 40
+"""Measured states at which a lost run is looked at."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,7 @@ class FreeRuns:
     start, nan for a run that stayed bounded. `reached` (w, k): whether the data go on
     to that horizon. `persistence` (w, k, 12): what the measured state changed by, the
     error of expecting no change. `starts` (w, 12): measured states at the starts.
+    `lost_motion`: model -> measured states (n, 12) of the run that it loses soonest.
     """
 
     horizons_s: Array
@@ -50,6 +53,7 @@ class FreeRuns:
     reached: Mask
     persistence: Array
     starts: Array
+    lost_motion: Mapping[int, Array]
 
     def rms(self) -> Array:
         """Return the RMS over the starts that stayed bounded: (m, k, 12).
@@ -82,6 +86,12 @@ class MeasuredMotion:
     def samples(self, seconds: ArrayLike) -> Index:
         """Return samples of times after the first."""
         return np.round(np.asarray(seconds, dtype=np.float64) / self.step_s).astype(np.intp)
+
+    def some_states(self, start: int, seconds: float) -> Array:
+        """Return some measured states (n, 12) from a sample on, over `seconds`."""
+        last = min(start + max(int(self.samples(seconds)), 1), len(self.state) - 1)
+        at = np.unique(np.linspace(start, last, LOOKED_AT).astype(np.intp))
+        return self.state[at]
 
     def inputs(self, vehicle: Vehicle) -> Array:
         """Return what acts (n, 12): propeller, u_c(n), fins (4), thruster force (6).
@@ -258,7 +268,11 @@ def free_runs(
     kept[~reached] = np.nan
     for part in (errors, kept):
         part[..., 9:] = wrapped(part[..., 9:])
-    return FreeRuns(horizons, errors, diverged, reached, kept, measured[first])
+    soonest = {
+        i: int(np.nanargmin(lost)) for i, lost in enumerate(diverged) if np.isfinite(lost).any()
+    }
+    lost_motion = {i: motion.some_states(first[w], diverged[i, w]) for i, w in soonest.items()}
+    return FreeRuns(horizons, errors, diverged, reached, kept, measured[first], lost_motion)
 
 
 def wrapped(angle: Array) -> Array:

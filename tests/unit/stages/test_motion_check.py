@@ -150,5 +150,25 @@ def test_the_worse_of_both_directions_ends_a_range() -> None:
     tilted = Tried("X", ORIGIN, drive, back, motions, end)
     lost = Tried("X", ORIGIN, drive, -back, [], "no steady motion")
     flights = [(tilted, np.ones(len(motions), dtype=bool)), (lost, np.zeros(0, dtype=bool))]
-    surge = _range(floating, card(), flights)
+    surge = _range(floating, card(), flights, minimum_speed=0.05)
     assert (surge.tips_in, surge.cause) == ("pitch", "M_u")
+
+
+def test_the_fastest_mode_is_said_though_no_step_reaches_it() -> None:
+    """Sway and yaw that push each other grow by .82 1/s; heave alone grows by .06 1/s."""
+    mass = VEHICLE.mass_matrix
+    push = 1.0  # sway and yaw without damping: the rate is sqrt(push^2 / (m_2 m_6))
+    rows = {
+        "Y": {"v": 0.0, "r": push},
+        "N": {"r": 0.0, "v": 0.82**2 * (mass[1, 1] * mass[5, 5] - mass[1, 5] ** 2) / push},
+        "Z": {"w": 0.06 * mass[2, 2]},
+    }
+    check = checked(0.02, **rows)
+    assert check.verdict == "unstable"
+    worst = max(check.ranges, key=lambda item: item.growth_1_s)
+    assert worst.growth_1_s == pytest.approx(0.82, abs=0.06)  # roll and speed have a part in it
+    assert worst.grows_on in ("Y", "N")
+    assert worst.grows_by in ("N_v", "Y_r")
+    assert f"grows by {worst.growth_1_s:.2g} 1/s" in check.words
+    assert f"mostly by {worst.grows_by}" in check.words
+    assert "unstable in heave" not in check.words

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,30 @@ def test_a_coupling_that_feeds_the_growth_is_named_with_what_it_adds() -> None:
     changed[axis][term] *= 1.0 + step
     moved = growth(VEHICLE, IdentifiedModel("coupled", changed), np.zeros(6)).rate
     assert (moved - rates.rate) / step == pytest.approx(rates.adds, rel=1e-4)
+
+
+def test_sway_and_yaw_at_speed_are_named_with_the_coriolis_force_that_feeds_them() -> None:
+    """The moment of Munk turns a hull broadside; at rest, where a run starts, nothing grows."""
+    rows = {**DAMPED, "Y": {"v": -4.0}, "M": {"q": -1.0}, "N": {"r": -0.05}}
+    model = IdentifiedModel("long", rows)
+    surge = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+    level = np.zeros(2)
+    assert growth(VEHICLE, model, 0.0 * surge, level).rate < 0.0
+    speeds = [0.0, 0.4, 1.0, 0.2]
+    rates = growth(VEHICLE, model, np.outer(speeds, surge), np.outer(speeds, level))
+    assert rates == growth(VEHICLE, model, surge, level)
+    assert rates.rate > 0.4
+    assert rates.axis in ("Y", "N")
+    assert rates.cause == "C"
+    # Without it, nothing grows: what it adds is more than all that grows.
+    assert rates.adds > rates.rate
+    # Pitch does the same as yaw, but for the righting moment that holds it.
+    assert growth(VEHICLE, model, surge).axis in ("Z", "M")
+
+
+def test_a_vehicle_that_is_heavy_above_is_named_by_its_righting_moment() -> None:
+    lifted = replace(VEHICLE, r_G=-VEHICLE.r_G, r_B=-VEHICLE.r_B)
+    rates = growth(lifted, IdentifiedModel("capsizes", DAMPED), np.zeros(6), np.zeros(2))
+    assert rates.rate > 0.0
+    assert rates.axis in ("K", "M")
+    assert rates.cause == "G"
