@@ -126,7 +126,7 @@ def growth_words(cause: Growth) -> str:
 
 
 def named_cause(cause: str) -> str:
-    """Return what makes a motion grow, in words: `K_p`, `the Coriolis force of its inertia`."""
+    """Return what makes a motion grow, in words: a coefficient or a force."""
     names = {CORIOLIS: "the Coriolis force of its inertia", RIGHTING: "its righting moment"}
     return names.get(cause, cause)
 

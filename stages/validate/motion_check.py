@@ -166,7 +166,7 @@ def _speeds(flown: VelocityRange) -> list[Array]:
 def _fly(
     floating: Floating, card: ModelCard, tried: Sequence[Tried], *, minimum_speed: float
 ) -> tuple[list[Mask], Array, int]:
-    """Return which steps to each steady motion stay upright, and decays (k, 6) that do not."""
+    """Return which steps stay upright, decays (k, 6) that do not, and how many flew."""
     rows = int(FLIGHT_S / STEP_S) + 1
     ends = np.array([[card.conditions[n].low, card.conditions[n].high] for n in VELOCITIES])
     single = [np.eye(6)[i] * value for i in range(6) for value in ends[i]]
