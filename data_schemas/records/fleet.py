@@ -69,9 +69,12 @@ class LogSurvey(Model):
     findings: list[FindingRecord] = Field(default_factory=list)
     """What was found, the severe first."""
     conditions: dict[str, float | str] = Field(default_factory=dict)
-    """What may make one dive differ from another: firmware, battery_v, mean_depth_m."""
+    """What may make one dive differ from another: firmware, battery_v, mean_depth_m; and
+    board, which tells one autopilot from another."""
     motion: MotionTrace | None = None
     """Its motion; null for a log that is refused."""
+    row_hashes: list[int] = Field(default_factory=list)
+    """Smallest hashes of its samples, by which copies that were cut or damaged show."""
 
 
 class FleetCoefficient(Model):

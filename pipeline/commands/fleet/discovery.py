@@ -28,6 +28,7 @@ HEADER_BYTES = 4096
 GROUPS = ".csv_files.json"
 READING_THREADS = 4
 NO_TEXT = "its path is not UTF-8, so that no campaign can name it: rename the file or folder"
+FOLDER = "is a folder: name its logs in the list, or give it in place of the list"
 STEM_LETTERS, HASH_DIGITS = 60, 8
 
 
@@ -91,15 +92,32 @@ def discover(
     named = [_vehicle_rule(words) for words in vehicles]
     base = target.expanduser()
     others: Counter[str] = Counter()
+    if base.resolve() == fleet.root:
+        raise UsageError(
+            "is the folder of the logs: another one must take what is made",
+            field="--out",
+            value=str(fleet.root),
+        )
     if base.is_dir():
         paths = sorted(_below(base, fleet.root, others))
     elif base.is_file():
-        paths = _listed(base)
+        paths = [base] if _is_log(base) else _listed(base)
     else:
         raise PipelineError("there is no such folder or list of logs", file=target)
+    if not paths:
+        there = ", ".join(f"{count} {suffix}" for suffix, count in sorted(others.items()))
+        raise PipelineError(
+            "there is no log here",
+            file=target,
+            value=there or "no file",
+            remedy="Is the disk there? The fleet stays as it was.",
+        )
     dives = _dives(paths, fleet)
     with ThreadPoolExecutor(READING_THREADS) as pool:
         logs = list(pool.map(lambda files: _log(files, base, named, hashes), dives))
+    for rule, _ in named:
+        if not any(_fits(_below_folder(files[0], base), rule) for files in dives):
+            raise UsageError("fits no log", field="--vehicle", value=rule)
     return Discovery(tuple(_copies_named(logs)), others)
 
 
@@ -117,7 +135,7 @@ def _below(folder: Path, fleet: Path, others: Counter[str]) -> Iterator[Path]:
         names[:] = [
             name
             for name in names
-            if not name.startswith(".") and (Path(top) / name).resolve() != fleet
+            if not name.startswith(".") and not _is_fleet(Path(top) / name, fleet)
         ]
         for name in files:
             path = Path(top) / name
@@ -127,6 +145,12 @@ def _below(folder: Path, fleet: Path, others: Counter[str]) -> Iterator[Path]:
                 yield path
             else:
                 others[readable_name(path.suffix.lower()) or "no suffix"] += 1
+
+
+def _is_fleet(folder: Path, fleet: Path) -> bool:
+    """Return whether a folder is this fleet or another: its logs are links to logs."""
+    other = FleetFolder(folder)
+    return folder.resolve() == fleet or (other.index.is_file() and other.table("runs").is_file())
 
 
 def _is_log(path: Path) -> bool:
@@ -150,7 +174,7 @@ def _is_log(path: Path) -> bool:
 def _listed(file: Path) -> list[Path]:
     """Return the paths of a list, one a line; relative ones count from its folder."""
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = file.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError:
         raise PipelineError(
             "this is no list of logs: text with one path a line",
@@ -204,8 +228,7 @@ def _header(path: Path) -> bytes:
 def _log(
     files: tuple[Path, ...], base: Path, named: Sequence[tuple[str, str]], hashes: FileHashes
 ) -> FleetLog:
-    folder = base if base.is_dir() else base.parent
-    first = files[0].relative_to(folder) if files[0].is_relative_to(folder) else files[0]
+    first = _below_folder(files[0], base)
     vehicle = next((file for rule, file in named if rule != "*" and _fits(first, rule)), None)
     vehicle = vehicle or next((file for rule, file in named if rule == "*"), None)
     if any(readable_name(path) != str(path) for path in files):
@@ -215,11 +238,18 @@ def _log(
         stamps = tuple(map(stamp_of, files))
         content = [hashes.of(path) for path in files]
     except OSError as fault:
-        words = f"cannot be read: {fault.strerror or fault}"
+        folder = any(path.is_dir() for path in files)
+        words = FOLDER if folder else f"cannot be read: {fault.strerror or fault}"
         name = _id(files[0], hash_value(str(files[0].absolute())))
         return FleetLog(name, files, "", (), vehicle, words)
     joined = content[0] if len(files) == 1 else hash_value(content)
     return FleetLog(_id(files[0], joined), files, joined, stamps, vehicle)
+
+
+def _below_folder(path: Path, base: Path) -> Path:
+    """Return a path as it stands below the folder, or beside the list, of a call."""
+    folder = base if base.is_dir() else base.parent
+    return path.relative_to(folder) if path.is_relative_to(folder) else path
 
 
 def _fits(path: Path, pattern: str) -> bool:

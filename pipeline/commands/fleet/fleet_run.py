@@ -25,7 +25,12 @@ from auvid.pipeline.commands.fleet.log_work import (
     survey_task,
     unfinished,
 )
-from auvid.pipeline.commands.fleet.same_dives import Compared, SameDive, refusals, same_dives
+from auvid.pipeline.commands.fleet.surveys.same_dives import (
+    Compared,
+    SameDive,
+    refusals,
+    same_dives,
+)
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.lock import locked
@@ -36,6 +41,7 @@ from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, FileHashes
 from auvid.pipeline.terminal import path_from_here, plain, table
+from auvid.stages.ingest.health.finding import counted
 
 STATES = ("done", "partly", "refused")
 DIED = (
@@ -93,7 +99,7 @@ def _run_fleet(
         tasks = {log.id: survey_task(log, fleet) for log in unique}
         surveyed = _bring("survey", tasks, logs, engine, force=force)
         surveys = {log: _document(LogSurvey, task) for log, task in tasks.items()}
-        names = {log.id: log.files[0].name for log in disk.logs}
+        names = {log.id: log.paths[0] for log in disk.logs}
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
         same = _same_dives(fleet, list(surveys.values()))
         reasons |= refusals(same, names)
@@ -153,7 +159,15 @@ def _bring(
     stale = [task for task in tasks.values() if force or not _is_fresh(task)]
     with show_progress() as progress:
         progress.stage(name, todo=len(stale), total=len(tasks), level="log")
-        _make(stale, engine, logs, progress)
+        suspected = {task.item for task in stale if _mark(task).exists()}
+        try:
+            _make(stale, engine, logs, progress)
+        except KeyboardInterrupt:
+            engine.close()
+            for task in stale:
+                if task.item not in suspected:  # it was the user who ended its process
+                    _mark(task).unlink(missing_ok=True)
+            raise
         progress.finish(failed=0)
     return len(stale)
 
@@ -280,7 +294,8 @@ def print_fleet_run(
         }
     )
     words = ", ".join(f"{counts[state]} {state}" for state in STATES)
-    print(f"{len(outcome.rows)} logs: {words} ({outcome.surveyed} read, {outcome.ran} run now)")
+    logs = counted(len(outcome.rows), "log")
+    print(f"{logs}: {words} ({outcome.surveyed} read, {outcome.ran} run now)")
     rest = [row for row in outcome.rows if row.state != "done"]
     printed = rest if OUTPUT.verbose else rest[:LISTED]
     rows = []

@@ -136,6 +136,7 @@ def _run_rows(row: FleetRow) -> Rows:
             "coefficients": 0 if every is None else every.coefficients,
             **by_axis,
             "firmware": survey.conditions.get("firmware", ""),
+            "board": survey.conditions.get("board", ""),
             "battery_v": survey.conditions.get("battery_v"),
             "mean_depth_m": survey.conditions.get("mean_depth_m"),
             "headline": result.headline,

@@ -6,7 +6,6 @@ they write a campaign and its results, all under the folder of the fleet.
 
 from __future__ import annotations
 
-import datetime
 import json
 import shutil
 from collections.abc import Callable, Iterator, Sequence
@@ -16,18 +15,20 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from auvid.data_schemas.errors import PipelineError
-from auvid.data_schemas.records.fleet import FleetRun, LogSurvey, MotionTrace
+from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.data_schemas.records.logs import FindingRecord
-from auvid.data_schemas.tables import column
-from auvid.hydro.arrays import Array
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.commands.fleet.discovery import FleetLog, hash_of_file
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.run_results import results_of
+from auvid.pipeline.commands.fleet.surveys.log_traits import (
+    conditions,
+    motion_of,
+    start_utc,
+    unnamed,
+)
+from auvid.pipeline.commands.fleet.surveys.repeated_rows import row_hashes
 from auvid.pipeline.commands.new.campaign_command import WrittenCampaign, write_campaign
 from auvid.pipeline.commands.new.log_survey import survey
 from auvid.pipeline.commands.new.refusal import NoCampaignError, unreadable
@@ -48,11 +49,7 @@ MARK = "at_work"
 """File that stands in the folder of a log while a process works on it."""
 WRITTEN = ".written.json"
 """File of a campaign: hashes of its texts as auvid wrote them, to know edits by."""
-TRACE_STEP_S, MOST_STEPS = 0.5, 2000
-FIRST_YEAR = 2000
-"""A clock before this was never set."""
 MOST_LETTERS = 400
-UNNAMED = "not named"
 
 
 @dataclass(frozen=True)
@@ -261,101 +258,24 @@ def _described(
         reason=reason,
         routes=list(routes),
         kind="" if campaign is None else campaign.kind,
-        vehicle=named if named not in ("", "vehicle") else _unnamed(health["vehicle"]),
+        vehicle=named if named not in ("", "vehicle") else unnamed(health["vehicle"]),
         vehicle_why="" if campaign is None else campaign.vehicle.why,
         lacking="" if campaign is None else campaign.vehicle.lacking,
         formats=sorted(set(health["formats"])),
         bytes=health["bytes"],
         status=health["status"],
         duration_s=float(health["duration_s"]),
-        start_utc=_utc(info.start_us, info.utc_offset_us),
+        start_utc=start_utc(info.start_us, info.utc_offset_us),
         rows=sum(stream.rows for stream in info.streams.values()),
         streams=sorted(health["streams"]),
         legs=0 if campaign is None else campaign.legs[0],
         legs_s=0.0 if campaign is None else float(campaign.legs[1]),
         excited=[axis for axis, item in health["excitation"].items() if item["excited"]],
         findings=[FindingRecord.model_validate(item) for item in health["findings"]],
-        conditions=_conditions(page),
-        motion=_motion(page),
+        conditions=conditions(page),
+        motion=motion_of(page),
+        row_hashes=row_hashes(page.streams),
     )
-
-
-def _unnamed(firmware: object) -> str:
-    """Return the name of a vehicle without one: by its autopilot, not its version."""
-    return f"{UNNAMED} ({str(firmware).split()[0]})" if firmware else UNNAMED
-
-
-def _conditions(page: LogPage) -> dict[str, float | str]:
-    """Return firmware, median battery voltage, mean depth, where the log has them."""
-    result: dict[str, float | str] = {}
-    if page.health is not None and page.health["vehicle"]:
-        result["firmware"] = str(page.health["vehicle"])
-    for name, stream, field, middle in (
-        ("battery_v", "battery", "voltage_v", np.median),
-        ("mean_depth_m", "depth", "depth_m", np.mean),
-    ):
-        values = column(page.streams[stream], field) if stream in page.streams else np.empty(0)
-        values = values[np.isfinite(values)]
-        if values.size:
-            result[name] = round(float(middle(values)), 3)
-    return result
-
-
-def _utc(start_us: int, offset_us: int | None) -> str | None:
-    """Return a start in UTC; None for a clock that is none, or was never set."""
-    if offset_us is None:
-        return None
-    try:
-        start = datetime.datetime.fromtimestamp((start_us + offset_us) // 1_000_000, datetime.UTC)
-    except (OverflowError, ValueError, OSError):
-        return None
-    return start.strftime("%Y-%m-%dT%H:%M:%SZ") if start.year >= FIRST_YEAR else None
-
-
-def _motion(page: LogPage) -> MotionTrace | None:
-    """Return depth and yaw rate of a log, each as means over the steps of one clock."""
-    streams = page.streams
-    series: dict[str, tuple[Array, Array]] = {}
-    if "depth" in streams:
-        series["depth"] = _clock_s(streams["depth"]), column(streams["depth"], "depth_m")
-    if "attitude" in streams:
-        angle = column(streams["attitude"], "psi_rad")
-        at_s, finite = _clock_s(streams["attitude"]), np.isfinite(angle)
-        series["yaw"] = at_s[finite], np.unwrap(angle[finite])
-    series = {name: pair for name, pair in series.items() if pair[0].size > 1}
-    if not series:
-        return None
-    first = min(float(times[0]) for times, _ in series.values())
-    last = max(float(times[-1]) for times, _ in series.values())
-    step_s = max(TRACE_STEP_S, (last - first) / MOST_STEPS)
-    edges = np.arange(first, last + step_s, step_s)
-    depth = _means(*series["depth"], edges) if "depth" in series else np.empty(0)
-    yaw = _means(*series["yaw"], edges) if "yaw" in series else np.empty(0)
-    return MotionTrace(
-        step_s=step_s,
-        start_s=first,
-        depth_m=_rounded(depth),
-        yaw_rate_rad_s=_rounded(np.diff(yaw) / step_s),
-    )
-
-
-def _clock_s(table: object) -> Array:
-    times: Array = column(table, "time_us") / 1e6
-    return times
-
-
-def _means(at_s: Array, values: Array, edges: Array) -> Array:
-    """Return the mean of the values between edges (n,), shape (n-1,); nan for none."""
-    index = np.digitize(at_s, edges) - 1
-    inside = (index >= 0) & (index < edges.size - 1) & np.isfinite(values)
-    counts = np.bincount(index[inside], minlength=edges.size - 1)
-    sums = np.bincount(index[inside], values[inside], minlength=edges.size - 1)
-    means: Array = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
-    return means
-
-
-def _rounded(values: npt.NDArray[np.float64]) -> list[float | None]:
-    return [round(item, 4) if np.isfinite(item) else None for item in values.tolist()]
 
 
 def _run(inputs: Inputs, _: Params) -> RunOutputs:

@@ -27,6 +27,7 @@ from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     main_models,
     vehicle_figures,
 )
+from auvid.pipeline.commands.fleet.surveys.log_traits import UNNAMED
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
 from auvid.stages.number_format import estimate, significant, term, true_minus
@@ -43,6 +44,8 @@ MOST_AGREED, MOST_WEAK = 3, 3
 """On the first screen: drags, and weak thrusters of a vehicle."""
 MOST_CELLS = 5_000
 """Of the table of figures dive by dive; the rest stands in the Parquet table."""
+MOST_BOARDS = 4
+VEHICLE_OPTION = "--vehicle PATTERN=NAME keeps vehicles apart."
 Row = dict[str, Any]
 
 
@@ -112,7 +115,7 @@ def _summary(
 ) -> Summary:
     counts = Counter(row["state"] for row in runs)
     words = "; ".join(_uses(runs))
-    doubts = [*_look_first(vehicles, names)]
+    doubts = [*_look_first(vehicles, names), *_doubtful_vehicles(runs)]
     reasons = Counter(
         row["reason"].partition(";")[0][:120] for row in runs if row["state"] != "done"
     )
@@ -243,6 +246,31 @@ def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) ->
                 f" {_label(item.figure)} by {abs(item.deviation):.1f} standard deviations"
                 + (f"; different: {different}" if different else ""),
                 anchor("changes"),
+                "fair",
+            )
+
+
+def _doubtful_vehicles(runs: Sequence[Row]) -> Iterator[Alert]:
+    """Yield the vehicles that may be several, whose dives are yet taken together."""
+    dives: dict[str, list[Row]] = defaultdict(list)
+    for row in runs:
+        if row["state"] != "refused":
+            dives[row["vehicle"]].append(row)
+    for vehicle, rows in sorted(dives.items()):
+        boards = Counter(row["board"] for row in rows if row["board"])
+        if len(boards) > 1:
+            each = [f"{count} with {name}" for name, count in boards.most_common(MOST_BOARDS)]
+            yield Alert(
+                f"{vehicle}: its dives are of {len(boards)} autopilots, {', '.join(each)}: were"
+                f" they calibrated anew, or are these several vehicles? {VEHICLE_OPTION}",
+                anchor("usable"),
+                "fair",
+            )
+        elif vehicle.startswith(UNNAMED) and len(rows) > 1:
+            yield Alert(
+                f"{vehicle}: no log names its vehicle, and {len(rows)} dives are taken for those of"
+                f" one. {VEHICLE_OPTION}",
+                anchor("usable"),
                 "fair",
             )
 

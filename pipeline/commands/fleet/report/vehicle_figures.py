@@ -45,6 +45,7 @@ COLUMNS += ["verdict", "correlation"]
 DAY_S = 86_400.0
 CONDITIONS = {
     "firmware": "firmware",
+    "board": "autopilot",
     "battery_v": "battery in V",
     "mean_depth_m": "mean depth in m",
     "format": "format",

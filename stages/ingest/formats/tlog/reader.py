@@ -20,7 +20,7 @@ from auvid.stages.ingest.formats.accounting import split_by
 from auvid.stages.ingest.formats.tlog.byte_account import explain
 from auvid.stages.ingest.formats.tlog.clock import YEAR_2000_US, leap_notes
 from auvid.stages.ingest.formats.tlog.columns import decode, parameters, status_texts
-from auvid.stages.ingest.formats.tlog.frames import Frames, frames_at, places
+from auvid.stages.ingest.formats.tlog.frames import Frames, frames_at, places, proven
 
 Sender = tuple[int, int]
 HEAD_BYTES = 8192
@@ -61,11 +61,13 @@ class Senders:
 def recognises(head: bytes) -> bool:
     """Return whether the first bytes are a frame or hold two frames in a row.
 
-    Their time stamps must be of this century.
+    Where their time stamps are not of this century, as those of a recorder whose clock was
+    never set, their checksums must be right.
     """
     buffer = np.frombuffer(head[:HEAD_BYTES], dtype=np.uint8)
     frames = frames_at(buffer, places(buffer, 0, HEAD_BYTES))
-    frames = frames.take((frames.stamp >= YEAR_2000_US) & (frames.length > 0))
+    frames = frames.take(frames.length > 0)
+    frames = frames.take((frames.stamp >= YEAR_2000_US) | proven(buffer, frames))
     if np.any(np.isin(frames.stop, frames.start)):
         return True
     return bool(len(frames) and frames.start[0] == 0 and frames.stop[0] >= len(head))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from auvid.data_schemas.errors import PipelineError, UsageError
-from auvid.pipeline.commands.fleet.discovery import Discovery, discover
+from auvid.pipeline.commands.fleet.discovery import FOLDER, Discovery, discover
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.store.file_hashes import FileHashes
 
@@ -56,10 +56,49 @@ def test_a_list_of_paths(disk: Path, tmp_path: Path) -> None:
     logs = {log.files[0].name: log for log in search(listing, tmp_path / "fleet").logs}
     assert sorted(logs) == ["nosuch.BIN", "one.BIN"]
     assert "cannot be read" in logs["nosuch.BIN"].fault
-    binary = tmp_path / "dive.BIN"
-    binary.write_bytes(b"\xa3\x95\x80\xff")
+    assert logs["one.BIN"].fault == ""
+    noise = tmp_path / "list.dat"
+    noise.write_bytes(b"\xff\xfe\xfd")
     with pytest.raises(PipelineError, match="no list of logs"):
-        search(binary, tmp_path / "fleet")
+        search(noise, tmp_path / "fleet")
+
+
+def test_a_list_of_another_system_and_a_folder_in_it(disk: Path, tmp_path: Path) -> None:
+    name = "disk/tr\u00e4ge\u2028 1.BIN"
+    (tmp_path / name).write_bytes(b"fifth")
+    listing = tmp_path / "list.txt"
+    listing.write_bytes(f"\ufeffdisk/a/one.BIN\r\n{name}\r\ndisk/b\r\n".encode())
+    logs = {log.files[0].name: log for log in search(listing, tmp_path / "fleet").logs}
+    assert {item: log.fault for item, log in logs.items()} == {
+        "one.BIN": "",
+        Path(name).name: "",
+        "b": FOLDER,
+    }
+
+
+def test_a_log_in_place_of_the_list_is_one_log(tmp_path: Path) -> None:
+    table = tmp_path / "dive.csv"
+    table.write_text("time_s,depth_m\n0,1\n1,2\n")
+    (log,) = search(table, tmp_path / "fleet").logs
+    assert log.files == (table,)
+
+
+def test_a_folder_without_a_log_leaves_the_fleet_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "mount").mkdir()
+    (tmp_path / "mount/README.md").write_text("words")
+    with pytest.raises(PipelineError, match=r"there is no log here; found '1 \.md'"):
+        search(tmp_path / "mount", tmp_path / "fleet")
+
+
+def test_logs_of_another_fleet_below_the_folder_are_links(disk: Path, tmp_path: Path) -> None:
+    for name in ("index.json", "tables/runs.parquet", "campaigns/one/logs/one.BIN"):
+        path = disk / "a" / "old fleet" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"first")
+    names = sorted(log.files[0].name for log in search(disk, disk / "fleet").logs)
+    assert names == ["copy.BIN", "one.BIN", "two.tlog"]
+    with pytest.raises(UsageError, match="--out"):
+        search(disk, disk)
 
 
 def test_vehicles_by_pattern_keep_two_vehicles_apart(disk: Path) -> None:
@@ -70,6 +109,8 @@ def test_vehicles_by_pattern_keep_two_vehicles_apart(disk: Path) -> None:
         "copy.BIN": "bluerov2",
         "two.tlog": "bluerov2_heavy",
     }
+    with pytest.raises(UsageError, match=r"fits no log; found 'c/\*'"):
+        search(disk, disk / "fleet", "c/*=bluerov2", "bluerov2_heavy")
     with pytest.raises(UsageError, match="no such vehicle"):
         search(disk, disk / "fleet", "nosuch")
 

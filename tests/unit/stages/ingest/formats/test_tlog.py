@@ -133,6 +133,11 @@ def test_recognises_by_content() -> None:
     assert TLOG.recognises(head)
     assert TLOG.recognises(b"\x55" * 100 + head)
     assert TLOG.recognises(log([heartbeat()]))
+    unset = log([heartbeat(), attitude(10), attitude(20)], start_us=3_000_000)
+    assert TLOG.recognises(unset), "the recorder's clock began in 1970"
+    wrong = [frame("HEARTBEAT", b"\x01" * 9, crc_extra=1)] * 3
+    assert TLOG.recognises(log(wrong))
+    assert not TLOG.recognises(log(wrong, start_us=3_000_000))
     unstamped = b"".join(heartbeat() + attitude(number) for number in range(60))
     binary = (DATA / "bluerov2_ugps_small" / "small.BIN").read_bytes()[:4096]
     for other in (

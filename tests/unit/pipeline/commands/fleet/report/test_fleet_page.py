@@ -51,6 +51,7 @@ def tables(
                 "speed_surge": SPEED,
                 "duration_s": 600.0,
                 "warnings": dive % 3,
+                "board": "serial number 2" if dive == fouled_from else "serial number 1",
                 "firmware": "4.5" if dive == fouled_from else "4.1",
             }
         )
@@ -147,3 +148,14 @@ def test_the_next_dive_after_a_change_comes_from_the_dives_since() -> None:
     page = fleet_page("disk", rows).decode()
     assert "Since the last change: drag in surge at 0.3 m/s" in page
     assert "4 dives from dive6.BIN (2024-05-07) on; the next" in page
+
+
+def test_dives_of_several_autopilots_or_of_no_name_are_not_pooled_without_a_word() -> None:
+    rows = tables(fouled_from=6)
+    page = fleet_page("disk", rows).decode()
+    assert "its dives are of 2 autopilots, 9 with serial number 1, 1 with serial number 2" in page
+    for row in rows["runs"]:
+        row["board"], row["vehicle"] = "", "not named (ArduSub)"
+    page = fleet_page("disk", rows).decode()
+    assert "autopilots" not in page
+    assert f"no log names its vehicle, and {DIVES} dives are taken for those of one" in page

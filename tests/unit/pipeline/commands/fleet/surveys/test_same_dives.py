@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
-from auvid.pipeline.commands.fleet.same_dives import Compared, same_dives
+from auvid.pipeline.commands.fleet.surveys.same_dives import Compared, same_dives
 
 STEP_S = 0.5
 LENGTH_S = 200.0
@@ -82,7 +82,7 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     compared = Compared()
     first = same_dives(logs, compared)
     assert len(first) == len(compared.words) == 1
-    monkeypatch.setattr("auvid.pipeline.commands.fleet.same_dives.clock_offset", None)
+    monkeypatch.setattr("auvid.pipeline.commands.fleet.surveys.same_dives.clock_offset", None)
     assert same_dives(logs, compared) == first
     assert same_dives(logs[:1], compared) == []
     with pytest.raises(TypeError):  # a log that comes back is compared again

@@ -1,4 +1,4 @@
-"""Which logs are of one dive: by the clock, and by what depth and heading did."""
+"""Which logs are of one dive: by equal samples, the clock, and depth and heading."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.clock_offset import clock_offset
+from auvid.pipeline.commands.fleet.surveys.repeated_rows import repeated
 
 SAME_CORRELATION = 0.95
 """Two recorders of one dive agree at least so well in depth or in yaw rate."""
@@ -62,7 +63,8 @@ def same_dives(surveys: Sequence[LogSurvey], compared: Compared | None = None) -
     `compared`: of an earlier call; it is brought up to date, and only new logs are
     compared. Two logs with a clock are of one dive where half of the shorter one is
     shared, and depth or yaw rate agree. Where a clock is missing, only recorders of
-    different formats are compared, at any shift.
+    different formats are compared, at any shift. Whatever the clock, two logs with the same
+    samples bit for bit are of one dive.
     """
     compared = Compared() if compared is None else compared
     fit = [item for item in surveys if item.motion is not None and not item.reason]
@@ -82,6 +84,9 @@ def same_dives(surveys: Sequence[LogSurvey], compared: Compared | None = None) -
     agreeing = {
         tuple(sorted(of_key[key] for key in keys)): words for keys, words in compared.words.items()
     }
+    usable = [item for item in surveys if not item.reason]
+    agreeing |= {tuple(sorted(names)): words for *names, words in repeated(usable)}
+    by_id |= {item.id: item for item in usable}
     for names, words in sorted(agreeing.items()):
         if gone.isdisjoint(names):
             better, other = sorted(names, key=lambda name: _merit(by_id[name]))[::-1]

@@ -1,0 +1,1 @@
+"""What logs of a fleet are, and which of them are of one dive."""
