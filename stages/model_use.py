@@ -217,6 +217,22 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
     return f"{words}; {', '.join(lacking)}" if lacking else words
 
 
+def ratio_words(part: PartialFigures) -> str:
+    """Return a sentence on ratios of inertia by Coriolis force, empty for none."""
+    fitted = [axis for axis, item in part.axes.items() if item.source == FITTED]
+    parts = []
+    for axis, item in part.inertia_shares.items():
+        low, high = item.interval_95
+        motion = AXIS_WORDS[axis] + ("" if axis in fitted else ", which is not fitted itself,")
+        parts.append(f"{motion} {item.value:.2f} ({low:.2f} to {high:.2f})")
+    if not parts:
+        return ""
+    return (
+        "Ratios of inertia are those that Coriolis force tells, times the vehicle file's:"
+        f" {listed(parts)}, with 95 % intervals."
+    )
+
+
 def coverage_words(shares: Mapping[str, float], method: str) -> str:
     """Return how often a method's intervals held the truth: true model -> share."""
     parts = [

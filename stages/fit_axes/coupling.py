@@ -20,7 +20,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
 from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
-from auvid.hydro.identification.axes.structure import INERTIA, RIGHTING, SYMMETRIC
+from auvid.hydro.identification.axes.structure import RIGHTING, SHARE, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
@@ -130,7 +130,8 @@ def _joined(
         ]
     )
     chosen = options.together == "always" or ratio < 1.0
-    return by_axis, Together(tuple(item.axis for item in joining), chosen, ratio, pairs)
+    names = tuple(item.axis for item in joining)
+    return by_axis, Together(names, chosen, ratio, pairs, fitted_shares(fit))
 
 
 def _common_fit(
@@ -323,7 +324,6 @@ def _one_of(
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),
         righting=fit.beside_force(velocity, RIGHTING),
-        inertia_share=_share(fit, single.axis),
         **judged(
             FlownAxis(velocity, fit.pool, fit.fit), fit.held_out, using, legs,
             rms=fit.speeds[velocity],
@@ -331,14 +331,14 @@ def _one_of(
     )  # fmt: skip
 
 
-def _share(fit: CoupledFit, axis: str) -> tuple[float, float] | None:
-    """Return the factor of the inertia of an axis and its error, or None."""
-    name = f"{axis} {INERTIA}"
-    if name not in fit.fit.names:
-        return None
-    at = fit.fit.names.index(name)
-    error = float(np.sqrt(fit.fit.covariance[at, at])) * fit.width / NORMAL_95
-    return float(fit.fit.values[at]), error
+def fitted_shares(fit: CoupledFit) -> dict[str, tuple[float, float]]:
+    """Return axis -> factor of its inertia and the error, of all that are fitted."""
+    errors = np.sqrt(np.diag(fit.fit.covariance)) * fit.width / NORMAL_95
+    return {
+        term.axis: (float(fit.fit.values[at]), float(errors[at]))
+        for at, term in enumerate(fit.pool.structure.terms)
+        if term.kind == SHARE
+    }
 
 
 def _equation(fit: CoupledFit, velocity: str) -> AxisEquation:

@@ -128,10 +128,6 @@ class FittedAxis:
     """`force`, and acceleration down by a force ahead of 1, behind the lag of the surge
     speed (`SURGE`).
     """
-    inertia_share: tuple[float, float] | None = None
-    """Its inertia over that of the first axis fitted with it, over the same of the vehicle
-    file, as Coriolis force tells, and the standard error; None where it is the file's.
-    """
     righting: AxisEquation | None = None
     """`force`, and acceleration by the sine of the angle [1/s^2] (`RIGHTING`), below 0 where
     it rights.
@@ -200,13 +196,16 @@ class Together:
     """Whether some axes are of one fit with Coriolis force, and what decided it.
 
     error_ratio: geometric mean, over legs and axes that were held out, of the error of
-    that fit over those of fits one by one; nan where nothing was compared.
+    that fit over those of fits one by one; nan where nothing was compared. inertia_shares:
+    axis -> its inertia over that of the first of `axes`, over the same of the vehicle file,
+    as Coriolis force tells, and the standard error: also of an axis that nothing fits.
     """
 
     axes: tuple[str, ...]
     chosen: bool
     error_ratio: float
     pairs: int
+    inertia_shares: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -252,8 +251,8 @@ class AxisFits:
     @property
     def inertia_shares(self) -> dict[str, tuple[float, float]]:
         """Return axis -> factor of its inertia in the vehicle file, and its error."""
-        every = {item.axis: item.inertia_share for item in self.fitted}
-        return {axis: share for axis, share in every.items() if share is not None}
+        chosen = self.together is not None and self.together.chosen
+        return dict(self.together.inertia_shares) if self.together and chosen else {}
 
     @property
     def commands(self) -> CommandForces:

@@ -15,7 +15,7 @@ from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
 from auvid.stages.fit_axes.markers import markers_words
-from auvid.stages.model_use import axes_listed
+from auvid.stages.model_use import axes_listed, ratio_words
 from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import (
@@ -59,7 +59,8 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     if fits.together is not None:
         blocks.append(remark(together_words(fits.together)))
         if fits.together.chosen:
-            blocks += [remark(words) for words in ratio_words(fits)]
+            words = "" if card.partial is None else ratio_words(card.partial)
+            blocks += [remark(words)] if words else []
             if any(item.shape.word != STRAIGHT.word for item in fits.fitted):
                 blocks.append(remark(COVERAGE_BENT, "warning"))
     if fits.markers is not None:
@@ -98,20 +99,6 @@ def together_words(item: Together) -> str:
         ratio = "together, a free run over a leg is lost"
     helps = "" if np.isnan(item.error_ratio) else ", so that Coriolis force does not help here"
     return f"Fitted one by one, and no Coriolis force is in the model: {names}; {ratio}{helps}."
-
-
-def ratio_words(fits: AxisFits) -> tuple[str, ...]:
-    """Return a sentence on fitted ratios of inertia."""
-    parts = [
-        f"{AXIS_WORDS[axis]} {share:.2f} ± {NORMAL_95 * error:.1g}"
-        for axis, (share, error) in fits.inertia_shares.items()
-    ]
-    if not parts:
-        return ()
-    return (
-        "Ratios of inertia are fitted, as Coriolis force tells them. Times those of the vehicle"
-        f" file, against the first axis of the fit: {', '.join(parts)} (95 %).",
-    )
 
 
 def _fit_tables(fits: AxisFits) -> list[Block]:

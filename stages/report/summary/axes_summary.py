@@ -9,7 +9,7 @@ from auvid.data_schemas.records.models import ModelCard, RankingRecord, UsableFo
 from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
-from auvid.stages.model_use import FITTED, axes_listed, partial_words
+from auvid.stages.model_use import FITTED, axes_listed, partial_words, ratio_words
 from auvid.stages.number_format import (
     fixed,
     places_of_error,
@@ -88,6 +88,9 @@ def _explanation(part: PartialFigures, fits: Mapping[str, float], words: str) ->
     rest = words.partition("; ")[2]
     if rest:
         sentences.append(f"{rest[:1].upper()}{rest[1:]}.")
+    ratios = ratio_words(part)
+    if ratios:
+        sentences.append(ratios)
     if part.unit_of_mass is not None:
         sentences.append(
             "There are no newtons: all counts in the apparent inertia of"

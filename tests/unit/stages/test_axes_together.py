@@ -13,14 +13,16 @@ from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import fit_coupled
+from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.card import model_card
-from auvid.stages.fit_axes.coupling import filed_inertia, held_out_single
+from auvid.stages.fit_axes.card import model_card, ranking
+from auvid.stages.fit_axes.coupling import filed_inertia, fitted_shares, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
 from auvid.stages.fit_axes.scaling import scaled
+from auvid.stages.report.summary.axes_summary import summarise_axes
 from tests.support.axis_legs import axis_leg
 from tests.support.axis_twin import leg
 from tests.support.motions import shipped_vehicle
@@ -295,8 +297,9 @@ def test_the_file_moves_as_it_was_fitted(coriolis: bool) -> None:
 def test_the_file_has_the_ratio_of_inertia_that_was_fitted() -> None:
     """Yaw inertia .4 times the file's, give or take .02 of it."""
     plain = fits(True)
-    (*others, yaw) = plain.fitted
-    fitted = replace(plain, fitted=(*others, replace(yaw, inertia_share=(0.4, 0.02))))
+    assert plain.together is not None
+    yaw = plain.fitted[-1]
+    fitted = replace(plain, together=replace(plain.together, inertia_shares={"N": (0.4, 0.02)}))
     card = card_of(fitted)
     mass = np.array(file_of(card, fitted, body()).dynamics.mass)
     ratio = 0.4 * file_inertia()[5] / file_inertia()[0]
@@ -308,6 +311,34 @@ def test_the_file_has_the_ratio_of_inertia_that_was_fitted() -> None:
     assert term.value == pytest.approx(yaw.equation.values[0] * ratio, rel=1e-9)
     assert term.standard_error is not None
     assert term.standard_error > 0.05 * abs(term.value)
+
+
+def test_the_file_has_the_ratio_of_an_axis_that_nothing_fits() -> None:
+    """Surge and yaw alone: u v turns the hull by the inertia of sway, 1.35 times the file's."""
+    inertia = file_inertia()
+    inertia[1] *= 1.35
+    one = legs_of(inertia)["leg_1"].record
+    shares = {"v": 0.3, "r": 0.3}
+    fit = fit_coupled(
+        [one], "ur", inertia=file_inertia(), share_sd=shares, drive=ForceDrive(0.08), free=(),
+        leave_out=False,
+    )  # fmt: skip
+    value, error = fitted_shares(fit)["Y"]
+    assert value == pytest.approx(1.35, abs=4.0 * error)
+    assert error < 0.05
+    plain = fits(True)
+    assert plain.together is not None
+    assert set(plain.inertia_shares) == {"Y", "N"}
+    together = replace(plain.together, axes=("X", "N"), inertia_shares=fitted_shares(fit))
+    fitted = replace(plain, fitted=plain.fitted[::2], together=together)
+    card = card_of(fitted)
+    mass = np.array(file_of(card, fitted, body()).dynamics.mass)
+    in_file = file_inertia()[1] / file_inertia()[0]
+    assert mass[1, 1] / mass[0, 0] == pytest.approx(value * in_file, rel=1e-9)
+    words = f"sway, which is not fitted itself, {value:.2f} ("
+    assert words in str(fit_section(fitted, card))
+    screen = summarise_axes(card, ranking(card, fitted), {}, {}, body(), {})
+    assert words in screen.explanation
 
 
 DEAD_BAND = 0.1
