@@ -31,6 +31,7 @@ from auvid.stages.leg_streams import Streams
 
 ROLES = ("tow", "coast", "decay", "drift")
 SPEEDS = {"surge": "u", "sway": "v", "heave": "w", "yaw": "r"}
+TOW_SPEED = ("tow_speed_m_s",)
 TOWED_ALONG = ("surge", "sway")
 """In heave the line carries the weight in water as well."""
 SWINGS = {"roll": 0, "pitch": 1}
@@ -55,13 +56,17 @@ class MotionRules:
 
 @dataclass(frozen=True)
 class PassiveLeg:
-    """A leg on a uniform clock t_s (n,): motion, tow force (n,) [N], drift (2, 2)."""
+    """A leg on a uniform clock t_s (n,): motion, tow force (n,) [N], drift (2, 2).
+
+    `tow_speed_m_s` (n,): that of the carriage, which the body has while the line pulls.
+    """
 
     entry: LegEntry
     t_s: Array
     motion: LegMotion
     force_N: Array | None
     drift_m_s: Array | None
+    tow_speed_m_s: Array | None = None
 
     @property
     def step_s(self) -> float:
@@ -75,6 +80,14 @@ class PassiveLeg:
         if channel == "heave" and depth is not None and not np.isfinite(values).any():
             return smoothed(np.gradient(depth, self.step_s), self.step_s)
         return values
+
+    def towed_speed(self, channel: str) -> Array:
+        """Return the speed (n,) in a tow: the carriage's where none is measured."""
+        values = self.speed(channel)
+        along = channel == (self.entry.channel or TOWED_ALONG[0])
+        if self.tow_speed_m_s is None or not along or np.isfinite(values).any():
+            return values
+        return self.tow_speed_m_s
 
     def deflection(self, channel: str) -> Array | None:
         """Return roll, pitch [rad] or depth [m] (n,), None where not measured."""
@@ -131,6 +144,7 @@ def read_leg(
         "depth": ("depth_m",),
         "velocity": VELOCITY[:3],
         "position": POSITION,
+        "tow": TOW_SPEED,
     }
     measured = [
         samples
@@ -140,7 +154,7 @@ def read_leg(
     if not measured:
         raise DataError(
             f"nothing measures how the body moves in leg '{entry.id}'",
-            allowed="a gyro, an attitude, a depth, a velocity or a position",
+            allowed="a gyro, an attitude, a depth, a velocity, a position or the speed of the tow",
         )
     rate = min(rate_hz, max(1.0 / step_s(samples) for samples in measured))
     first = min(samples.t_s[0] for samples in measured)
@@ -148,6 +162,7 @@ def read_leg(
     t_s = uniform_clock(first, last, rate)
     motion = motion_of(streams, t_s, max_gap_s)
     force = enough(streams.samples("tow", ("tow_force_n",)))
+    carriage = enough(streams.samples("tow", TOW_SPEED))
     position = enough(streams.samples("position", POSITION))
     return PassiveLeg(
         entry,
@@ -155,6 +170,7 @@ def read_leg(
         motion,
         None if force is None else on_clock(force, t_s, max_gap_s)[:, 0],
         None if position is None else position_slope(position.t_s, position.values),
+        None if carriage is None else on_clock(carriage, t_s, max_gap_s)[:, 0],
     )
 
 
@@ -233,7 +249,7 @@ def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
                 allowed=tuple(LEAST_SWING),
             )
         _swing(out, leg, channel, named=True)
-    elif channel not in SPEEDS or not np.isfinite(leg.speed(channel)).any():
+    elif channel not in SPEEDS or not np.isfinite(_speed_in(leg, role, channel)).any():
         out.left_out.append(f"{name}: nothing measures the speed in {channel}")
     elif role == "tow":
         if channel not in TOWED_ALONG:
@@ -244,12 +260,16 @@ def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
         elif leg.force_N is None:
             out.left_out.append(f"{name}: no tow force is logged (stream tow, tow_force_n)")
         else:
-            record = TowRecord(leg.t_s, leg.speed(channel), leg.force_N)
+            record = TowRecord(leg.t_s, leg.towed_speed(channel), leg.force_N)
             out.tows.setdefault(channel, []).append((name, record))
     else:
         begin = int(np.argmax(np.isfinite(leg.speed(channel))))
         last = begin + int((WAIT_S + rules.longest_s) / leg.step_s)
         _coast(out, leg, channel, (begin, min(last, leg.t_s.size)), rules)
+
+
+def _speed_in(leg: PassiveLeg, role: str | None, channel: str) -> Array:
+    return leg.towed_speed(channel) if role == "tow" else leg.speed(channel)
 
 
 def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
@@ -259,13 +279,16 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
     for channel in SPEEDS:
         speed = leg.speed(channel)
         least = rules.rate_rad_s if channel == "yaw" else rules.speed_m_s
-        if not np.isfinite(speed).any():
-            continue
-        if force is not None and channel == channel_of_tow and channel in TOWED_ALONG:
+        along_tow = force is not None and channel == channel_of_tow and channel in TOWED_ALONG
+        pulled = leg.towed_speed(channel)
+        if force is not None and along_tow and np.isfinite(pulled).any():
             for first, last in towed(force, step):
                 part = slice(first, last)
-                record = TowRecord(leg.t_s[part], speed[part], force[part])
+                record = TowRecord(leg.t_s[part], pulled[part], force[part])
                 out.tows.setdefault(channel, []).append((leg.entry.id, record))
+        if not np.isfinite(speed).any():
+            continue
+        if force is not None and along_tow:
             spans = released(force, step, rules.longest_s + WAIT_S)
         elif force is not None:
             continue  # towed along one axis, it coasts along none but that

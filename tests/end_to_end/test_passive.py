@@ -70,6 +70,36 @@ def test_two_commands_lead_from_a_tow_to_newtons(workspace: Path) -> None:
         assert result.exit_code == 0, result.output
 
 
+def test_force_and_speed_of_a_carriage_give_newtons_in_two_commands(workspace: Path) -> None:
+    """Nothing on board measures anything; the header is German."""
+    body = towed_body(1)
+    columns = {
+        "Zeit_s": body["time_s"],
+        "carriage_speed_mps": body["u_m_s"],
+        "Zugkraft_N": body["tow_force_n"],
+    }
+    write_towed_body(workspace / "tank.csv", columns)
+    written = CliRunner().invoke(cli.app, ["new", "campaign", "tank", "--from", "tank.csv"])
+    assert written.output.splitlines() == [
+        "wrote campaigns/tank",
+        "  passive: 1 leg from 1 log",
+        "  vehicle: vehicle, a body under tow: its masses turn drag over mass into newtons",
+        "  to check: campaign.yaml (4), columns/tank.yaml (1), vehicle.yaml (6)",
+        "",
+        "    auvid run tank",
+        "",
+    ]
+    assert CliRunner().invoke(cli.app, ["run", "tank"]).exit_code == 0
+    rows = figures(workspace, "tank")
+    for name, truth in (("X_u", -LINEAR), ("X_u|u|", -QUADRATIC)):
+        half = rows[name]["high"] - rows[name]["low"]
+        assert rows[name]["low"] - half < truth < rows[name]["high"] + half, name
+        assert rows[name]["verdict"] == "identified"
+    model = read_model(workspace / "runs/tank/model_file/model_file/passive.json")
+    assert model.partial is not None
+    assert set(model.partial.axes) == {"X"}
+
+
 def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace: Path) -> None:
     columns = towed_body(2)
     columns.pop("tow_force_n")

@@ -55,6 +55,7 @@ from auvid.pipeline.commands.new.vehicle_choice import (
 )
 from auvid.pipeline.output import FAILED, FINE, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
+from auvid.pipeline.terminal import path_from_here
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog
 
@@ -442,7 +443,7 @@ def print_new_campaign(
             "stop": result.stop or None,
         }
     )
-    print(f"wrote {result.folder}")
+    print(f"wrote {path_from_here(result.folder)}")
     print("\n".join(f"  {line}" for line in result.lines))
     if result.stop:
         print(f"\nauvid run would stop: {result.stop}", file=sys.stderr)

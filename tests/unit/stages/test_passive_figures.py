@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.tables import make_table
 from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
 from auvid.stages.passive.figures import alike_damped, passive_results, pooled
-from auvid.stages.passive.motions import PassiveMotions
+from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of, read_leg
 from tests.support.motions import shipped_vehicle
-from tests.support.towed_body import MASS_KG, towed_body
+from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
 
 
 def swing(damping: str, values: tuple[float, float, float], amplitude: float) -> FreeSwing:
@@ -44,3 +50,24 @@ def test_nothing_is_identified_beside_an_interval_with_zero() -> None:
 def test_of_as_many_the_larger_swings_are_taken() -> None:
     large, small = swing("both", (6.0, 0.4, 0.3), 0.4), swing("linear", (6.0, 0.5, 0.0), 0.2)
     assert alike_damped([small, large]) == [large]
+
+
+@pytest.mark.parametrize("role", [None, "tow"])
+def test_the_speed_of_a_carriage_gives_drag_and_no_coast(role: str | None) -> None:
+    """Nothing on board measures the speed; after the line lets go the body has another."""
+    body = towed_body(4)
+    time_us = np.rint(1e6 * body["time_s"]).astype(np.int64)
+    columns = {"tow_force_n": body["tow_force_n"], "tow_speed_m_s": body["u_m_s"]}
+    tow = make_table("tow", {"time_us": time_us, **columns})
+    info = SimpleNamespace(start_us=0, end_us=int(time_us[-1]))
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    entry = LegEntry(id="leg", log="dive", role=role)
+    leg = read_leg(entry, {"tow": tow}, cast(LogInfo, info), vehicle, rate_hz=20.0, max_gap_s=1.0)
+    motions = motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+    assert motions.coasts == {}
+    rows = {row["quantity"]: row for row in passive_results(motions, vehicle)["rows"]}
+    for name, truth in (("X_u", -LINEAR), ("X_u|u|", -QUADRATIC)):
+        row = rows[name]
+        assert row["verdict"] == "identified"
+        half = row["high"] - row["low"]
+        assert row["low"] - half < truth < row["high"] + half

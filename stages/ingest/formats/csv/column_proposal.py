@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from auvid.data_schemas.streams import NEEDED, STREAMS
-from auvid.stages.ingest.formats.csv.column_names import TIME, named_columns
+from auvid.stages.ingest.formats.csv.column_names import named_columns
 
 UNKNOWN = "'?'"
 NAMED_COLUMNS = 20
@@ -27,7 +27,7 @@ def proposed_map(names: Sequence[str]) -> str:
     without a guess stand in a comment.
     """
     named = named_columns(names)
-    time = next((index for index, item in enumerate(named) if TIME.search(item.words)), 0)
+    time = next((index for index, item in enumerate(named) if item.may_be_time), 0)
     guesses: dict[tuple[str, str], int] = {}
     for index, item in enumerate(named):
         if index != time and item.place is not None:

@@ -17,7 +17,6 @@ from auvid.hydro.arrays import Array
 from auvid.stages.base import RawFile
 from auvid.stages.columns import POSITION
 from auvid.stages.ingest.formats.csv.column_names import (
-    QUATERNION,
     NamedColumn,
     named_columns,
 )
@@ -49,6 +48,7 @@ from auvid.stages.ingest.formats.csv.draft.units import (
     repeating_streams,
     unit_of,
 )
+from auvid.stages.ingest.formats.csv.names.lexicon import SOURCES
 from auvid.stages.ingest.formats.csv.pose_columns import lacking_fields
 from auvid.stages.ingest.formats.csv.reader import header
 
@@ -59,6 +59,13 @@ FROM_ABOVE = "up"
 REVERSED = (FROM_ABOVE, MATCHED_REVERSED, NAMED_REVERSED)
 BETWEEN_RUNS_S = 10.0
 """Runs with the same columns are looked at one behind the other with such a pause."""
+HEIGHTS = frozenset({"altitude", "alt", "height"})
+OF_HEIGHTS = SOURCES | {"baro", "barometer"}
+OTHER_OF_PAIR = {"rudder": "fin_t_rad", "elevator": "fin_p_rad"}
+"""A column of a pair of fins moves this one too."""
+FIN_SIGN = "positive pushes the stern to starboard or up, else sign: -1"
+WITHOUT_UNIT = {"surge": "u_m_s", "sway": "v_m_s", "heave": "w_m_s"}
+OF_TOWS = frozenset({"tow", "towing", "towed", "carriage"})
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 
 
@@ -150,18 +157,21 @@ def _with_columns(
 ) -> ColumnDraft:
     """Return the draft with its columns, units and remarks."""
     chosen: dict[tuple[str, str], NamedColumn] = {}
-    for item in columns:
+    rivals: dict[tuple[str, str], list[str]] = {}
+    for item in (fin for column in columns for fin in _fins_of(column)):
         filled = np.isfinite(values[item.name]).mean() if values[item.name].size else 0.0
         nameless = "press" in item.words and item.unit not in PRESSURES
-        if item.place is not None and filled > 0.01 and not nameless:
-            chosen.setdefault(item.place, item)
+        if item.place is None or filled <= 0.01 or nameless:
+            continue
+        if chosen.setdefault(item.place, item) is not item:
+            rivals.setdefault(item.place, []).append(item.name)
     remarks: list[str] = []
     chosen = possible_outputs(chosen, values, remarks)
     chosen = _depth_of_others(chosen, columns, values)
     chosen = _fixes_without_depth(chosen)
     drafted = []
     for (stream, name), item in chosen.items():
-        kind = name.split("_")[0] if stream in ("imu", "glider") else stream
+        kind = name.split("_")[0] if stream in ("imu", "glider", "actuators") else stream
         group = [
             values[other.name]
             for (own, field_name), other in chosen.items()
@@ -181,6 +191,9 @@ def _with_columns(
             check = "; ".join(filter(None, (check, f"frame {words}")))
         if name.startswith("q_") and not item.name.lower().endswith(name[-1]):
             check = "; ".join(filter(None, (check, "w first of the four assumed")))
+        check = "; ".join(
+            filter(None, (check, _spoken(item, name, rivals.get((stream, name), []))))
+        )
         sign = -1 if item.frame in REVERSED else 1
         frame = item.frame if item.frame in ("frd", "flu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
@@ -193,7 +206,7 @@ def _with_columns(
             names = ", ".join(SPOKEN.get(name, name) for name in lack)
             remarks.append(f"{stream} is left out: nothing looks like {names}.")
     if (
-        any(QUATERNION.search(item.words) for item in columns)
+        any(item.in_quaternion for item in columns)
         and not {("attitude", "q_w"), ("pose", "q_w"), ("attitude", "phi_rad")} & set(chosen)
         and ("pose", "phi_rad") not in chosen
     ):
@@ -218,6 +231,27 @@ def _with_columns(
     )
 
 
+def _fins_of(item: NamedColumn) -> list[NamedColumn]:
+    """Return a column, twice where it is the deflection of two fins."""
+    other = OTHER_OF_PAIR.get(item.part)
+    return [item, replace(item, place=("actuators", other))] if other else [item]
+
+
+def _spoken(item: NamedColumn, field: str, rivals: Sequence[str]) -> str:
+    """Return in words what a name leaves open; rivals: columns that say the same."""
+    words = []
+    if field.startswith("fin_"):
+        words.append(FIN_SIGN)
+    if item.words in WITHOUT_UNIT and field.startswith("command_"):
+        words.append(f"a command, as no unit says speed; else {WITHOUT_UNIT[item.words]}")
+    if field in ("tow_speed_m_s", "tow_force_n") and not OF_TOWS & set(item.words.split()):
+        words.append(f"taken for the {'speed' if 'speed' in field else 'force'} of the tow")
+    if rivals and not field.startswith("pwm_"):
+        more = f" and {len(rivals) - 1} more" if len(rivals) > 1 else ""
+        words.append(f"or {rivals[0]}{more}, by the name")
+    return "; ".join(words)
+
+
 def _depth_of_others(
     chosen: dict[tuple[str, str], NamedColumn],
     columns: Sequence[NamedColumn],
@@ -227,7 +261,7 @@ def _depth_of_others(
     if ("depth", "depth_m") in chosen or ("pose", "z_m") in chosen:
         return chosen
     for item in columns:
-        if re.search(r"\b(?:altitude|alt|height)\b", item.words) and "amsl" not in item.words:
+        if set(item.words.split()) - OF_HEIGHTS and set(item.words.split()) - OF_HEIGHTS <= HEIGHTS:
             finite = values[item.name][np.isfinite(values[item.name])]
             if finite.size and float(np.median(finite)) < 0.0:  # above the surface, so below it
                 return chosen | {("depth", "depth_m"): replace(item, frame=FROM_ABOVE)}

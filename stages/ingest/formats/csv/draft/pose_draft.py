@@ -15,7 +15,7 @@ from auvid.hydro.identification.signals.pose.frames import (
     rotated,
 )
 from auvid.stages.columns import ATTITUDE, POSITION
-from auvid.stages.ingest.formats.csv.column_names import QUATERNION, NamedColumn
+from auvid.stages.ingest.formats.csv.column_names import NamedColumn
 from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
 
 SMOOTHED_S = 0.3
@@ -32,7 +32,7 @@ def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
     Quaternions take the place of roll, pitch and yaw where there are none.
     """
     places = {item.place for item in columns}
-    parts = {item.words[-1]: item for item in columns if QUATERNION.search(item.words)}
+    parts = {item.part: item for item in columns if item.in_quaternion}
     has_quaternion = set(parts) == set("wxyz")
     has_angles = {("attitude", name) for name in ATTITUDE} <= places
     has_position = {("position", name) for name in POSITION} <= places
@@ -42,8 +42,8 @@ def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
     stream = "pose" if has_position and not moves else "attitude"
     placed = []
     for item in columns:
-        if has_quaternion and not has_angles and item is parts.get(item.words[-1]):
-            item = replace(item, place=(stream, f"q_{item.words[-1]}"), unit="1")
+        if has_quaternion and not has_angles and item is parts.get(item.part):
+            item = replace(item, place=(stream, f"q_{item.part}"), unit="1")
         elif (
             stream == "pose"
             and item.place is not None

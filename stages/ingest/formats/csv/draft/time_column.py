@@ -17,7 +17,6 @@ from auvid.stages.ingest.formats.csv.clock_digits import (
 )
 from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
 from auvid.stages.ingest.formats.csv.column_names import (
-    TIME,
     NamedColumn,
 )
 from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, iso_microseconds
@@ -39,9 +38,9 @@ def time_column(
     file: str,
 ) -> tuple[dict[str, str], str]:
     """Return the entry `time` of the map, and what of it was assumed."""
-    named = [
-        item for item in columns if TIME.search(item.words) or item.unit in ("s", "ms", "us", "ns")
-    ]
+    named = sorted(
+        (item for item in columns if item.may_be_time), key=lambda item: not item.is_time
+    )
     unnamed = [item for item in columns if item not in named]
     for item in named:
         entry = _clock(item, values[item.name], texts[item.name])

@@ -9,31 +9,12 @@ from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
-from auvid.stages.ingest.formats.csv.column_map import column_map
-from auvid.stages.ingest.formats.csv.column_names import named_columns, split_unit
-from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
+from auvid.stages.ingest.formats.csv.column_names import named_columns
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
+from tests.support.column_drafts import T_S, drafted, wave
 
-T_S = np.arange(0.0, 60.0, 0.1)
 PULSES = tuple(f"pwm_{number}_us" for number in range(1, 5))
-
-
-def drafted(
-    columns: dict[str, np.ndarray], *, delimiter: str = ",", decimal: str = "."
-) -> ColumnDraft:
-    rows = [delimiter.join(columns)]
-    for row in zip(*columns.values(), strict=True):
-        cells = [item if isinstance(item, str) else f"{float(item):.6f}" for item in row]
-        rows.append(delimiter.join(cell.replace(".", decimal) for cell in cells))
-    data = ("\n".join(rows) + "\n").encode()
-    draft = draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None))
-    column_map(draft.document(), list(columns), file="log.csv")  # it holds
-    return draft
-
-
-def wave(size: float, period_s: float = 7.0) -> np.ndarray:
-    return size * np.sin(2.0 * np.pi * T_S / period_s)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +30,8 @@ def wave(size: float, period_s: float = 7.0) -> np.ndarray:
     ],
 )
 def test_units_in_names(name: str, words: str, unit: str) -> None:
-    assert split_unit(name) == (words, unit)
+    (item,) = named_columns([name])
+    assert (item.words, item.unit) == (words, unit)
 
 
 @pytest.mark.parametrize(

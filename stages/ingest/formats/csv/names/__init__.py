@@ -1,0 +1,1 @@
+"""What the name of a CSV column means: a grammar of quantity, axis and unit."""
