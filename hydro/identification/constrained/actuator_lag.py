@@ -7,15 +7,16 @@ too large. On each axis
     tau_bar + tau_U = Phi theta + dM nu_dot + tau_U,late(T) + noise,
 
 Phi the linear and quadratic terms of a hull that is alike on port and starboard, with a
-constant, dM an inertia that the vehicle file does not know, and tau_U,late the recorded
-force after a first-order lag T. T follows axis by axis from a few linear steps. Axes and
-halves of the dive have to agree: what they differ by stands in its standard deviation.
+constant and |tau_U,late| nu, which is what inflow takes of the thrust; dM an inertia that the
+vehicle file does not know, and tau_U,late the recorded force after a first-order lag T. T
+follows axis by axis from a few linear steps. Axes, halves of the dive and forms with and
+without the loss have to agree: what they differ by stands in its standard deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +24,6 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
-from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
 BLOCK_S = 5.0
 """Pieces of a dive that count as independent for standard errors."""
@@ -37,6 +37,10 @@ SLOPE_S = 0.02
 SHORTEST_S, LONGEST_S = 0.03, 0.3
 """Lags that are taken. A shorter one moves no coefficient; a longer one is no thruster's:
 the fit may go on falling as the recorded force is smoothed away.
+"""
+CLEAR = 3.0
+"""Standard deviations from zero of a lag that is taken; what is left of them stands among
+the assumed figures.
 """
 CLEAR_AXES = 2
 """Axes that must show a lag clearly, so that it is no error of one of them."""
@@ -61,7 +65,8 @@ class DrivenLeg:
 class ActuatorLag:
     """A lag of all actuators [s] with its standard deviation, and axis -> its own.
 
-    The deviation holds the noise, what axes differ by and what halves of the dive do.
+    The deviation holds the noise, what axes differ by, and half of what halves of the dive
+    and the loss of thrust to inflow change.
     """
 
     value_s: float
@@ -71,8 +76,8 @@ class ActuatorLag:
     @property
     def clear(self) -> bool:
         """Return whether it is clear of zero, on several axes."""
-        axes = sum(value > T_LIMIT * sd for value, sd in self.by_axis.values())
-        return axes >= CLEAR_AXES and self.value_s > T_LIMIT * self.sd_s
+        axes = sum(value > CLEAR * sd for value, sd in self.by_axis.values())
+        return axes >= CLEAR_AXES and self.value_s > CLEAR * self.sd_s
 
     @property
     def of_thrusters(self) -> bool:
@@ -96,12 +101,27 @@ def measured_lag(legs: Sequence[DrivenLeg]) -> ActuatorLag | None:
     if start < FEWEST_BLOCKS or not driven.size:
         return None
     block, own = np.concatenate(blocks), _own_terms(legs)
+    lag = _stepped(legs, own, driven, block, loss=True)
+    moved = lag.value_s - _stepped(legs, own, driven, block, loss=False).value_s
+    return replace(lag, sd_s=float(np.hypot(lag.sd_s, 0.5 * moved)))
+
+
+def _stepped(
+    legs: Sequence[DrivenLeg], own: Sequence[Array], driven: Ints, block: Ints, *, loss: bool
+) -> ActuatorLag:
+    """Return the lag beside columns (n, k) of each axis, and the loss of thrust."""
+    nu = np.concatenate([leg.nu for leg in legs])
+    acting = np.concatenate([leg.actuators for leg in legs])
     tau_bar = np.concatenate([leg.tau_bar for leg in legs])
     total = 0.0
     for _ in range(STEPS):
         late, later = (_late(legs, max(total, 0.0) + step) for step in (0.0, SLOPE_S))
         left, slope = tau_bar - (late - acting), (later - late) / SLOPE_S
-        axes = [_Step.of(np.column_stack([slope[:, i], own[i]]), left[:, i], block) for i in driven]
+        taken = np.abs(late) * nu if loss else np.zeros((len(nu), 0))
+        axes = [
+            _Step.of(np.column_stack([slope[:, i], own[i], taken[:, i : i + 1]]), left[:, i], block)
+            for i in driven
+        ]
         between = _between(axes)
         weight = np.array([1.0 / (axis.sd**2 + between) for axis in axes])
         weight /= weight.sum()

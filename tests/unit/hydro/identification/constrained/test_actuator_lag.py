@@ -14,19 +14,25 @@ from auvid.hydro.identification.constrained.actuator_lag import DrivenLeg, measu
 STEP_S, SECONDS, SMOOTH = 0.05, 120.0, 7
 
 
-def driven_leg(lag_s: float, seed: int = 1) -> DrivenLeg:
-    """Return a leg of surge, sway and yaw under steps of force that act late."""
+def driven_leg(
+    lag_s: float, seed: int = 1, *, loss: float = 0.0, axes: tuple[int, ...] = (0, 1, 5)
+) -> DrivenLeg:
+    """Return a leg of surge, sway and yaw under steps of force that act late.
+
+    loss [s/m]: share of the force that each m/s takes.
+    """
     rng = np.random.default_rng(seed)
     n = int(SECONDS / STEP_S)
     acting = np.zeros((n, 6))
-    for axis in (0, 1, 5):
+    for axis in axes:
         steps = np.repeat(rng.uniform(-20.0, 20.0, n // 80 + 1), 80)[:n]
         acting[:, axis] = np.convolve(steps, np.ones(SMOOTH) / SMOOTH, "same")
     late = first_order_lag(acting, lag_s=lag_s, step_s=STEP_S)
     nu, mass, drag = np.zeros((n, 6)), 30.0, (15.0, 25.0)
     nu_dot = np.zeros((n, 6))
     for k in range(n):
-        nu_dot[k] = (late[k] - drag[0] * nu[k] - drag[1] * nu[k] * np.abs(nu[k])) / mass
+        left = late[k] - loss * np.abs(late[k]) * nu[k]
+        nu_dot[k] = (left - drag[0] * nu[k] - drag[1] * nu[k] * np.abs(nu[k])) / mass
         if k + 1 < n:
             nu[k + 1] = nu[k] + STEP_S * nu_dot[k]
     tau_bar = mass * nu_dot - acting + 0.5 * rng.standard_normal((n, 6))
@@ -41,6 +47,32 @@ def test_a_lag_of_thrusters_is_measured(lag_s: float) -> None:
     assert lag.of_thrusters
     assert abs(lag.value_s - lag_s) < 2.0 * lag.sd_s + 0.002
     assert set(lag.by_axis) == {"X", "Y", "N"}
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.15])
+def test_thrust_that_inflow_takes_is_no_lag(lag_s: float) -> None:
+    """Without a term for the loss .02 s more come out than are there."""
+    lag = measured_lag([driven_leg(lag_s, loss=0.6)])
+    assert lag is not None
+    assert abs(lag.value_s - lag_s) < 0.003
+    assert lag.sd_s > 0.005, "what the loss changes stands in the deviation"
+
+
+def test_a_wrong_mass_is_no_lag() -> None:
+    leg = driven_leg(0.1)
+    heavy = replace(leg, tau_bar=leg.tau_bar + 3.0 * leg.nu_dot)  # a tenth too much
+    right, wrong = measured_lag([leg]), measured_lag([heavy])
+    assert right is not None
+    assert wrong is not None
+    assert abs(wrong.value_s - right.value_s) < 0.005
+
+
+def test_one_driven_axis_determines_no_lag() -> None:
+    """A propeller alone: an error of its curve would pass for a lag."""
+    lag = measured_lag([driven_leg(0.2, axes=(0,))])
+    assert lag is not None
+    assert set(lag.by_axis) == {"X"}
+    assert not lag.clear
 
 
 def test_no_lag_is_taken_where_there_is_none() -> None:
