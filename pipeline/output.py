@@ -221,6 +221,24 @@ class Commands(TyperGroup):
         panels = {name: getattr(self.commands[name], "rich_help_panel", None) for name in names}
         return sorted(names, key=lambda name: PANELS.index(panels[name] or LISTING))
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write the help as plain text; what draws boxes takes as long as the rest."""
+        super(TyperGroup, self).format_help(ctx, formatter)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the commands under the heading of their task."""
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            command = self.commands[name]
+            if command.hidden:
+                continue
+            words = inspect.cleandoc(command.help or "").split("\n\n")[0]
+            panel = getattr(command, "rich_help_panel", None) or "Commands"
+            rows.setdefault(panel, []).append((name, " ".join(words.split())))
+        for panel, lines in rows.items():
+            with formatter.section(panel):
+                formatter.write_dl(lines)
+
 
 def _without_types(params: list[Any]) -> list[Any]:
     for param in params:
