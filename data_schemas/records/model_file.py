@@ -258,9 +258,9 @@ class LagEntry(Model):
     value_s: float
     """Time constant."""
     standard_error_s: float | None
-    """Its standard error; null at its bound."""
-    verdict: Literal["identified", "weak", "inseparable", "at its bound"]
-    """Inseparable: from an inertia."""
+    """Its standard error; null at its bound, and of one stated without a spread."""
+    verdict: Literal["identified", "weak", "inseparable", "at its bound", "stated"]
+    """Inseparable: from an inertia. Stated: by the vehicle file."""
 
 
 class FreeRunEntry(Model):

@@ -272,6 +272,10 @@ class ModelCard(Model):
     """Inertia fitted beside the viscous terms; the predictor goes with it."""
     lag: LagFit | None = None
     """Lag of the actuators behind their record that the model goes with; null for none."""
+    moved_by_lag: dict[str, dict[str, float]] = Field(default_factory=dict)
+    """Axis -> damping of its own velocity -> how far the lag moved it, by least squares;
+    empty without a lag.
+    """
     held_out: dict[str, dict[str, float | None]] = Field(default_factory=dict)
     """Training leg -> axis or all -> J/J0 on it, predicted from the other legs; empty
     with one leg.

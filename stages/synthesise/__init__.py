@@ -59,7 +59,7 @@ from auvid.stages.synthesise.error_choice import (
     check_choice,
 )
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
-from auvid.stages.synthesise.presentation import lag_words, synthesise_section
+from auvid.stages.synthesise.presentation import lag_words, stated_lag_words, synthesise_section
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
@@ -69,8 +69,10 @@ from auvid.stages.synthesise.training import (
     TrainingSegment,
     coloured_errors,
     driven_leg,
+    leg_factor,
     merged_figures,
     motion_factor,
+    moved_by_lag,
     others_of,
 )
 from auvid.stages.synthesise.wiring import wiring_blocks
@@ -129,7 +131,10 @@ class Params:
     actuator_lag: str = param(
         "1",
         MEASURED,
-        meaning="lag of the actuators: that which the training legs show clearly, or none",
+        meaning=(
+            "lag of the actuators: of the vehicle file, else that which the training legs show"
+            " clearly; or none"
+        ),
         allowed=(MEASURED, "none"),
     )
     trim: bool = param(
@@ -228,14 +233,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     lag_s, vehicle = 0.0, inputs.vehicle
     if lag is not None:
         lag_s = lag.value_s
-        spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s or 0.0}
-        vehicle = replace(vehicle, spreads=spreads)
+        if lag.standard_error_s is not None:
+            spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s}
+            vehicle = replace(vehicle, spreads=spreads)
     with_ratio = all(has_columns(inputs.residual[key], ("eta_ratio",)) for key in training)
     models = declared if with_ratio else [without_propeller_terms(model) for model in declared]
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
 
-    def legs() -> Iterator[TrainingSegment]:
+    def legs(lag_s: float = lag_s) -> Iterator[TrainingSegment]:
         return (
             TrainingSegment.of(_tables(inputs, key), with_ratio=with_ratio, lag_s=lag_s)
             for key in training
@@ -266,6 +272,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name in others
         }
     coloured = coloured_errors(fits, legs(), terms)
+    moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}
+    if lag_s > 0.0:
+        prompt = reduce(TriangularFactor.merge, (leg_factor(leg, terms) for leg in legs(0.0)))
+        for name in moved:
+            moved[name] = moved_by_lag({axis: fits[name, axis] for axis in AXES}, prompt)
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
     none = Prior("none", params.prior_sd, {})
     on_published = prior if prior.source == "strip_theory" else none
@@ -281,7 +292,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             prior=on_published if model.name in published else none,
             trim=params.trim,
             held_out=held_out[model.name],
-        ).model_copy(update={"lag": lag})
+        ).model_copy(update={"lag": lag, "moved_by_lag": moved[model.name]})
         for declared_model, model in zip(declared, models, strict=True)
     }
     conflicts: list[str] = []
@@ -340,15 +351,26 @@ def _tables(inputs: Inputs, key: str) -> LegTables:
 def _lag(
     inputs: Inputs, training: Sequence[str], params: Params
 ) -> tuple[LagFit | None, list[Block]]:
-    """Return the lag of the actuators that all models go with, and words on it."""
+    """Return the lag of the actuators that all models go with, and words on it.
+
+    One that the vehicle file states counts; where the legs show another, words warn.
+    """
     if params.actuator_lag != MEASURED:
         return None, []
     legs = [driven_leg(_tables(inputs, key)) for key in training]
     lag = measured_lag([leg for leg in legs if leg is not None])
+    stated, spread = inputs.vehicle.actuator_lag_s, inputs.vehicle.spreads.get("thrust_lag")
+    if stated is not None:
+        departs = lag is not None and lag.of_thrusters and lag.departs_from(stated, spread or 0.0)
+        words = stated_lag_words(stated, spread, lag)
+        return (
+            LagFit(value_s=stated, standard_error_s=spread, verdict="stated"),
+            [remark(words, "warning" if departs else "note")],
+        )
     if lag is None or not (lag.clear and lag.of_thrusters):
         return None, []
     fit = LagFit(value_s=lag.value_s, standard_error_s=lag.sd_s, verdict="identified")
-    return fit, [remark(lag_words(lag, inputs.vehicle.spreads.get("thrust_lag")))]
+    return fit, [remark(lag_words(lag, spread))]
 
 
 def _chosen(params: Params) -> list[ViscousModel]:

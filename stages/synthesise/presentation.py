@@ -195,7 +195,7 @@ def _remarks(card: ModelCard) -> list[dict[str, Any]]:
     if card.prior is not None:
         blocks.append(_prior_remark(card, card.prior))
     blocks += [_prior_remark(card, prior) for prior in card.measured_priors]
-    blocks += _limit_blocks(card)
+    blocks += _lag_blocks(card) + _limit_blocks(card)
     budget = ["± 95 % by assumed figures"] if card.spreads else []
     sums = [
         [
@@ -258,6 +258,39 @@ def lag_words(lag: ActuatorLag, spread_s: float | None) -> str:
         " models go with this lag; without it linear damping comes out too small and quadratic too"
         " large. stages.synthesise.actuator_lag: none leaves it out."
     )
+
+
+def stated_lag_words(stated_s: float, spread_s: float | None, measured: ActuatorLag | None) -> str:
+    """Return that the lag of the vehicle file counts, and what the legs show."""
+    spread = "" if spread_s is None else f" +- {NORMAL_95 * spread_s:.2g}"
+    words = (
+        f"The force follows the record of the actuators by {stated_s:.2g}{spread} s, as the vehicle"
+        " file states (actuators.lag). All models go with this lag."
+    )
+    if measured is None or not measured.of_thrusters:
+        return words
+    shown = f" The training legs show {measured.value_s:.2g} +- {NORMAL_95 * measured.sd_s:.1g} s"
+    if measured.departs_from(stated_s, spread_s or 0.0):
+        return (
+            f"{words}{shown}: look at the figure of the file, or delete it and the measured one"
+            " counts."
+        )
+    return f"{words}{shown}."
+
+
+def _lag_blocks(card: ModelCard) -> list[dict[str, Any]]:
+    """Return how far the lag of the actuators moved damping."""
+    values = {(axis, item.term): item for axis, part in card.axes.items() for item in part.terms}
+    rows = [
+        [axis, term, values[axis, term].value, moved, values[axis, term].unit]
+        for axis, terms in card.moved_by_lag.items()
+        for term, moved in terms.items()
+    ]
+    if not rows:
+        return []
+    note = f"By least squares: the value with the lag of {card.lag_s:.2g} s less that without."
+    heads = ["axis", "term", "value", "moved by the lag", "unit"]
+    return [table(f"{card.title}: what the lag of the actuators moved", heads, rows, note=note)]
 
 
 def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:

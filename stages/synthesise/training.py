@@ -16,6 +16,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.actuator_lag import DrivenLeg
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
@@ -32,6 +33,7 @@ from auvid.hydro.identification.regression.least_squares import (
     CONSTANT,
     AxisFit,
     TriangularFactor,
+    solve_axis,
 )
 from auvid.hydro.identification.regression.normal_changes import (
     STRIDE,
@@ -261,9 +263,7 @@ class TrainingData:
         excitation: str = FROM_ERRORS,
     ) -> TrainingData:
         """Return the data of one leg."""
-        factor = TriangularFactor.empty(terms)
-        for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
-            factor = factor.update(rows, force)
+        factor = leg_factor(leg, terms)
         errors = DataErrors.of(leg, terms, vehicle)
         thresholds = error_thresholds(leg.sd if excitation == FROM_ERRORS else None)
         return cls(
@@ -276,6 +276,35 @@ class TrainingData:
         return TrainingData(
             self.factor.merge(other.factor), self.errors.merge(other.errors), motion
         )
+
+
+def leg_factor(leg: TrainingSegment, terms: Sequence[str]) -> TriangularFactor:
+    """Return the triangular factor of one leg."""
+    factor = TriangularFactor.empty(terms)
+    for rows, force in leg.blocks(ROWS_AT_ONCE, terms):
+        factor = factor.update(rows, force)
+    return factor
+
+
+def moved_by_lag(
+    fits: Mapping[str, AxisFit], prompt: TriangularFactor
+) -> dict[str, dict[str, float]]:
+    """Return how far a lag moved the damping of each axis's own velocity.
+
+    fits: by axis, with the lag; prompt: the factor of the legs without it. Terms that
+    have no number of their own are left out.
+    """
+    moved: dict[str, dict[str, float]] = {}
+    for axis, fit in fits.items():
+        own = OWN_VELOCITY[axis]
+        terms = [term for term in fit.terms if term != CONSTANT]
+        before = solve_axis(prompt, axis=axis, terms=terms, trim=CONSTANT in fit.terms)
+        changes = dict(zip(fit.terms, fit.coefficients - before.coefficients, strict=True))
+        damping = (own, f"{own}*|{own}|")
+        kept = {t: float(c) for t, c in changes.items() if t in damping and np.isfinite(c)}
+        if kept:
+            moved[axis] = kept
+    return moved
 
 
 def others_of(parts: Mapping[str, TriangularFactor]) -> dict[str, TriangularFactor]:

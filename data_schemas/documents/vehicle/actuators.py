@@ -212,6 +212,10 @@ class ActuatorsEntry(Model):
     """Four fins, columns starboard, port, bottom, top; listens to fin_{s,p,b,t}_rad."""
     thrusters: ThrustersEntry | None = None
     """Fixed thrusters; listens to pwm_{n}_us."""
+    lag: Annotated[Quantity, Unit("s", may_be_negative=False)] | None = None
+    """How late the force of all actuators follows its record, as a first-order lag; where
+    it is not given, that which the training legs show.
+    """
     commands: CommandsEntry = CommandsEntry()
     """What is known of actuators in full commands, where newtons are not."""
 

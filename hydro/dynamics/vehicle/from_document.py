@@ -119,6 +119,7 @@ def vehicle_from_document(document: VehicleDocument | Mapping[str, Any]) -> Vehi
             if (quantity := getattr(document.spreads, name)) is not None
         },
         commands=_commands(actuators.commands, layout),
+        actuator_lag_s=None if actuators.lag is None else actuators.lag.si,
     )
     raise_faults([*_faults(vehicle)])
     return vehicle

@@ -45,8 +45,9 @@ class Vehicle:
     the motion. `published` and `as_simulated` are coefficients by name, those of the
     source and those that its own simulations need in their place. `spreads`:
     standard deviations of assumed figures in SI, by their key. `thrusters` have a thrust
-    in newtons; those without one are in `commands`. `document` is what all
-    this was read from, for what is printed of it.
+    in newtons; those without one are in `commands`. `actuator_lag_s`: of all actuators,
+    None where the file states none. `document` is what all this was read from, for what
+    is printed of it.
     """
 
     document: VehicleDocument
@@ -77,6 +78,7 @@ class Vehicle:
     spreads: Mapping[str, float] = field(default_factory=dict)
     markers: MountedSensor | None = None
     commands: FullCommands = field(default_factory=FullCommands)
+    actuator_lag_s: float | None = None
 
     @property
     def weight(self) -> float:

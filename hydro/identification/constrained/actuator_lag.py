@@ -76,8 +76,17 @@ class ActuatorLag:
     @property
     def clear(self) -> bool:
         """Return whether it is clear of zero, on several axes."""
-        axes = sum(value > CLEAR * sd for value, sd in self.by_axis.values())
-        return axes >= CLEAR_AXES and self.value_s > CLEAR * self.sd_s
+        return self.value_s > 0.0 and self.departs_from(0.0)
+
+    def departs_from(self, lag_s: float, sd_s: float = 0.0) -> bool:
+        """Return whether it is clear of a stated lag, on several axes, to the same side."""
+        side = np.sign(self.value_s - lag_s)
+        axes = sum(
+            side * (value - lag_s) > CLEAR * np.hypot(sd, sd_s)
+            for value, sd in self.by_axis.values()
+        )
+        away = side * (self.value_s - lag_s) > CLEAR * np.hypot(self.sd_s, sd_s)
+        return bool(axes >= CLEAR_AXES and away)
 
     @property
     def of_thrusters(self) -> bool:

@@ -12,12 +12,15 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
+from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.least_squares import CONSTANT
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.base import Document
 from auvid.stages.model_use import (
     GUESS,
@@ -32,7 +35,13 @@ from auvid.stages.model_use import (
     tipping_axes,
     unstable_axes,
 )
-from auvid.stages.number_format import fixed, true_minus
+from auvid.stages.number_format import (
+    estimate,
+    fixed,
+    printed_unit,
+    significant,
+    true_minus,
+)
 from auvid.stages.page.first_screen import (
     ALL,
     AXIS_WORDS,
@@ -44,11 +53,17 @@ from auvid.stages.page.first_screen import (
     anchor,
 )
 from auvid.stages.presentation import degrees
-from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
+from auvid.stages.report.summary.coefficient_table import (
+    assumed_most,
+    coefficient_name,
+    coefficient_rows,
+)
 from auvid.stages.report.summary.coefficient_text import assumed_words, findings
 
 _decimals = partial(fixed, places=2, empty="unknown")
 OVERFIT = 2.0
+MOST_MOVED = 3
+"""Coefficients that are named with what the lag of the actuators moved them by."""
 CLEARLY = 0.9
 """Ratio of two errors below which one is clearly the smaller."""
 NO_RANKING = RankingRecord(
@@ -182,7 +197,31 @@ def _uses(
         parts.append(f"{name} {low} to {high} {unit}".rstrip())
     words = f"{', '.join(parts)}: the range of the training legs"
     uses.append(Use("Within", "", true_minus(words)))
+    if card.lag is not None:
+        uses.append(Use("Actuators", "", true_minus(_lag_words(card, card.lag))))
     return tuple(uses)
+
+
+def _lag_words(card: ModelCard, lag: LagFit) -> str:
+    """Return how late the actuators are, who says so, and what it moved most."""
+    error = lag.standard_error_s
+    late = estimate(lag.value_s, NORMAL_95 * error) if error else significant(lag.value_s)
+    words = f"their force follows the record {late} s late, as "
+    words += "the vehicle file states" if lag.verdict == "stated" else "the data show"
+    items = {(axis, item.term): item for axis, part in card.axes.items() for item in part.terms}
+    shares = {
+        place: abs(moved / value)
+        for axis, terms in card.moved_by_lag.items()
+        for term, moved in terms.items()
+        if items[place := (axis, term)].verdict == IDENTIFIED and (value := items[place].value)
+    }
+    most = sorted(shares, key=lambda place: -shares[place])[:MOST_MOVED]
+    parts = [
+        f"{coefficient_name(*place)} by {significant(card.moved_by_lag[place[0]][place[1]], 2)} of"
+        f" {significant(items[place].value, 2)} {printed_unit(items[place].unit)}"
+        for place in most
+    ]
+    return words + (f"; it moved {listed(parts)}" if parts else "")
 
 
 def _unexcited_damping(axes: Sequence[str], card: ModelCard) -> str:

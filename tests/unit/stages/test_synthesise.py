@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
@@ -787,9 +788,40 @@ def test_a_lag_of_the_actuators_goes_with_all_models_and_can_be_left_out() -> No
         assert plain.lag is None
         assert plain.spreads["thrust_lag"] == vehicle.spreads["thrust_lag"]
         assert plain.predictor["Y"]["v"] > -50.0
+        moved = card.moved_by_lag["Y"]["v"]
+        least_squares = plain.predictor["Y"]["v"]
+        assert moved == pytest.approx(card.predictor["Y"]["v"] - least_squares, abs=0.5)
+        assert not plain.moved_by_lag
+        assert f"{card.title}: what the lag of the actuators moved" in str(with_lag.section)
     words = "The force follows the record of the actuators by 0.15"
     assert words in str(with_lag.section)
     assert words not in str(without.section)
+
+
+@pytest.mark.parametrize(("stated_s", "warns"), [(0.14, False), (0.0, True)])
+def test_a_stated_lag_counts_and_is_held_against_that_of_the_legs(
+    stated_s: float, warns: bool
+) -> None:
+    lag_s, motion, vehicle = 0.15, rich_motion(60.0, seed=5), shipped_vehicle("bluerov2_heavy")
+    damping = motion.nu @ -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    inertial = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, motion.nu)
+    late = inertial - damping
+    recorded = late + lag_s * np.gradient(late, motion.t_s, axis=0)
+    noise = 0.1 * np.random.default_rng(12).normal(size=damping.shape)
+    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, inertial - recorded + noise, recorded)
+    spreads = {**vehicle.spreads, "thrust_lag": 0.01}
+    stated = replace(inputs.vehicle, actuator_lag_s=stated_s, spreads=spreads)
+    outputs = synthesise.run(
+        replace(inputs, vehicle=stated), synthesise.Params(models=("diagonal",))
+    )
+    card = outputs.model_card["diagonal"]
+    assert card.lag is not None
+    assert (card.lag.value_s, card.lag.verdict) == (stated_s, "stated")
+    assert card.spreads["thrust_lag"] == 0.01
+    words = "as the vehicle file states (actuators.lag)"
+    (block,) = (b for b in outputs.section["blocks"] if words in str(b.get("text")))
+    assert block["level"] == ("warning" if warns else "note")
+    assert "The training legs show 0.15" in block["text"]
 
 
 def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:

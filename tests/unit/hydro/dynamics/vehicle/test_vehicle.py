@@ -72,6 +72,9 @@ def test_units_are_converted():
         "source": "test",
     }
     vehicle, plain = vehicle_from_document(document), vehicle_from_document(DOCUMENTS["vt690"])
+    assert plain.actuator_lag_s is None
+    document["actuators"]["lag"] = {"value": 120.0, "unit": "ms", "source": "test"}
+    assert vehicle_from_document(document).actuator_lag_s == pytest.approx(0.12, rel=1e-15)
     assert vehicle.mass_kg == pytest.approx(plain.mass_kg, rel=1e-15)
     np.testing.assert_allclose(vehicle.r_G, plain.r_G, rtol=1e-12)
     np.testing.assert_allclose(

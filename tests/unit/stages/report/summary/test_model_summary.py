@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.models import MotionCheck, SteadyRange, VelocityRange
 from auvid.stages.base import collection
 from auvid.stages.page.first_screen import Alert, Summary
@@ -223,6 +224,27 @@ def test_an_axis_whose_own_drive_upsets_it_is_not_blamed_on_its_free_runs(
     assert "its own drive upsets it: not in surge, roll and pitch" in use.reason
     (use,) = (use for use in uses if use.label == "Control design")
     assert "by itself the model is unstable in heave" in use.reason
+
+
+def test_the_lag_of_the_actuators_is_said_with_its_interval_and_what_it_moved(
+    run: ExampleRun,
+) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    card = with_own_damping(run.cards["coe"], "identified", "XYZKMN")
+    value = next(item.value for item in card.axes["Y"].terms if item.term == "v")
+    assert value is not None
+    lag = LagFit(value_s=0.14, standard_error_s=0.03, verdict="identified")
+    moved = {"Y": {"v": value / 4.0}, "X": {"u": 0.001}}
+    run.cards["coe"] = card.model_copy(update={"lag": lag, "moved_by_lag": moved})
+    (use,) = (use for use in summary_of(run).uses if use.label == "Actuators")
+    words = "their force follows the record 0.140 ± 0.059 s late, as the data show; it moved Y_v by"
+    assert use.reason.startswith(words)
+    assert use.reason.index("Y_v") < use.reason.index("X_u"), "the most moved first"
+    stated = lag.model_copy(update={"standard_error_s": None, "verdict": "stated"})
+    run.cards["coe"] = card.model_copy(update={"lag": stated})
+    (use,) = (use for use in summary_of(run).uses if use.label == "Actuators")
+    assert use.reason == "their force follows the record 0.14 s late, as the vehicle file states"
 
 
 @pytest.mark.parametrize(("column", "warned"), [("p_rms_rad_s", True), ("v_rms_m_s", False)])
