@@ -269,13 +269,13 @@ def stated_lag_words(stated_s: float, spread_s: float | None, measured: Actuator
     )
     if measured is None or not measured.of_thrusters:
         return words
-    shown = f" The training legs show {measured.value_s:.2g} +- {NORMAL_95 * measured.sd_s:.1g} s"
+    of_legs = f" The training legs show {measured.value_s:.2g} +- {NORMAL_95 * measured.sd_s:.1g} s"
     if measured.departs_from(stated_s, spread_s or 0.0):
         return (
-            f"{words}{shown}: look at the figure of the file, or delete it and the measured one"
+            f"{words}{of_legs}: look at the figure of the file, or delete it and the measured one"
             " counts."
         )
-    return f"{words}{shown}."
+    return f"{words}{of_legs}."
 
 
 def _lag_blocks(card: ModelCard) -> list[dict[str, Any]]:
