@@ -79,7 +79,7 @@ class ActuatorLag:
         return self.value_s > 0.0 and self.departs_from(0.0)
 
     def departs_from(self, lag_s: float, sd_s: float = 0.0) -> bool:
-        """Return whether it is clear of a stated lag, on several axes, to the same side."""
+        """Return whether it is clear of a stated lag, to one side of it."""
         side = np.sign(self.value_s - lag_s)
         axes = sum(
             side * (value - lag_s) > CLEAR * np.hypot(sd, sd_s)
