@@ -128,7 +128,8 @@ def drive_of(
         "nothing that drives the vehicle is logged",
         field="actuators",
         value=", ".join(name for name in table.column_names if name != "time_us") or "no columns",
-        allowed="pulses of the thrusters, propeller_rev_s, or command_surge to command_yaw",
+        allowed="pulses of the thrusters, propeller_rev_s if the vehicle file has a propeller, or"
+        " command_surge to command_yaw",
     )
 
 

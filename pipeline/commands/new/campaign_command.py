@@ -41,6 +41,7 @@ from auvid.pipeline.commands.new.log_survey import (
     draft_remarks,
     shared,
     survey,
+    unused_words,
 )
 from auvid.pipeline.commands.new.refusal import (
     NoCampaignError,
@@ -176,6 +177,7 @@ def write_campaign(
         f"vehicle: {choice.name}, {choice.why}",
         *command_lines(list(by_id.values())),
         f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",
+        *_unused(list(by_id.values())),
         *([f"in no leg: {dropped_words(legs)}"] if legs.dropped_s else []),
         *(f"left out: {item}" for item in left_out),
     ]
@@ -184,6 +186,16 @@ def write_campaign(
     return WrittenCampaign(
         folder, tuple(lines), feed.kind, choice, page, (len(legs.legs), length_s)
     )
+
+
+def _unused(logs: Sequence[SurveyedLog]) -> list[str]:
+    """Return the columns of CSV files without a meaning, once for files alike."""
+    words: dict[str, str] = {}
+    for log in logs:
+        for file in log.files:
+            if file.draft is not None and file.draft.unused:
+                words.setdefault(unused_words(file.draft), file.path.name)
+    return [f"columns not used: {names} ({file})" for names, file in words.items()]
 
 
 def _commands(text: str) -> dict[str, str]:

@@ -250,9 +250,15 @@ def draft_remarks(log: SurveyedLog) -> list[str]:
         if file.draft is not None:
             lines += [f"{file.path.name}: {remark}" for remark in file.draft.remarks]
             if file.draft.unused:
-                names = ", ".join(file.draft.unused[:LISTED])
-                lines.append(f"{file.path.name}: no meaning found for {names}")
+                lines.append(f"{file.path.name}: no meaning found for {unused_words(file.draft)}")
     return lines
+
+
+def unused_words(draft: ColumnDraft) -> str:
+    """Return the columns that a drafted map leaves out, a long list cut short."""
+    more = len(draft.unused) - LISTED
+    names = ", ".join(draft.unused[:LISTED])
+    return f"{names} and {more} more" if more > 0 else names
 
 
 def _page(files: Sequence[SurveyedFile], vehicle: Vehicle | None = None) -> LogPage:

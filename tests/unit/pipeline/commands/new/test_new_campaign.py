@@ -15,10 +15,12 @@ from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
+from auvid.pipeline.commands.new.log_survey import unused_words
 from auvid.pipeline.commands.new.refusal import NoCampaignError
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.pipeline.output import OUTPUT
 from auvid.stages import KINDS
+from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.tank_runs import noisy, tank_run, write_csv
 from tests.support.tools import ROOT
@@ -237,6 +239,12 @@ def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None
         "command_heave": ("cmd1", -1),
     }
     assert not any(line.startswith("commands") for line in written.lines)
+    assert "columns not used: r_radps, cmd0 (run_1.csv)" in written.lines
+
+
+def test_a_long_list_of_columns_without_a_meaning_says_how_many_follow() -> None:
+    draft = ColumnDraft("dive.csv", {}, "", (), unused=tuple("abcdefgh"))
+    assert unused_words(draft) == "a, b, c, d, e, f and 2 more"
 
 
 @pytest.mark.parametrize(
