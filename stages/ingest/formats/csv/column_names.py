@@ -28,11 +28,12 @@ GLIDER: tuple[tuple[str, str], ...] = (
     (r"^(?:u|speed|velocity|stw)(?: (?:adcp|dvl|water|through water))?$", "speed_m_s"),
 )
 """Columns of a glider by their words; a column of the buoyancy drive tells one."""
-SIDES = {"forward": "u", "starboard": "v", "right": "v", "left": "v", "down": "w", "up": "w"}
+SIDES = {"forward": "u", "ahead": "u", "starboard": "v", "right": "v", "left": "v"}
+SIDES |= {"down": "w", "up": "w"}
 """A velocity whose columns are called by where they point."""
 SHORT_SIDES = {"fwd": "u", "stbd": "v", "port": "v"}
 """These may be thrusters, too: a velocity where their unit is that of a speed."""
-AHEAD, ASIDE = {"forward", "fwd"}, {"left", "right", "starboard", "stbd", "port"}
+AHEAD, ASIDE = {"forward", "fwd", "ahead"}, {"left", "right", "starboard", "stbd", "port"}
 UPRIGHT = ("down", "up")
 OF_ANY = ("pitch_rad", "pressure_pa")
 """Fields of a glider by name, which other vehicles have too."""

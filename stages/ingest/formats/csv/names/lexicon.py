@@ -36,7 +36,7 @@ QUANTITIES: Mapping[str, str] = {
     "turns": "rpm revs drehzahl",
     "fin": "fin fins",
     "rudder": "rudder rudders",
-    "elevator": "elevator elevators sternplane sternplanes",
+    "elevator": "elevator elevators plane planes sternplane sternplanes",
     "tow": "tow towing towed carriage",
     "force": "force load",
     "drag": "drag",
@@ -66,7 +66,7 @@ AXES: Mapping[str, tuple[str, int]] = {
     **{name: ("turn", n) for n, name in enumerate(("roulis", "tangage", "lacet"))},
     **{name: ("turn", n) for n, name in enumerate(("roll", "nick", "gier"))},
     **dict.fromkeys(("heading", "hdg", "compass", "kurs", "cap"), ("heading", 2)),
-    **dict.fromkeys(("forward", "fwd", "longitudinal"), ("side", 0)),
+    **dict.fromkeys(("forward", "fwd", "ahead", "longitudinal"), ("side", 0)),
     **dict.fromkeys(("starboard", "stbd", "right", "left", "port", "lateral"), ("side", 1)),
     **dict.fromkeys(("down", "up"), ("side", 2)),
 }
@@ -75,8 +75,8 @@ FLIPPED = ("left", "port", "up")
 FIN_LETTERS: Mapping[str, str] = {
     **dict.fromkeys(("s", "starboard", "stbd", "right"), "s"),
     **dict.fromkeys(("p", "port", "left"), "p"),
-    **dict.fromkeys(("b", "bottom", "lower"), "b"),
-    **dict.fromkeys(("t", "top", "upper"), "t"),
+    **dict.fromkeys(("b", "bottom", "lower", "low"), "b"),
+    **dict.fromkeys(("t", "top", "upper", "up"), "t"),
 }
 LETTERS: Mapping[str, str] = {
     "v": "velocity",

@@ -8,7 +8,7 @@ import pytest
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.columns import ATTITUDE, FINS, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.formats.csv.column_names import named_columns
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
@@ -51,6 +51,8 @@ def test_units_in_names(name: str, words: str, unit: str) -> None:
         (("odom_pose_position_x", "translation.y"), ("x_m", "y_m")),
         (("velocity_body_x", "v_b", "body_w"), ("u_m_s", "v_m_s", "w_m_s")),
         (("vel_forward", "v_stbd", "vel_down"), ("u_m_s", "v_m_s", "w_m_s")),
+        (("v_ahead_kn", "v_stbd_kn", "v_down_kn"), LINEAR_VELOCITY),
+        (("plane_stbd_deg", "port_elevator", "rudder_low", "rudder_up_deg"), FINS),
         (("nu[0]", "nu[1]", "nu[2]", "nu[3]", "nu[4]", "nu[5]"), (*LINEAR_VELOCITY, *GYRO)),
         (("omega_1", "omega_2", "omega_3", "r_rate"), (*GYRO, "gyro_z_rad_s")),
         (("rpy[0]", "rpy[1]", "rpy[2]", "mag_heading"), (*ATTITUDE, "psi_rad")),
