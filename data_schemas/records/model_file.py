@@ -406,8 +406,13 @@ class ModelFile(Model):
         return self
 
     def content_hash(self) -> str:
-        """Return the SHA-256 of all fields but `content_sha256`, in whatever layout."""
-        content = self.model_dump(mode="json", exclude_none=True, exclude={"content_sha256"})
+        """Return the SHA-256 of all fields but `content_sha256`, in whatever layout.
+
+        Defaults do not count: a file from before a field was added stays as it was written.
+        """
+        content = self.model_dump(
+            mode="json", exclude_none=True, exclude_defaults=True, exclude={"content_sha256"}
+        )
         text = json.dumps(content, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -50,7 +50,10 @@ class PropellerEntry(Model):
     thrust_coefficient: Polynomial
     """K_T(J), three coefficients, highest power first."""
     torque_coefficient: Polynomial
-    """K_Q(J), three coefficients, highest power first."""
+    """K_Q(J) of the moment on the hull, three coefficients, highest power first; of a
+    propeller that turns clockwise seen from astern they are negative: the hull rolls to
+    port.
+    """
 
 
 class FinsEntry(Model):

@@ -14,7 +14,7 @@ import pytest
 import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.model_file import ModelFile
+from auvid.data_schemas.records.model_file import ModelFile, ValidationEntry
 from auvid.data_schemas.records.models import InertiaCard
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import AXES
@@ -183,6 +183,27 @@ def test_a_file_that_was_changed_by_hand_is_read_without_its_hash(
     path.write_text(json.dumps(text))
     changed = linear.coefficients[0].predictor + 0.25
     assert read_model(path).coefficients[0].predictor == changed
+
+
+class LaterValidation(ValidationEntry):
+    """A part of a later version, with a field more."""
+
+    added: str = ""
+
+
+class LaterFile(ModelFile):
+    """The model file of a later version of the same format, with fields more."""
+
+    validation: LaterValidation | None
+    counted: int = 0
+
+
+def test_a_field_that_a_later_version_adds_spoils_no_earlier_file(linear: ModelFile) -> None:
+    written = linear.sealed().model_dump(mode="json")
+    later = LaterFile.model_validate(written)
+    assert later.validation is not None
+    assert later.content_hash() == linear.sealed().content_sha256
+    assert later.model_copy(update={"counted": 1}).content_hash() != later.content_sha256
 
 
 def test_the_file_gives_mass_and_forces_of_the_judged_model(
