@@ -4,9 +4,9 @@ By axis, the change of a body velocity over windows side by side, less what drag
 constant explain, is compared with the impulse of the thrusters through an allocation
 B' (k, m): d(nu) = g B' j, g >= 0. Hypotheses: the allocation as it stands; with one
 thruster of another strength; with the motion turned, exchanged or of another sign; and
-with outputs joined otherwise: one backward, two exchanged, all shifted or reversed. The
-last is taken only where it is better than all the others and an axis that hardly
-answers as it stands follows it.
+with outputs joined otherwise: one backward, two exchanged, all shifted or reversed, or
+thrusters in other places. The last are taken only where they are better than all the
+others by far.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ TURNS = np.radians([-135.0, -90.0, -60.0, -45.0, -30.0, 30.0, 45.0, 60.0, 90.0, 
 """Turns about the vertical of a velocity log, other explanations of a wrong answer."""
 LEAST_PUSH = 1e-9
 """Of the push of single outputs: what is left of less has cancelled to rounding."""
-BETTER = 40.0
+BETTER = 25.0
 """Least logarithm of the likelihood over the best other explanation, samples of half a
 second taken as independent. Right wiring has at most 1 in the logs that were tried.
 """
-DEAD, ALIVE = 0.1, 0.4
-"""Share of an axis that the outputs explain as they stand, and joined otherwise."""
+LEAST_RISE = 0.1
+"""By how much more of an axis the outputs must explain where they are joined otherwise."""
 
 
 Order = tuple[tuple[int, ...], int | None]
@@ -48,8 +48,9 @@ class WindowMotion:
 class OtherOrder:
     """Outputs joined otherwise: `source` (m,) of each thruster, `backward` thruster.
 
-    Places count from 0. `share` and `own` (k,): share of each axis that it explains, and
-    that the order as it stands does. `log_ratio` over the best other explanation.
+    Places count from 0; `geometry`: place of another allocation that was tried instead.
+    `share` and `own` (k,): share of each axis that it explains, and that the order as it
+    stands does. `log_ratio` over the best other explanation.
     """
 
     source: tuple[int, ...]
@@ -57,41 +58,60 @@ class OtherOrder:
     share: Array
     own: Array
     log_ratio: float
+    geometry: int | None = None
 
 
-def other_order(
+@dataclass(frozen=True)
+class JoinedOutputs:
+    """How outputs are joined: in another way, or None; thrusters whose way is not seen.
+
+    `unseen`: places of the thrusters of which nothing tells whether they act backward.
+    """
+
+    other: OtherOrder | None
+    unseen: tuple[int, ...]
+
+
+def joined_outputs(
     motions: Sequence[WindowMotion],
     impulse: Array,
     allocation: Array,
     direction: Array,
     *,
+    linear: int,
     horizontal: bool,
-    yaw: bool = False,
-) -> OtherOrder | None:
+    geometries: Sequence[Array] = (),
+) -> JoinedOutputs:
     """Return how the outputs are joined, if not as the allocation (k, m) says.
 
     motions: the same at several lags behind the outputs, the one that any explanation
-    fits best counts; impulse (n, m) of each thruster, with its direction (m,).
-    `horizontal`: whether the first two rows are surge and sway; `yaw`: whether the last
-    one is yaw, which no mounting exchanges with them.
+    fits best counts; impulse (n, m) of each thruster, with its direction (m,). The first
+    `linear` rows are speeds, which a mounting may exchange; `horizontal`: whether the
+    first two are surge and sway. `geometries`: allocations of other places of thrusters.
     """
-    as_it_is = _same_wiring(allocation, horizontal=horizontal, yaw=yaw)
+    as_it_is = _same_wiring(allocation, linear=linear, horizontal=horizontal)
     orders = _orders(allocation.shape[1])
-    best: tuple[float, OtherOrder] | None = None
+    rows = [_joined(allocation, direction, order) for order in orders] + list(geometries)
+    best: tuple[float, OtherOrder, tuple[int, ...]] | None = None
     for motion in motions:
         axes = _AxisProducts.of(motion, impulse)
-        plain = max(axes.likelihood(rows) for rows in as_it_is)
-        by_order = [axes.likelihood(_joined(allocation, direction, order)) for order in orders]
-        place = int(np.argmax(by_order))
-        fit = max(plain, by_order[place])
+        plain = max(axes.likelihood(each) for each in as_it_is)
+        otherwise = [axes.likelihood(each) for each in rows]
+        place = int(np.argmax(otherwise))
+        fit = max(plain, otherwise[place])
         if best is None or fit > best[0]:
-            rows = _joined(allocation, direction, orders[place])
-            shares = axes.shares(rows), axes.shares(allocation)
-            best = fit, OtherOrder(*orders[place], *shares, by_order[place] - plain)
-    if best is None or best[1].log_ratio < BETTER:
-        return None
-    order = best[1]
-    return order if np.any((order.own < DEAD) & (order.share > ALIVE)) else None
+            source, backward = orders[place] if place < len(orders) else (orders[0][0], None)
+            shares = axes.shares(rows[place]), axes.shares(allocation)
+            geometry = place - len(orders) if place >= len(orders) else None
+            other = OtherOrder(source, backward, *shares, otherwise[place] - plain, geometry)
+            own = axes.likelihood(allocation)
+            near = (n for n in range(len(direction)) if own - otherwise[n] < BETTER)
+            best = fit, other, tuple(near)
+    if best is None:
+        return JoinedOutputs(None, ())
+    _, other, unseen = best
+    better = other.log_ratio > BETTER and float(np.max(other.share - other.own)) > LEAST_RISE
+    return JoinedOutputs(other, ()) if better else JoinedOutputs(None, unseen)
 
 
 @dataclass(frozen=True)
@@ -149,7 +169,7 @@ def _joined(allocation: Array, direction: Array, order: Order) -> Array:
     return rows
 
 
-def _same_wiring(allocation: Array, *, horizontal: bool, yaw: bool) -> list[Array]:
+def _same_wiring(allocation: Array, *, linear: int, horizontal: bool) -> list[Array]:
     """Return allocations that a weak thruster or a wrong motion stand for, as it is."""
     count = allocation.shape[1]
     signs = [np.array(each) for each in product((1.0, -1.0), repeat=len(allocation))]
@@ -157,7 +177,7 @@ def _same_wiring(allocation: Array, *, horizontal: bool, yaw: bool) -> list[Arra
     for i in range(count):
         for strength in STRENGTHS:
             wrong.append(allocation * np.where(np.arange(count) == i, strength, 1.0))
-    for first, second in combinations(range(len(allocation) - yaw), 2):
+    for first, second in combinations(range(linear), 2):
         order = np.arange(len(allocation))
         order[[first, second]] = second, first
         wrong.append(allocation[order])

@@ -25,13 +25,18 @@ from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, un
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.motion import motion_findings
+from auvid.stages.ingest.health.agreement.placeholder_values import (
+    placeholder_findings,
+    placeholders,
+    without_placeholders,
+)
 from auvid.stages.ingest.health.agreement.sources import (
     attitude_findings,
     depth_findings,
     velocity_findings,
 )
 from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
-from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
+from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding, listed
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
     clock_findings,
@@ -103,8 +108,12 @@ def check_health(
     log = CheckedLog(tables, info, dropped, vehicle, others, track)
     excited = excitation(log)
     uses = capabilities(log, excited)
-    measured = [item for check in CHECKS for item in check(log)]
-    measured = _clocks_first([*measured, *_of_commands(log)])
+    absent = placeholders(log)
+    real = without_placeholders(log, absent)
+    measured = [item for check in OF_RECORDS for item in check(log)]
+    measured += placeholder_findings(log, absent)
+    measured += [item for check in OF_VALUES for item in check(real)]
+    measured = beside_clocks([*measured, *_of_commands(real)])
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -123,11 +132,23 @@ def check_health(
     }
 
 
-def _clocks_first(findings: list[Finding]) -> list[Finding]:
-    """Leave out signs of answers to commands, which a clock that is off turns."""
-    if not any(item["id"] in OF_CLOCKS for item in findings):
-        return findings
-    return [item for item in findings if item["id"] != "response_sign"]
+def beside_clocks(findings: list[Finding]) -> list[Finding]:
+    """Say of signs of answers to commands which wrong clock may have turned them."""
+    return [
+        {**item, "text": f"{item['text']} A wrong clock turns a sign too ({listed(names)}).",
+         "remedy": f"Mend the clock first ({listed(names)}). {item['remedy']}"}
+        if item["id"] == "response_sign" and (names := _clocks_of(item, findings))
+        else item
+        for item in findings
+    ]  # fmt: skip
+
+
+def _clocks_of(sign: Finding, findings: list[Finding]) -> list[str]:
+    """Return the findings of clocks that concern the motion of a sign."""
+    streams = (sign["stream"], "actuators")
+    return [
+        item["id"] for item in findings if item["id"] in OF_CLOCKS and item["stream"] in streams
+    ]
 
 
 def of_forces(log: CheckedLog, _: Mapping[str, Response]) -> Iterator[Finding]:
@@ -139,11 +160,12 @@ def _of_commands(log: CheckedLog) -> list[Finding]:
     """Return the findings of motion and commands.
 
     Commands of another motion say nothing of this one, and those that swing at one
-    frequency no more than signs: its checks go without them.
+    frequency no more than signs, drag and weight: its other checks go without them.
     """
     tone = list(one_tone(log))
     signs = dict(push_responses(log, "uvwr")) if tone else {}
-    unrelated = [*tone, *response_signs(log, signs)] or list(unrelated_commands(log))
+    of_tone = [*tone, *response_signs(log, signs), *(force_findings(log) if tone else ())]
+    unrelated = of_tone or list(unrelated_commands(log))
     if unrelated:
         tables = {name: table for name, table in log.tables.items() if name != "actuators"}
         log = replace(log, tables=tables)
@@ -151,7 +173,7 @@ def _of_commands(log: CheckedLog) -> list[Finding]:
     return [*unrelated, *(item for check in OF_ANSWERS for item in check(log, answers))]
 
 
-CHECKS = (
+OF_RECORDS = (
     file_findings,
     rejected_findings,
     impossible_findings,
@@ -160,6 +182,11 @@ CHECKS = (
     gap_findings,
     rate_findings,
     sample_findings,
+    unusable_findings,
+    identity_findings,
+)
+"""Checks of how a log was recorded; each yields its findings."""
+OF_VALUES = (
     gyro_findings,
     accelerometer_findings,
     attitude_findings,
@@ -169,12 +196,10 @@ CHECKS = (
     pose_findings,
     wrap_findings,
     actuation_findings,
-    unusable_findings,
     battery_findings,
     body_findings,
-    identity_findings,
 )
-"""All checks of one log; each yields its findings."""
+"""Checks of what a log says, without numbers that stand for none."""
 OF_CLOCKS = ("gyro_lag", "velocity_lag", "clock_drift", "command_late", "commands_early")
 """Findings of clocks."""
 OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings, of_forces)

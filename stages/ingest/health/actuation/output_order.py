@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
+from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.checks.joined_outputs import OtherOrder, WindowMotion, other_order
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.joined_outputs import (
+    OtherOrder,
+    WindowMotion,
+    joined_outputs,
+)
 from auvid.hydro.identification.checks.motion_checks import integrals, windows
-from auvid.stages.columns import GYRO, RATES, SPEEDS
-from auvid.stages.ingest.health.actuation.push_answers import SMALLEST_MOTION, coupling
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
+from auvid.stages.columns import ATTITUDE, GYRO, RATES, SPEEDS
+from auvid.stages.ingest.health.actuation.push_answers import RIGHTED, SMALLEST_MOTION, coupling
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, listed
 from auvid.stages.number_format import percent
 
-YAW_LAST = (0, 1, 2, 5)
-"""Rows of an allocation: surge, sway, heave, yaw."""
 ORDER_WINDOW_S, LEAST_ORDER_WINDOWS, ANSWERS_S = 0.5, 100, (0.0, 0.1, 0.2, 0.3)
 LEAST_ALLOCATION = 1e-6
+FIRST_TURN = 3
+"""Row of roll in an allocation; those before are speeds."""
+OTHER_PLACES: Mapping[str, tuple[tuple[int, int, int], tuple[float, float, float]]] = {
+    "x of the positions counted backward": ((0, 1, 2), (-1.0, 1.0, 1.0)),
+    "y of the positions counted to the left": ((0, 1, 2), (1.0, -1.0, 1.0)),
+    "z of the positions counted upward": ((0, 1, 2), (1.0, 1.0, -1.0)),
+    "x and y of the positions exchanged": ((1, 0, 2), (1.0, 1.0, 1.0)),
+}
+"""Order and signs of the coordinates of thrusters in a wrong vehicle file."""
 
 
 def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
@@ -37,44 +49,91 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
     t_s, t_velocity, t_imu = (log.t_s(name) for name in streams)
     forces = thruster_forces(thrusters, np.nan_to_num(matrix(log.tables["actuators"], names)))
     motions = [(t_velocity, axis) for axis in log.body_velocity().T]
-    motions.append((t_imu, log.column("imu", GYRO[2])))
+    motions += [(t_imu, log.column("imu", name)) for name in GYRO]
     driven = [
-        place
-        for place, row in enumerate(YAW_LAST)
+        row
+        for row, (_, motion) in enumerate(motions)
         if np.abs(thrusters.allocation[row]).max() > LEAST_ALLOCATION
-        and float(motions[place][1].std()) > SMALLEST_MOTION
+        and float(motion.std()) > SMALLEST_MOTION
+        and (row not in RIGHTED or log.has("attitude"))
     ]
     start, end = max(t_s[0], t_velocity[0], t_imu[0]), min(t_s[-1], t_velocity[-1], t_imu[-1])
     clocks = t_s, t_velocity, t_imu
     at = windows(start, end - max(ANSWERS_S), *clocks, width_s=ORDER_WINDOW_S)
     if not driven or at.size < LEAST_ORDER_WINDOWS:
         return
-    own = [motions[place] for place in driven]
-    turns = [coupling(log, YAW_LAST[place], motions[place][0]) for place in driven]
-    order = other_order(
-        [_motion_windows(own, turns, at + lag) for lag in ANSWERS_S],
+    own = [motions[row] for row in driven]
+    terms = [_other_terms(log, row, motions[row][0]) for row in driven]
+    places = _other_places(vehicle)
+    joined = joined_outputs(
+        [_motion_windows(own, terms, at + lag) for lag in ANSWERS_S],
         integrals(t_s, forces, at, ORDER_WINDOW_S),
-        thrusters.allocation[[YAW_LAST[place] for place in driven]],
+        thrusters.allocation[driven],
         thrusters.direction,
+        linear=sum(row < FIRST_TURN for row in driven),
         horizontal=driven[:2] == [0, 1],
-        yaw=driven[-1] == len(YAW_LAST) - 1,
+        geometries=[allocation[driven] for allocation in places.values()],
     )
-    if order is None:
-        return
+    words = [(*SPEEDS, *RATES)[row] for row in driven]
+    if joined.other is not None:
+        yield _joined_wrong(joined.other, words, thrusters.outputs, list(places), names)
+    elif joined.unseen:
+        numbers = listed([str(thrusters.outputs[place]) for place in joined.unseen])
+        several = len(joined.unseen) > 1
+        yield finding(
+            "outputs_unseen",
+            f"Whether output{'s' * several} {numbers} act{'s' * (not several)} forward is not"
+            f" observable: {listed(words)} move too little by {'them' if several else 'it'}.",
+            stream="actuators",
+            value=float(len(joined.unseen)),
+        )
+
+
+def _joined_wrong(
+    order: OtherOrder,
+    words: list[str],
+    outputs: tuple[int, ...],
+    places: list[str],
+    names: list[str],
+) -> Finding:
     axis = int(np.argmax(order.share - order.own))
     otherwise, as_it_is = (
         percent(round(float(part[axis]), 2)) for part in (order.share, order.own)
     )
-    words = (*SPEEDS, RATES[2])[driven[axis]]
-    yield finding(
+    what = (
+        _order_words(order, outputs)
+        if order.geometry is None
+        else f"The vehicle file has {places[order.geometry]} of the thrusters: the other way"
+    )
+    return finding(
         "response_order",
-        f"{_order_words(order, thrusters.outputs)} {words} answers the thrusters of the vehicle"
-        f" file ({otherwise} of what drag leaves of its changes), as it is joined it hardly"
-        f" does ({as_it_is}).",
+        f"{what} {words[axis]} answers the thrusters of the vehicle file ({otherwise} of what drag"
+        f" leaves of its changes), as it stands it hardly does ({as_it_is}).",
         stream="actuators",
         value=order.log_ratio,
-        fields=tuple(names),
+        fields=() if order.geometry is not None else tuple(names),
     )
+
+
+def _other_terms(log: CheckedLog, row: int, at: Array) -> Array | None:
+    """Return what accelerates an axis beside thrust and drag (n, k)."""
+    if row not in RIGHTED:
+        return coupling(log, row, at)
+    angle = log.column("attitude", ATTITUDE[row - FIRST_TURN])
+    return np.sin(np.interp(at, log.t_s("attitude"), angle))[:, None]
+
+
+def _other_places(vehicle: Vehicle) -> dict[str, Array]:
+    """Return the allocations (6, m) of thrusters in other places, by what is wrong."""
+    entry = vehicle.document.actuators.thrusters
+    if entry is None or entry.position is None or entry.axis is None:
+        return {}
+    position, axis = entry.position.array, entry.axis.array
+    axis = axis / np.linalg.norm(axis, axis=1)[:, None]
+    return {
+        words: thruster_allocation(position[:, order] * signs, axis)
+        for words, (order, signs) in OTHER_PLACES.items()
+    }
 
 
 def _motion_windows(

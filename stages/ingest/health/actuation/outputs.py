@@ -10,6 +10,7 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Mask
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
+from auvid.hydro.identification.checks.motion_checks import response_gains
 from auvid.hydro.identification.checks.response import without_drift
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
@@ -29,6 +30,10 @@ forces do not make; a moored vehicle at full thrust stays below.
 CHANGES_SHARE = 0.3
 """A thruster changes so often at least beside the median of the others; a camera that tilts
 does not.
+"""
+LEAST_PUSHED, SURE_PUSH = 0.02, 10.0
+"""Least share of a motion's change that outputs explain beside the thrusters, and that share
+for each of them over what chance gives one.
 """
 LONGER_RUN, SETTLED_S = 5.0, 5.0
 """A record that froze is so many times as long as any other run of equal outputs; a vehicle
@@ -73,7 +78,7 @@ def actuation_findings(log: CheckedLog) -> Iterator[Finding]:
 def _without_thruster(log: CheckedLog, moving: Mask) -> Iterator[Finding]:
     """Yield outputs that act as thrusters do and have none in the vehicle file."""
     vehicle = log.vehicle
-    if vehicle is None or vehicle.thrusters is None:
+    if vehicle is None or vehicle.thrusters is None or vehicle.document.actuators.fins:
         return
     lacking: list[str] = []
     usual = float(np.median([float(_changes(log, name)) for name in log.thrusters()] or [np.inf]))
@@ -90,15 +95,43 @@ def _without_thruster(log: CheckedLog, moving: Mask) -> Iterator[Finding]:
         often = _changes(log, name) > CHANGES_SHARE * usual
         if often and min(shares) > limit("output_unnamed") * float(np.sum(moving)):
             lacking.append(number[1])
-    if lacking:
+    if lacking and (driven := _driven_by(log, [f"pwm_{number}_us" for number in lacking])):
+        several = len(lacking) > 1
+        of_csv = all(str(item.format).startswith("CSV") for item in log.info.files)
         yield finding(
             "output_unnamed",
-            f"{'Outputs' if len(lacking) > 1 else 'Output'} {listed(lacking)} of the log"
-            f" {'push' if len(lacking) > 1 else 'pushes'} both ways as thrusters do, and the"
-            f" vehicle file ({vehicle.title}) has no thruster there.",
+            f"{'Outputs' if several else 'Output'} {listed(lacking)} of the log"
+            f" {'push' if several else 'pushes'} both ways as thrusters do,"
+            f" {MOTION_WORDS[driven]} answers {'them' if several else 'it'}, and the vehicle file"
+            f" ({vehicle.title}) has no thruster there.",
             stream="actuators",
             value=float(len(lacking)),
+            remedy=""
+            if of_csv
+            else "Take the file of this vehicle, or give its thrusters (actuators.thrusters:"
+            " position, axis, outputs) a row for each output.",
         )
+
+
+def _driven_by(log: CheckedLog, names: list[str]) -> str:
+    """Return the motion that outputs push most beside the thrusters, or nothing.
+
+    Lights and a camera that tilts push none.
+    """
+    t_s = log.t_s("actuators")
+    named = np.nan_to_num(log.values("actuators", log.thrusters()))
+    both = np.column_stack([named, np.nan_to_num(log.values("actuators", names))])
+    best, axis_of_best = 0.0, ""
+    for axis, (at, motion, _) in motions(log).items():
+        fits = [response_gains(t_s, pulses, at, motion) for pulses in (named, both)]
+        less, more = fits
+        if less is None or more is None:
+            continue
+        gained = more.explained - less.explained
+        left = (1.0 - more.explained) / max(more.count - both.shape[1], 1)
+        if gained > max(LEAST_PUSHED, SURE_PUSH * len(names) * left) and gained > best:
+            best, axis_of_best = gained, axis
+    return axis_of_best
 
 
 def _changes(log: CheckedLog, name: str) -> int:

@@ -338,17 +338,20 @@ def response_signs(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterat
     for axis, gains in response.items():
         clear = _clear(gains)
         if clear < limit("response_sign") and gains.explained > 0.1:
-            if axis in "uvwr" and any(
-                _clear(other) > -limit("response_sign") and other.explained > gains.explained
-                for _, other in push_responses(log, axis, lags_s=OTHER_LAGS_S)
-            ):
-                continue  # a matter of clocks
             if any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False)):
                 continue
             text = (
                 f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
                 f" forward accelerates it backward ({significant(clear)} standard deviations)."
             )
+            if any(
+                _clear(other) > -limit("response_sign") and other.explained > gains.explained
+                for _, other in push_responses(log, axis, lags_s=OTHER_LAGS_S)
+            ):
+                text += (
+                    " With a second more or less between them it answers the right way round: the"
+                    " clock of the outputs or of the motion may be off instead."
+                )
             yield finding(
                 "response_sign",
                 text,

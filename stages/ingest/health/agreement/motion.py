@@ -127,11 +127,12 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
         yield from coarse
         return
     yield from weak_forces(response)
-    joined = list(joined_otherwise(log))
+    of_outputs = list(joined_otherwise(log))
+    joined = any(item["id"] == "response_order" for item in of_outputs)
     exchanged = [] if joined else list(exchanged_answers(log, response))
     if not joined and not exchanged:
         exchanged = list(turned_answers(log))
-    yield from joined
+    yield from of_outputs
     if exchanged:
         yield from exchanged
     elif joined:

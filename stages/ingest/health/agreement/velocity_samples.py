@@ -25,7 +25,8 @@ def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("velocity") or log.tables["velocity"].num_rows < FEWEST_SAMPLES:
         return
     values = log.values("velocity", LINEAR_VELOCITY)
-    leaps, zeros = _leaps(values), _zeros(log.t_s("velocity"), values)
+    leaps = _leaps(values)
+    zeros = short_zeros(log.t_s("velocity"), values, UNDER_WAY_M_S)
     share = float(np.mean(leaps | zeros))
     if share <= limit("velocity_outliers"):
         return
@@ -60,15 +61,16 @@ def _leaps(values: Array) -> Mask:
     return np.asarray((off > np.maximum(LEAP_M_S, LEAP_SPREADS * usual)).any(axis=1))
 
 
-def _zeros(t_s: Array, values: Array) -> Mask:
-    """Return the samples (n,) of short runs of zeros between ones under way.
+def short_zeros(t_s: Array, values: Array, moving: float) -> Mask:
+    """Return the samples (n,) of short runs of zeros in all axes, under way.
 
-    Zeros that begin and end at a usual change are a rest.
+    Those before and after them move. Zeros that begin and end at a usual change are a
+    rest. `moving`: least size of what moves.
     """
     zero = (values == 0.0).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
     speed = np.abs(np.nan_to_num(values)).max(axis=1)
-    least = max(UNDER_WAY_M_S, slow_speed(values))
+    least = max(moving, slow_speed(values))
     runs = [
         (first, end)
         for first, end in edges.reshape(-1, 2)

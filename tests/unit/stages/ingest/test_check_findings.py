@@ -22,7 +22,8 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
-from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.ingest.health.finding import CheckedLog, finding
+from auvid.stages.ingest.health.health_check import beside_clocks
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
@@ -365,7 +366,7 @@ RIGHT_ORDER = (1, 2, 3, 4, 5, 6, 7, 8)
 
 
 def drive(log: Log, order: tuple[int, ...], dead: tuple[int, ...] = ()) -> None:
-    """Surge, sway, heave and yaw as the thrusters make them; outputs in an order."""
+    """Six motions as the thrusters make them; outputs in an order."""
     log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
     log.info["parameters"] = {"FRAME_CONFIG": 2.0}
     thrusters = log.vehicle.thrusters
@@ -382,7 +383,8 @@ def drive(log: Log, order: tuple[int, ...], dead: tuple[int, ...] = ()) -> None:
         motion[n] = motion[n - 1] + 0.1 * (rate[n - 1] - 0.8 * motion[n - 1])
     for axis, name in enumerate(SPEED_COLUMNS):
         log.streams["velocity"][name] = np.interp(log.t_s("velocity"), t_s, motion[:, axis])
-    log.streams["imu"][IMU_COLUMNS[2]] = np.interp(log.t_s("imu"), t_s, motion[:, 5])
+    for axis, name in enumerate(IMU_COLUMNS):
+        log.streams["imu"][name] = np.interp(log.t_s("imu"), t_s, motion[:, 3 + axis])
 
 
 @spoils("response_order")
@@ -441,8 +443,23 @@ def _sway_of_surge(log: Log) -> None:
 @spoils("velocity_outliers")
 def _no_bottom(log: Log) -> None:
     surge = log.streams["velocity"]["u_m_s"].copy()
-    surge[5::60] = 8.0
+    surge[5::60] = 8.0 + 0.1 * np.arange(surge[5::60].size)
     log.streams["velocity"]["u_m_s"] = surge
+
+
+@spoils("placeholder_values")
+def _no_depth_now_and_then(log: Log) -> None:
+    log.streams["depth"]["depth_m"][5::60] = 0.0
+
+
+@spoils("outputs_unseen")
+def _quiet_heave(log: Log) -> None:
+    """Heave, roll and pitch follow something else than the vertical thrusters."""
+    drive(log, RIGHT_ORDER)
+    rng = np.random.default_rng(6)
+    for stream, names in (("velocity", SPEED_COLUMNS[2:]), ("imu", IMU_COLUMNS[:2])):
+        for name in names:
+            log.streams[stream][name] = 0.1 * rng.standard_normal(log.t_s(stream).size)
 
 
 @spoils("outputs_frozen")
@@ -455,8 +472,10 @@ def _record_stops(log: Log) -> None:
 
 @spoils("output_unnamed")
 def _another_frame(log: Log) -> None:
-    """A vehicle file of six thrusters for outputs of eight."""
+    """A vehicle file of six thrusters for outputs of eight, of which the seventh drives surge."""
     stepped_dive(log)
+    pulses = log.streams["actuators"]
+    pulses["pwm_1_us"], pulses["pwm_7_us"] = pulses["pwm_7_us"], pulses["pwm_1_us"]
     log.vehicle = vehicle_from_document(vehicle_document("bluerov2"))
 
 
@@ -737,14 +756,33 @@ def test_outputs_in_another_order_are_named_with_the_right_one(
     assert words in log.finding("response_order")["text"]
 
 
-@pytest.mark.parametrize("number", [4, 5, 6])
+@pytest.mark.parametrize("number", range(1, 9))
 def test_a_thruster_that_acts_backward_is_named(number: int) -> None:
-    """Those without which an axis hardly answers: others leave it half its answer."""
     log = sound()
     drive(log, RIGHT_ORDER)
     name = f"pwm_{number}_us"
     log.streams["actuators"][name] = 3000.0 - log.streams["actuators"][name]
     assert f"Output {number} acts backward" in log.finding("response_order")["text"]
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ((1.0, -1.0, 1.0), "y of the positions counted to the left"),
+        ((-1.0, 1.0, 1.0), "x of the positions counted backward"),
+    ],
+)
+def test_places_of_thrusters_counted_the_other_way_are_named(
+    factors: tuple[float, ...], words: str
+) -> None:
+    """Yaw of the vectored thrusters, roll and pitch of the vertical ones answer otherwise."""
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    entry = document["actuators"]["thrusters"]["position"]
+    entry["value"] = (np.array(entry["value"]) * factors).tolist()
+    log.vehicle = vehicle_from_document(document)
+    assert words in log.finding("response_order")["text"]
 
 
 @pytest.mark.parametrize("dead", [(), (2,), (2, 7), (1, 2), (5, 8)])
@@ -755,6 +793,49 @@ def test_thrusters_that_act_as_the_vehicle_file_says_have_no_finding(
     drive(log, RIGHT_ORDER, dead)
     answers = {"response_order", "response_sign", "response_scale", "velocity_axes"}
     assert not answers & set(log.ids())
+
+
+def test_lights_and_a_camera_that_tilts_are_no_thrusters() -> None:
+    """They move as often as thrusters do, and no motion answers them."""
+    log = sound()
+    stepped_dive(log)
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2"))
+    assert "output_unnamed" not in log.ids()
+
+
+def test_a_binary_log_has_no_column_map_to_mend() -> None:
+    log = sound()
+    SPOIL["output_unnamed"](log)
+    assert "column map" not in log.finding("output_unnamed")["remedy"]
+
+
+def pulses_turned(log: Log) -> None:
+    """Every thruster acts backward."""
+    drive(log, RIGHT_ORDER)
+    for number in range(1, 9):
+        name = f"pwm_{number}_us"
+        log.streams["actuators"][name] = 3000.0 - log.streams["actuators"][name]
+
+
+@pytest.mark.parametrize(
+    ("clock_off", "stream", "turned"),
+    [
+        ("gyro_lag", "imu", {"imu"}),
+        ("velocity_lag", "velocity", {"velocity"}),
+        ("velocity_lag", "depth", set()),
+        ("command_late", "actuators", {"imu", "velocity"}),
+    ],
+)
+def test_a_wrong_clock_hides_no_sign_and_is_named_at_those_that_it_turns(
+    clock_off: str, stream: str, turned: set[str]
+) -> None:
+    log = sound()
+    pulses_turned(log)
+    signs = [item for item in log.health()["findings"] if item["id"] == "response_sign"]
+    late = finding(clock_off, "Late.", stream=stream)
+    again = beside_clocks([*signs, late])
+    assert len(again) == len(signs) + 1
+    assert {item["stream"] for item in again if "wrong clock" in item["text"]} == turned
 
 
 def test_span_of_each_stream_and_of_all_together() -> None:

@@ -226,6 +226,18 @@ def no_bottom(number: float) -> Change:
     return change
 
 
+def placeholder_of(number: float, *names: str) -> Change:
+    """The recorder writes a number in one of fifty samples that it misses."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            there = np.arange(len(values[column])) % 50 == 7
+            values[column] = np.where(there, number, values[column])
+
+    return change
+
+
 def thrust_in(factor: float) -> Change:
     """The thrust curve is in another unit."""
 
@@ -576,8 +588,23 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "rejected_samples",
         "stands for none",
     ),
-    "0 m/s where no bottom is seen": (no_bottom(0.0), "velocity_outliers", "are 0 in all axes"),
-    "9 m/s where no bottom is seen": (no_bottom(9.0), "velocity_outliers", "to 9 m/s"),
+    "0 m/s where no bottom is seen": (no_bottom(0.0), "placeholder_values", "u_m_s = 0"),
+    "9 m/s where no bottom is seen": (no_bottom(9.0), "placeholder_values", "u_m_s = 9"),
+    "depth of 0 where the sensor gave none": (
+        placeholder_of(0.0, "depth_m"),
+        "placeholder_values",
+        "depth_m = 0",
+    ),
+    "depth of 9999 where the sensor gave none": (
+        placeholder_of(9999.0, "depth_m"),
+        "placeholder_values",
+        "depth_m = 9999",
+    ),
+    "gyro of 0 where the sensor gave none": (
+        placeholder_of(0.0, *GYRO),
+        "placeholder_values",
+        "gyro_z_rad_s = 0",
+    ),
     "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
     "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
     "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),
