@@ -23,7 +23,7 @@ from auvid.hydro.identification.constrained.equations import (
 from auvid.hydro.identification.constrained.estimates import LimitedEstimate, nearest_within
 from auvid.hydro.identification.constrained.limits import (
     damping_limits,
-    flown_reach,
+    flown_box,
     inertia_limits,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
@@ -152,7 +152,7 @@ class CardUnknowns:
     def limits(self) -> tuple[list[InequalityRows], list[Cuts]]:
         """Return the limits of the card on physical values, as rows and as cuts."""
         flown = {name: (span.low, span.high) for name, span in self.card.conditions.items()}
-        rows, cuts = damping_limits(self.unknowns, self.card.damping, flown_reach(flown))
+        rows, cuts = damping_limits(self.unknowns, self.card.damping, flown_box(flown))
         vehicle = self.vehicle
         inertia = inertia_limits(self.unknowns, vehicle.added_mass, vehicle.mass_matrix)
         return [*rows, *inertia[0]], [*cuts, *inertia[1]]

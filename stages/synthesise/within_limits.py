@@ -46,7 +46,7 @@ from auvid.hydro.identification.constrained.fit import ConstrainedFit, fit_withi
 from auvid.hydro.identification.constrained.inertia import inertia_against_lag
 from auvid.hydro.identification.constrained.limits import (
     damping_limits,
-    flown_reach,
+    flown_box,
     inertia_limits,
 )
 from auvid.hydro.identification.constrained.priors import NormalPrior
@@ -177,7 +177,7 @@ def _physics(
 ) -> tuple[list[InequalityRows], list[Cuts]]:
     """Return the limits as rows, and as cuts that are made while solving."""
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
-    rows, cuts = damping_limits(unknowns, limits.damping, flown_reach(flown))
+    rows, cuts = damping_limits(unknowns, limits.damping, flown_box(flown))
     inertia = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)
     return [*rows, *inertia[0]], [*cuts, *inertia[1]]
 

@@ -21,7 +21,7 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.estimates import each_nearest_within
-from auvid.hydro.identification.constrained.limits import damping_limits, flown_reach
+from auvid.hydro.identification.constrained.limits import damping_limits, flown_box
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def flown_limits(
     kind: as `damping_limits`. flown: velocity -> lowest, highest [m/s, rad/s]; no range is
     narrower than the threshold of excitation.
     """
-    rows, cuts = damping_limits(unknowns, kind, flown_reach(flown))
+    rows, cuts = damping_limits(unknowns, kind, flown_box(flown))
     if any(unknown.term not in VELOCITIES for unknown in unknowns if unknown.term in BASIS_TERMS):
         # Of other than linear terms the rows hold the power at many velocities already.
         cuts = []

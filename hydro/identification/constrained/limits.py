@@ -143,12 +143,12 @@ def linear_dissipation(unknowns: Sequence[Unknown]) -> Cuts:
 
 
 def damping_limits(
-    unknowns: Sequence[Unknown], kind: str, reach: ArrayLike
+    unknowns: Sequence[Unknown], kind: str, box: tuple[ArrayLike, ArrayLike]
 ) -> tuple[list[InequalityRows], list[Cuts]]:
     """Return limits on damping: none (`free`), along each axis, or `dissipative`.
 
-    reach (6,): largest velocity either way [m/s, rad/s] of the range in which no motion
-    gains energy; of linear terms and drag along each axis none does anywhere.
+    box: lowest and highest velocities (6,) [m/s, rad/s] between which no motion gains
+    energy; of linear terms and drag along each axis none does anywhere.
     """
     if kind == "free":
         return [], []
@@ -158,18 +158,24 @@ def damping_limits(
     if all(u.term in (*VELOCITIES, *_drag_terms(u.axis)) for u in viscous):
         linear = any(u.term in VELOCITIES for u in viscous)
         return [damping(unknowns)], [linear_dissipation(unknowns)] if linear else []
-    high = np.asarray(reach, dtype=np.float64)
-    rows = [damping(unknowns), dissipation(unknowns, envelope(-high, high))]
-    return rows, [dissipation_cuts(unknowns, -high, high)]
+    rows = [damping(unknowns), dissipation(unknowns, envelope(*box))]
+    return rows, [dissipation_cuts(unknowns, *box)]
 
 
-def flown_reach(flown: Mapping[str, tuple[float, float]]) -> Array:
-    """Return the largest velocity either way (6,) of flown ranges [m/s, rad/s].
+def flown_box(flown: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Return the lowest and highest velocities (6,) of flown ranges [m/s, rad/s].
 
-    flown: velocity -> lowest, highest. Alike in both directions, as a hull is not to gain
-    energy astern either; none is narrower than the threshold of excitation.
+    flown: velocity -> lowest, highest. As far in both directions, and none narrower than
+    the threshold of excitation. Of a vehicle that went ahead alone, or astern alone, the
+    other direction is none of it: lift as u*v, which takes energy ahead, gives it astern.
     """
-    return np.array([max(abs(flown[v][0]), abs(flown[v][1]), THRESHOLDS[v]) for v in VELOCITIES])
+    reach = [max(abs(flown[v][0]), abs(flown[v][1]), THRESHOLDS[v]) for v in VELOCITIES]
+    low, high = -np.array(reach), np.array(reach)
+    if flown["u"][0] > -THRESHOLDS["u"]:
+        low[0] = 0.0
+    elif flown["u"][1] < THRESHOLDS["u"]:
+        high[0] = 0.0
+    return low, high
 
 
 def positive_inertia(

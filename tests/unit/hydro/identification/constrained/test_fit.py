@@ -22,6 +22,7 @@ from auvid.hydro.identification.constrained.limits import (
     dissipation,
     dissipation_cuts,
     envelope,
+    flown_box,
     linear_dissipation,
     positive_inertia,
 )
@@ -119,7 +120,7 @@ def test_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive, factor
 
     equations = viscous_equations(symmetric(quadratic=quadratic), trim=True)
     unknowns = equations.unknowns
-    limits, cuts = damping_limits(unknowns, "dissipative", HIGH)
+    limits, cuts = damping_limits(unknowns, "dissipative", (LOW, HIGH))
     fit = fit_within(factor, equations, limits=limits, cuts=cuts)
     drag = [i for i, u in enumerate(unknowns) if "|" in u.term]
 
@@ -143,6 +144,26 @@ def test_damping_that_dissipates_is_clarabel_s_semidefinite_minimum(dive, factor
         if u.term in VELOCITIES:
             K[AXES.index(u.axis), VELOCITIES.index(u.term)] = value
     assert np.linalg.eigvalsh(K + K.T).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("surge", "low", "high", "within"),
+    [
+        ((0.7, 2.1), 0.0, 2.1, True),
+        ((-0.7, 2.1), -2.1, 2.1, False),
+        ((-1.0, 0.02), -1.0, 0.0, False),
+    ],
+)
+def test_lift_takes_energy_where_the_vehicle_went_and_not_astern(surge, low, high, within):
+    """Fins of a torpedo, Y = -56 u v + 26 u r and N = 26 u v - 18.5 u r: passive ahead."""
+    lift = {"Y u*v": -56.0, "Y u*r": 26.0, "N u*v": 26.0, "N u*r": -18.5}
+    unknowns = [Unknown(*name.split()) for name in lift]
+    box = flown_box(dict.fromkeys(VELOCITIES, (-0.2, 0.1)) | {"u": surge})
+    assert [side.tolist() for side in box] == [[low, *[-0.2] * 5], [high, *[0.2] * 5]]
+    limits, (cut,) = damping_limits(unknowns, "dissipative", box)
+    values = np.array(list(lift.values()))
+    assert all(np.all(part.rows @ values <= 1e-9) for part in limits) == within
+    assert (len(cut(values).rows) == 0) == within
 
 
 def test_total_inertia_stays_positive_definite_as_clarabel_has_it():
