@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.hull_motion import (
+    SHARE_SD,
+    climb,
+    unmeasured,
+    without_climb,
+)
 from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
-from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.single_axis import (
     SURGE,
     SingleAxisFit,
     fit_axis,
     refusal,
+    speed_share,
 )
 from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.regression.verdicts import WEAK
@@ -62,6 +68,13 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     markers = markers_of(legs, vehicle, place=options.marker_arm)
     if markers is not None and markers.used and markers.departs:
         legs = at_origin(legs, markers.sensor, markers.departure)
+    hull = _hull_speeds(legs, vehicle, options)
+    legs = {
+        key: replace(leg, record=without_climb(leg.record, hull.travels[key], hull.share))
+        if key in hull.travels
+        else leg
+        for key, leg in legs.items()
+    }
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs
@@ -79,7 +92,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         if why is not None:
             lacking.append(why)
         else:
-            fit = _fit(axis, using, legs, vehicle, options)
+            fit = _fit(axis, using, legs, vehicle, options, hull)
             refused = _refused(fit, using, vehicle, options)
             if refused is None or refused.verdict == "not predicted":
                 fitted.append(fit)
@@ -104,6 +117,35 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         legs=tuple(legs),
         together=together,
     )
+
+
+@dataclass(frozen=True)
+class HullSpeeds:
+    """Speeds ahead and aside that nothing measures, as a share of those that forces give.
+
+    travels: leg -> how much deeper a tilted hull gets (n,) [m] by all of them; none where
+    they are measured, or nothing has newtons.
+    """
+
+    share: float = 1.0
+    travels: Mapping[str, Array] = field(default_factory=dict)
+
+
+def _hull_speeds(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) -> HullSpeeds:
+    """Return the speeds of a hull whose depth has its climb, as that depth tells them."""
+    every = [leg.record for leg in legs.values()]
+    if every[0].normalised or not unmeasured(every):
+        return HullSpeeds()
+    inertia = np.array([apparent_inertia(vehicle, axis) for axis in AXES])
+    travels = {key: climb(leg.record, inertia) for key, leg in legs.items()}
+    telling = [
+        leg.record
+        for leg in legs.values()
+        if leg.windows.use == "training" and not idle(leg.record, "Z")
+    ]
+    if not telling or refusal(telling, "Z"):
+        return HullSpeeds(1.0, travels)
+    return HullSpeeds(speed_share(telling, inertia, lag_s=options.lag_s), travels)
 
 
 def _check_units(legs: Mapping[str, LegData]) -> None:
@@ -174,17 +216,24 @@ def _turned_round(
     axis: str, using: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions
 ) -> float:
     """Return the held-out fit [%] of an axis with its force the other way round."""
-    records = [
-        replace(leg.record, force={**leg.record.force, axis: -leg.record.force[axis]})
-        for leg in using.values()
-    ]
-    fit = _single(axis, records, vehicle, replace(options, fit_lag=False))
+    turned = {
+        key: replace(leg, record=replace(
+            leg.record, force={**leg.record.force, axis: -leg.record.force[axis]}
+        ))
+        for key, leg in using.items()
+    }  # fmt: skip
+    fit = _single(axis, turned, vehicle, replace(options, fit_lag=False), HullSpeeds())
     return min(item.percent[fit.velocity] for item in fit.held_out)
 
 
 def _single(
-    axis: str, records: Sequence[AxisRecord], vehicle: Vehicle, options: FitOptions
+    axis: str,
+    using: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    hull: HullSpeeds,
 ) -> SingleAxisFit:
+    records = [leg.record for leg in using.values()]
     prior = None
     if axis in options.given_inertia and not records[0].normalised:
         prior = InertiaPrior(apparent_inertia(vehicle, axis), options.inertia_sd)
@@ -194,6 +243,8 @@ def _single(
         inertia=prior,
         hull=np.array([apparent_inertia(vehicle, name) for name in AXES]),
         drive=ForceDrive(lag_s=options.lag_s),
+        speed_share=hull.share,
+        doubtful_depth=[SHARE_SD * hull.travels[key] for key in using if key in hull.travels],
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,
         try_shape=options.fit_curve,
@@ -206,8 +257,9 @@ def _fit(
     legs: Mapping[str, LegData],
     vehicle: Vehicle,
     options: FitOptions,
+    hull: HullSpeeds,
 ) -> FittedAxis:
-    fit = _single(axis, [leg.record for leg in using.values()], vehicle, options)
+    fit = _single(axis, using, vehicle, options, hull)
     differ = [item for item in fit.legs if item.differ]
     word = AXIS_WORDS[axis].capitalize()
     warnings = [

@@ -105,16 +105,16 @@ def flown_leg(flown: FlownAxis, key: str, leg: LegData) -> tuple[AxisMotion, flo
     The free run goes from the first window to the last; nan where it diverges.
     """
     structure = flown.pool.structure
-    extra = ({SURGE: surge_input(leg.record)},) if SURGE in structure.inputs else ()
+    extra = {SURGE: surge_input(leg.record)} if SURGE in structure.inputs else {}
     if HULL in structure.inputs:
-        extra = ({HULL: np.zeros(len(leg.record.t_s))},)
+        extra[HULL] = np.zeros(len(leg.record.t_s))
     pool = make_pool(
         structure,
         [leg.record],
         windows_of([leg.record], structure.velocities),
         constant_sd=flown.pool.constant_sd,
         drive=flown.fit.drive,
-        extra=extra,
+        extra=(extra,),
     )
     own = replace(flown, pool=pool)
     span = span_of(pool, 0)

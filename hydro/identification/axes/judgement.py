@@ -18,7 +18,6 @@ from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
-from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.structure import CONSTANT, FORCE, INPUT, AxisTerm
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
 from auvid.hydro.identification.regression.verdicts import (
@@ -197,40 +196,17 @@ class InertiaPrior:
     relative_sd: float = 0.0
 
 
-def unmeasured(records: Sequence[AxisRecord]) -> bool:
-    """Return whether forces move surge and sway, and nothing measures either."""
-    silent = not any(np.isfinite(record.rate[name]).any() for record in records for name in "uv")
-    return silent and any(np.nanmax(np.abs(r.force[axis])) > 0.0 for r in records for axis in "XY")
-
-
-def hull_words(
-    velocity: str, records: Sequence[AxisRecord], inertia: Array | None
-) -> tuple[str, ...]:
-    """Return a sentence where a moment of the hull may count as inertia of yaw.
-
-    inertia (6,): what the fit has its moment by; None where it has none.
-    """
-    if velocity != "r" or not unmeasured(records):
-        return ()
-    moment = "the moment of a hull that moves ahead and aside ((m_1 - m_2) u v, Munk)"
-    if inertia is None:
-        return (
-            f"surge and sway are not measured: {moment} counts as inertia and damping of yaw, which"
-            " may be off by tens of percent where it turns under way",
-        )
-    return (
-        f"surge and sway are not measured: {moment} is in the fit by speeds that its forces give,"
-        " give or take all of it; the model has it where it has both speeds",
-    )
-
-
 @dataclass(frozen=True)
 class LagVerdict:
-    """Thrust lag [s] of a fit; `standard_error` nan where it is fixed."""
+    """Thrust lag [s] of a fit; `standard_error` nan where it is fixed.
+
+    `deviation_s`: what an assumed one may be off by; 0 where it is given or determined.
+    """
 
     value_s: float
     standard_error: float
     determined: bool
+    deviation_s: float = 0.0
 
 
 @dataclass(frozen=True)

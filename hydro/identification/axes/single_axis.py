@@ -18,13 +18,23 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.axes.drive import LAG, ForceDrive
+from auvid.hydro.identification.axes.drive import LAG, ForceDrive, changed
 from auvid.hydro.identification.axes.held_out import (
     HeldOut,
     bent_commands,
     held_out_blocks,
     legs_left_out,
     no_leg_worse,
+)
+from auvid.hydro.identification.axes.hull_motion import (
+    LARGEST_SHARE,
+    SHARE_WITHIN,
+    climb,
+    hull_input,
+    hull_prior,
+    hull_words,
+    unmeasured,
+    without_climb,
 )
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
@@ -40,11 +50,9 @@ from auvid.hydro.identification.axes.judgement import (
     coefficient_block,
     doubts,
     heterogeneity,
-    hull_words,
     notes_of,
     rms_of,
     shape_of,
-    unmeasured,
     verdicts_of,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
@@ -73,11 +81,11 @@ CONSTANT_SD = {"u": 0.02, "v": 0.02, "w": 0.005, "p": 0.02, "q": 0.02, "r": 0.02
 """Deviation of the constant of a window from that of all [m/s^2, rad/s^2]."""
 SURGE = "surge"
 """Input of heave: force ahead behind the lag of the surge speed."""
-UNMEASURED_DRAG = (0.5, 3.0)
-"""Linear and quadratic drag over mass [1/s, 1/m] of a hull whose speeds forces give: those of
-small vehicles. What they are off by, the coefficient of the term takes up."""
-HULL_SHARE, HULL_STEP_S = 0.3, 0.02
-"""Least deviation of that coefficient, in parts of mass over inertia; step of the speeds."""
+LAG_SD_S, LAG_FLOOR_S = 0.1, 0.02
+"""Deviation of a lag that nothing tells, as thrusters of vehicles have .05 to .3 s; and the
+least, where the lag that would be fitted is near the assumed one."""
+INERTIA_SD = 0.3
+"""Relative deviation of the inertia of heave while the speeds of a hull are sought."""
 SURGE_LAG_S, SURGE_SHARE = 2.0, 0.3
 """Time constant of that speed; deviation of its term around 0, in parts of c."""
 ABSURD = 3.0
@@ -210,6 +218,8 @@ def fit_axis(
     constant_sd: float | None = None,
     surge: bool = False,
     hull: Array | None = None,
+    speed_share: float = 1.0,
+    doubtful_depth: Sequence[Array] = (),
     try_lag: bool = True,
     try_shape: bool = False,
     loss: Loss = "soft_l1",
@@ -219,7 +229,9 @@ def fit_axis(
 
     inertia: prior of 1 / c; None leaves it free, and commands have none. surge: a term of
     the force ahead in heave, under a prior around 0. hull (6,): apparent inertia, by which
-    yaw in newtons has the moment of a hull whose speeds nobody measures. try_lag: whether
+    yaw and heave in newtons have what a hull does whose speeds nobody measures
+    (`hull_motion`), by `speed_share` of those that forces give; depth without its climb is
+    the caller's, doubtful_depth (n,) [m] of each record one deviation of it. try_lag: whether
     the lag is fitted where the data determine it. try_shape: the same of dead band and
     curve of commands. Raises `DataError` with the reason where an axis is refused.
     """
@@ -227,12 +239,13 @@ def fit_axis(
     if reason:
         raise DataError(f"axis {axis}: {reason}", remedy="See the stretches that were left out.")
     velocity = VELOCITIES[AXES.index(axis)]
-    acts = velocity == "r" and not records[0].normalised and unmeasured(records)
+    by_depth = velocity == "w" and any(depth_measures(record, "w") for record in records)
+    acts = (velocity == "r" or by_depth) and not records[0].normalised and unmeasured(records)
     moment = hull if acts else None
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         CONSTANT_SD[velocity] if constant_sd is None else constant_sd,
-        surge and velocity == "w", loss, window_s, moment,
+        surge and velocity == "w", loss, window_s, moment, speed_share,
     )  # fmt: skip
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
@@ -250,6 +263,7 @@ def fit_axis(
             if no_leg_worse(*legs_apart):
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
+    fit = _widened(pool, fit, lag.deviation_s, doubtful_depth)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
     width = interval_width(fit.windows)
@@ -286,6 +300,7 @@ class _Setup:
     loss: Loss
     window_s: float
     hull: Array | None = None
+    speed_share: float = 1.0
 
     def pool(
         self,
@@ -295,18 +310,21 @@ class _Setup:
         free: tuple[str, ...] = (),
     ) -> Pool:
         """Return the pool of some legs, with some parameters of the drive free."""
-        inverse, extra = None, {}
+        inverse: tuple[float, float] | None = None
+        extra: dict[str, tuple[float, float]] = {}
         if self.inertia is not None and not self.records[0].normalised:
             c = 1.0 / self.inertia.value
             inverse = (c, c * self.inertia.relative_sd)
         columns: tuple[dict[str, Array], ...] = tuple({} for _ in self.records)
-        inputs: tuple[str, ...] = (self.axis,)
         if self.surge:
-            inputs, extra = (self.axis, SURGE), {SURGE: (0.0, self.surge_sd)}
+            extra[SURGE] = (0.0, self.surge_sd)
             columns = tuple({SURGE: surge_input(record)} for record in self.records)
         if self.hull is not None:
-            inputs, extra = (self.axis, HULL), {HULL: self.hull_prior}
-            columns = tuple({HULL: column} for column in self.hull_columns)
+            extra[HULL] = hull_prior(self.velocity, self.hull, self.speed_share)
+            columns = tuple(
+                own | {HULL: column} for own, column in zip(columns, self.hull_columns, strict=True)
+            )
+        inputs = (self.axis, *extra)
         terms = axis_terms(
             self.axis, inputs=inputs, inverse=inverse, sides=sides,
             restoring=self.velocity in "pq", extra=extra,
@@ -322,17 +340,9 @@ class _Setup:
 
     @cached_property
     def hull_columns(self) -> tuple[Array, ...]:
-        """Return u v (n,) of each record."""
+        """Return what the hull does by speeds of its forces (n,), of each record."""
         assert self.hull is not None
-        return tuple(hull_input(record, self.hull) for record in self.records)
-
-    @property
-    def hull_prior(self) -> tuple[float, float]:
-        """Return mean and deviation of the coefficient of u v: (m_1 - m_2) / m_6."""
-        assert self.hull is not None
-        m_1, m_2, m_6 = self.hull[[0, 1, 5]].tolist()
-        mean = (m_1 - m_2) / m_6
-        return mean, max(abs(mean), HULL_SHARE * max(m_1, m_2) / m_6)
+        return tuple(hull_input(record, self.velocity, self.hull) for record in self.records)
 
     @property
     def surge_sd(self) -> float:
@@ -352,25 +362,53 @@ def surge_input(record: AxisRecord) -> Array:
     return lagged_columns(step, np.nan_to_num(record.force["X"])[:, None], SURGE_LAG_S)[:, 0]
 
 
-def hull_input(record: AxisRecord, inertia: Array) -> Array:
-    """Return u v (n,) [m^2/s^2] of speeds that forces give, with the measured turning.
+def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) -> float:
+    """Return by what share of the speeds that forces give a hull climbs, as its depth tells.
 
-    m_1 u' = X - drag + m_2 v r, m_2 v' = Y - drag - m_1 u r, inertia (6,) apparent.
+    inertia (6,): apparent. Heave is fitted for each share; the least error decides.
     """
-    (m_1, m_2), (linear, squared) = inertia[:2].tolist(), UNMEASURED_DRAG
-    step = float(record.t_s[1] - record.t_s[0])
-    parts = max(1, round(step / HULL_STEP_S))
-    h, u, v, out = step / parts, 0.0, 0.0, []
-    columns = np.nan_to_num(  # where outputs are not logged nothing drives, as in all inputs
-        [record.force["X"] / m_1, record.force["Y"] / m_2, record.rate["r"]]
-    )
-    for ahead, aside, r in zip(*(column.tolist() for column in columns), strict=True):
-        out.append(u * v)
-        for _ in range(parts):
-            slope = ahead - u * (linear + squared * abs(u)) + m_2 / m_1 * v * r
-            v += h * (aside - v * (linear + squared * abs(v)) - m_1 / m_2 * u * r)
-            u += h * slope
-    return np.array(out)
+    from scipy.optimize import minimize_scalar
+
+    travels = [climb(record, inertia) for record in records]
+
+    def error(share: float) -> float:
+        setup = _Setup(
+            tuple(without_climb(r, x, share) for r, x in zip(records, travels, strict=True)),
+            "Z", "w", InertiaPrior(float(inertia[2]), INERTIA_SD), ForceDrive(lag_s=lag_s),
+            CONSTANT_SD["w"], False, "soft_l1", WINDOW_S, inertia, share,
+        )  # fmt: skip
+        pool = setup.pool()
+        return float(fit_pool(pool, starting_values(pool)).sigma[1])
+
+    ends = (0.0, LARGEST_SHARE)
+    best = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": SHARE_WITHIN})
+    return float(best.x)
+
+
+def _widened(pool: Pool, fit: PoolFit, lag_sd_s: float, depth: Sequence[Array]) -> PoolFit:
+    """Return a fit whose covariance has what is assumed: one deviation of the lag, of depth.
+
+    Each is the change of the estimate where the assumed figure is one deviation off.
+    """
+    others = []
+    if lag_sd_s > 0.0:
+        others.append(replace(pool, drive=changed(fit.drive, {LAG: fit.drive.lag_s + lag_sd_s})))
+    if depth:
+        records = tuple(without_climb(r, x, 1.0) for r, x in zip(pool.records, depth, strict=True))
+        others.append(_with_records(pool, records))
+    covariance = fit.covariance
+    for other in others:
+        change = fit_pool(other, fit.values[: len(pool.structure.terms)]).values - fit.values
+        covariance = covariance + np.outer(change, change)
+    return replace(fit, covariance=covariance)
+
+
+def _with_records(pool: Pool, records: Sequence[AxisRecord]) -> Pool:
+    """Return a pool with other records, of the same windows."""
+    return make_pool(
+        pool.structure, records, pool.windows, constant_sd=pool.constant_sd, drive=pool.drive,
+        free=pool.free, extra=pool.extra, loss=pool.loss,
+    )  # fmt: skip
 
 
 def _with_lag(
@@ -380,10 +418,13 @@ def _with_lag(
 
     Otherwise the fit with the fixed one.
     """
-    fixed = LagVerdict(pool.drive.lag_s, float("nan"), False)
     late = setup.pool(free=(LAG,))
     other = fit_pool(late, fit.values)
     value, error = float(other.values[-1]), float(np.sqrt(other.covariance[-1, -1]))
+    off_s = float(np.hypot(error, value - pool.drive.lag_s))
+    fixed = LagVerdict(
+        pool.drive.lag_s, float("nan"), False, min(max(off_s, LAG_FLOOR_S), LAG_SD_S)
+    )
     if other.at_bound[-1] or not 0.0 < error * T_LIMIT < value:
         return pool, fit, blocks, fixed
     tried = held_out_blocks(late, fit.values)

@@ -13,11 +13,12 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
+from auvid.hydro.identification.axes.hull_motion import climb, hull_input, hull_words, without_climb
+from auvid.hydro.identification.axes.judgement import InertiaPrior
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
-from auvid.hydro.identification.axes.single_axis import fit_axis, hull_input, refusal, surge_input
+from auvid.hydro.identification.axes.single_axis import fit_axis, refusal, speed_share, surge_input
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
 from tests.support.axis_legs import axis_leg, scaled_force
@@ -308,10 +309,77 @@ def test_a_pause_of_the_outputs_does_not_end_the_speeds_that_forces_give() -> No
         t_s, {"r": np.full(t_s.size, 0.3)}, None, np.zeros((t_s.size, 3)),
         {"X": force, "Y": 0.0 * t_s}, False, {}, (), {},
     )  # fmt: skip
-    assert np.isfinite(hull_input(record, np.array([20.0, 30.0, 40.0, 1.0, 1.0, 1.0]))).all()
+    assert np.isfinite(hull_input(record, "r", np.array([20.0, 30.0, 40.0, 1.0, 1.0, 1.0]))).all()
     assert np.isfinite(surge_input(record)).all()
 
 
 def test_commands_without_a_velocity_say_what_counts_as_inertia() -> None:
     assert "tens of percent" in hull_words("r", under_way(normalised=True), None)[0]
     assert not hull_words("r", [axis_leg(1, YAW, seconds=10.0)], None)
+
+
+def tilted(seed: int) -> AxisRecord:
+    """Return a leg that pitches and heaves under way, with its depth and no speed.
+
+    Its drag ahead is twice the one that its unmeasured speed is taken from.
+    """
+    rng, n, step, parts = np.random.default_rng(seed), 600, 0.1, 5
+    t_s = step * np.arange(n)
+    m_1, m_3 = HULL_INERTIA[[0, 2]].tolist()
+    force = {axis: np.zeros(n) for axis in "XYZKMN"}
+    force["X"] = np.repeat(rng.uniform(-60.0, 60.0, n // 30), 30)
+    force["Z"] = np.repeat(rng.uniform(-30.0, 30.0, n // 20), 20)
+    theta, q = 0.2 * np.sin(0.7 * t_s), 0.14 * np.cos(0.7 * t_s)
+    u = w = z = ahead = down = 0.0
+    speed, depth = [], []
+    for k, (x_N, z_N) in enumerate(zip(force["X"].tolist(), force["Z"].tolist(), strict=True)):
+        speed.append(u)
+        depth.append(z)
+        sine, rate, h = float(np.sin(theta[k])), float(q[k]), step / parts
+        for _ in range(parts):
+            ahead += h / 0.08 * (x_N - ahead)
+            down += h / 0.08 * (z_N - down)
+            z += h * (w * (1.0 - sine**2) ** 0.5 - u * sine)
+            w += h * (down / m_3 - 0.6 * w - 3.0 * w * abs(w) + m_1 / m_3 * u * rate)
+            u += h * (ahead / m_1 - 1.0 * u - 6.0 * u * abs(u))
+    nothing, still = np.full(n, np.nan), np.zeros(n)
+    rate = {"u": nothing, "v": nothing, "w": nothing, "p": still, "q": q, "r": still}
+    attitude = np.column_stack([still, theta, still])
+    noisy = np.array(depth) + 0.004 * rng.standard_normal(n)
+    whole = {"Z": ((0, n),)}
+    return AxisRecord(t_s, rate, noisy, attitude, force, False, whole, (), {"Z": "depth"})
+
+
+def test_the_climb_of_a_tilted_hull_is_no_heave() -> None:
+    """As heave it made the inertia 1.6 times too large; speeds are .7 of what forces give."""
+    legs = [tilted(1), tilted(2)]
+    prior, drive = InertiaPrior(HULL_INERTIA[2], 0.3), ForceDrive(lag_s=0.08)
+    plain = fit_axis(legs, "Z", inertia=prior, drive=drive, try_lag=False)
+    share = speed_share(legs, HULL_INERTIA, lag_s=0.08)
+    assert 0.6 < share < 0.8
+    level = [without_climb(leg, climb(leg, HULL_INERTIA), share) for leg in legs]
+    fit = fit_axis(
+        level, "Z", inertia=prior, hull=HULL_INERTIA, speed_share=share, drive=drive, try_lag=False
+    )
+    values = [plain.inertia.value, fit.inertia.value]
+    assert fit.inertia.value == pytest.approx(HULL_INERTIA[2], rel=0.06), values
+    assert plain.inertia.value > 1.2 * HULL_INERTIA[2], values
+    assert fit.held_out[0].percent["w"] > plain.held_out[0].percent["w"] + 5.0
+    assert any("climb" in note for note in fit.notes)
+
+
+def test_a_lag_that_nothing_tells_widens_the_inertia() -> None:
+    """One deviation of the lag is in the intervals, where nobody gave it."""
+    leg = axis_leg(3, YAW, seconds=40.0, noise=0.3)
+    given, assumed, later = (
+        fit_axis([leg], "N", drive=ForceDrive(lag_s=lag), try_lag=tried)
+        for lag, tried in ((0.05, False), (0.05, True), (0.1, False))
+    )
+    lag_sd_s = assumed.lag.deviation_s
+    assert 0.02 < lag_sd_s < 0.1
+    assert not assumed.lag.determined
+    assert assumed.values == pytest.approx(given.values)
+    change = lag_sd_s / 0.05 * (later.values - given.values)
+    wider = given.covariance + np.outer(change, change)  # nearly a straight line in the lag
+    assert assumed.covariance == pytest.approx(wider, rel=0.1, abs=1e-2)
+    assert wider[2, 2] > 1.2 * given.covariance[2, 2]
