@@ -13,13 +13,13 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.hull_motion import (
+from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
+from auvid.hydro.identification.axes.record import (
     SHARE_SD,
     climb,
     unmeasured,
     without_climb,
 )
-from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
 from auvid.hydro.identification.axes.single_axis import (
     SURGE,
     SingleAxisFit,
@@ -121,7 +121,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
 
 @dataclass(frozen=True)
 class HullSpeeds:
-    """Speeds ahead and aside that nothing measures, as a share of those that forces give.
+    """Speeds that nothing measures, as a share of those that forces give.
 
     travels: leg -> how much deeper a tilted hull gets (n,) [m] by all of them; none where
     they are measured, or nothing has newtons.
@@ -132,7 +132,7 @@ class HullSpeeds:
 
 
 def _hull_speeds(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) -> HullSpeeds:
-    """Return the speeds of a hull whose depth has its climb, as that depth tells them."""
+    """Return the speeds of a hull by its forces, as its depth tells them."""
     every = [leg.record for leg in legs.values()]
     if every[0].normalised or not unmeasured(every):
         return HullSpeeds()

@@ -32,6 +32,8 @@ from auvid.hydro.identification.axes.windows import (
 
 BENT_WORTH = 0.9
 """A dead band and a curve are two numbers more, and drag may be taken for one."""
+LEAST_ERROR = 1.0
+"""Errors below that [%] count as that: both fits are as good as the measurement."""
 FIRST_DEAD_BAND, FIRST_CURVE = 0.03, 1.3
 """Where the search for a dead band [full commands] and a curve begins."""
 
@@ -167,20 +169,30 @@ def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
     return tuple(out)
 
 
-def no_leg_worse(before: Sequence[HeldOut], after: Sequence[HeldOut]) -> bool:
-    """Return whether every leg left out is flown as well by another fit.
+def legs_flown_better(before: Sequence[HeldOut], after: Sequence[HeldOut]) -> bool:
+    """Return whether another fit errs less, by `BENT_WORTH`, on legs left out.
 
-    A dead band and a curve of one leg's commands may fly its windows, and no other leg.
+    A dead band and a curve of one leg's commands may fly its windows, and no other leg: no
+    leg may err more by that worth than before. By the geometric mean over legs, since of
+    many one always is a hair worse. Where nothing moves (nan) nothing is judged.
 
     >>> straight, bent = HeldOut("leg 1", {"w": 63.0}, 9), HeldOut("leg 1", {"w": -21.0}, 9)
-    >>> no_leg_worse([straight], [bent]), no_leg_worse([], [])
+    >>> legs_flown_better([straight], [bent]), legs_flown_better([], [])
     (False, True)
     """
-    return all(
-        new.percent[velocity] >= old.percent[velocity]
-        for old, new in zip(before, after, strict=True)
-        for velocity in old.percent
-    )
+    pairs = np.array(
+        [
+            (old.percent[velocity], new.percent[velocity])
+            for old, new in zip(before, after, strict=True)
+            for velocity in old.percent
+        ]
+    ).reshape(-1, 2)
+    old, new = 100.0 - pairs[np.isfinite(pairs[:, 0])].T
+    if not np.isfinite(new).all():
+        return False
+    ratio = np.log(np.maximum(new, LEAST_ERROR) / np.maximum(old, LEAST_ERROR))
+    worth = float(np.log(BENT_WORTH))
+    return ratio.size == 0 or bool(ratio.mean() <= worth and ratio.max() <= -worth)
 
 
 def whole_leg(pool: Pool, fit: PoolFit, leg: int) -> dict[str, float]:

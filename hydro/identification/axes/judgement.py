@@ -18,7 +18,9 @@ from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
+from auvid.hydro.identification.axes.record import AxisRecord, unmeasured
 from auvid.hydro.identification.axes.structure import CONSTANT, FORCE, INPUT, AxisTerm
+from auvid.hydro.identification.axes.windows import depth_measures
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, PRIOR_SHARE
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
@@ -194,6 +196,37 @@ class InertiaPrior:
 
     value: float
     relative_sd: float = 0.0
+
+
+def hull_words(
+    velocity: str, records: Sequence[AxisRecord], inertia: Array | None
+) -> tuple[str, ...]:
+    """Return a sentence where motion of the hull may count as inertia of yaw or heave.
+
+    inertia (6,): what the fit has its motion by; None where it has none.
+    """
+    by_depth = velocity == "w" and any(depth_measures(record, "w") for record in records)
+    if not (velocity == "r" or by_depth) or not unmeasured(records):
+        return ()
+    what = "the moment of a hull that moves ahead and aside ((m_1 - m_2) u v, Munk)"
+    axis, when = "yaw", "turns"
+    if by_depth:
+        what = "the climb of a hull that is tilted while it moves ahead and aside (u sin theta)"
+        axis, when = "heave", "tilts"
+    if inertia is None:
+        return (
+            f"surge and sway are not measured: {what} counts as inertia and damping of {axis},"
+            f" which may be off by tens of percent where it {when} under way",
+        )
+    if by_depth:
+        return (
+            f"surge and sway are not measured: {what}, by speeds that its forces give, is taken"
+            " off the depth; what these speeds are off by counts as heave",
+        )
+    return (
+        f"surge and sway are not measured: {what} is in the fit by speeds that its forces give,"
+        " give or take all of it; the model has it where it has both speeds",
+    )
 
 
 @dataclass(frozen=True)

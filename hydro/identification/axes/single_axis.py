@@ -23,18 +23,8 @@ from auvid.hydro.identification.axes.held_out import (
     HeldOut,
     bent_commands,
     held_out_blocks,
+    legs_flown_better,
     legs_left_out,
-    no_leg_worse,
-)
-from auvid.hydro.identification.axes.hull_motion import (
-    LARGEST_SHARE,
-    SHARE_WITHIN,
-    climb,
-    hull_input,
-    hull_prior,
-    hull_words,
-    unmeasured,
-    without_climb,
 )
 from auvid.hydro.identification.axes.judgement import (
     FLOORS,
@@ -50,6 +40,7 @@ from auvid.hydro.identification.axes.judgement import (
     coefficient_block,
     doubts,
     heterogeneity,
+    hull_words,
     notes_of,
     rms_of,
     shape_of,
@@ -70,7 +61,16 @@ from auvid.hydro.identification.axes.quantities import (
     physical_quantities,
     quantity,
 )
-from auvid.hydro.identification.axes.record import AxisRecord
+from auvid.hydro.identification.axes.record import (
+    LARGEST_SHARE,
+    SHARE_WITHIN,
+    AxisRecord,
+    climb,
+    hull_input,
+    hull_prior,
+    unmeasured,
+    without_climb,
+)
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import FORCE, HULL, Structure, axis_terms
 from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
@@ -230,7 +230,7 @@ def fit_axis(
     inertia: prior of 1 / c; None leaves it free, and commands have none. surge: a term of
     the force ahead in heave, under a prior around 0. hull (6,): apparent inertia, by which
     yaw and heave in newtons have what a hull does whose speeds nobody measures
-    (`hull_motion`), by `speed_share` of those that forces give; depth without its climb is
+    (`record`), by `speed_share` of those that forces give; depth without its climb is
     the caller's, doubtful_depth (n,) [m] of each record one deviation of it. try_lag: whether
     the lag is fitted where the data determine it. try_shape: the same of dead band and
     curve of commands. Raises `DataError` with the reason where an axis is refused.
@@ -260,7 +260,7 @@ def fit_axis(
             terms = len(pool.structure.terms)
             legs_apart = (legs_left_out(own, start.values[:terms]) for own, start in (
                 (pool, fit), bent[:2]))  # fmt: skip
-            if no_leg_worse(*legs_apart):
+            if legs_flown_better(*legs_apart):
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
     fit = _widened(pool, fit, lag.deviation_s, doubtful_depth)
@@ -363,7 +363,7 @@ def surge_input(record: AxisRecord) -> Array:
 
 
 def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) -> float:
-    """Return by what share of the speeds that forces give a hull climbs, as its depth tells.
+    """Return the share of the speeds by forces that the depth of a hull tells.
 
     inertia (6,): apparent. Heave is fitted for each share; the least error decides.
     """
@@ -386,7 +386,7 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
 
 
 def _widened(pool: Pool, fit: PoolFit, lag_sd_s: float, depth: Sequence[Array]) -> PoolFit:
-    """Return a fit whose covariance has what is assumed: one deviation of the lag, of depth.
+    """Return a fit with one deviation of lag and depth in its covariance.
 
     Each is the change of the estimate where the assumed figure is one deviation off.
     """

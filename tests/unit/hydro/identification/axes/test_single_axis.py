@@ -13,11 +13,16 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.hull_motion import climb, hull_input, hull_words, without_climb
-from auvid.hydro.identification.axes.judgement import InertiaPrior
+from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
 from auvid.hydro.identification.axes.quantities import Scale
-from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.axes.record import (
+    AxisRecord,
+    LeftOut,
+    climb,
+    hull_input,
+    without_climb,
+)
 from auvid.hydro.identification.axes.single_axis import fit_axis, refusal, speed_share, surge_input
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
@@ -346,8 +351,8 @@ def tilted(seed: int) -> AxisRecord:
     rate = {"u": nothing, "v": nothing, "w": nothing, "p": still, "q": q, "r": still}
     attitude = np.column_stack([still, theta, still])
     noisy = np.array(depth) + 0.004 * rng.standard_normal(n)
-    whole = {"Z": ((0, n),)}
-    return AxisRecord(t_s, rate, noisy, attitude, force, False, whole, (), {"Z": "depth"})
+    every_row = {"Z": ((0, n),)}
+    return AxisRecord(t_s, rate, noisy, attitude, force, False, every_row, (), {"Z": "depth"})
 
 
 def test_the_climb_of_a_tilted_hull_is_no_heave() -> None:
@@ -371,15 +376,15 @@ def test_the_climb_of_a_tilted_hull_is_no_heave() -> None:
 def test_a_lag_that_nothing_tells_widens_the_inertia() -> None:
     """One deviation of the lag is in the intervals, where nobody gave it."""
     leg = axis_leg(3, YAW, seconds=40.0, noise=0.3)
-    given, assumed, later = (
+    fixed, assumed, later = (
         fit_axis([leg], "N", drive=ForceDrive(lag_s=lag), try_lag=tried)
         for lag, tried in ((0.05, False), (0.05, True), (0.1, False))
     )
     lag_sd_s = assumed.lag.deviation_s
     assert 0.02 < lag_sd_s < 0.1
     assert not assumed.lag.determined
-    assert assumed.values == pytest.approx(given.values)
-    change = lag_sd_s / 0.05 * (later.values - given.values)
-    wider = given.covariance + np.outer(change, change)  # nearly a straight line in the lag
+    assert assumed.values == pytest.approx(fixed.values)
+    change = lag_sd_s / 0.05 * (later.values - fixed.values)
+    wider = fixed.covariance + np.outer(change, change)  # nearly a straight line in the lag
     assert assumed.covariance == pytest.approx(wider, rel=0.1, abs=1e-2)
-    assert wider[2, 2] > 1.2 * given.covariance[2, 2]
+    assert wider[2, 2] > 1.2 * fixed.covariance[2, 2]
