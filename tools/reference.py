@@ -21,7 +21,7 @@ import typer
 from pydantic.fields import FieldInfo
 
 from auvid.data_schemas.documents import MODELS, model_of
-from auvid.data_schemas.documents.model import Model, Quantity, Range, Unit
+from auvid.data_schemas.documents.model import Model, Quantity, Range, Unit, meanings
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.model_file import FORMAT, PARTIAL_FORMAT, ModelFile
 from auvid.data_schemas.schemas import schema, schema_names, schema_text
@@ -155,13 +155,14 @@ def part_of_page(
 ) -> str:
     """Return the section of one model: a row per key."""
     rows = []
+    meaning = meanings(kind)
     for name, item in kind.model_fields.items():
         words = type_words(item.annotation, item.metadata, links)
         if written:
-            cells = [f"`{name}`", words, _default(item), line(item.description or "")]
+            cells = [f"`{name}`", words, _default(item), line(meaning.get(name, ""))]
         else:
             null = " or null" if NONE in get_args(item.annotation) else ""
-            cells = [f"`{name}`", words + null, line(item.description or "")]
+            cells = [f"`{name}`", words + null, line(meaning.get(name, ""))]
         rows.append(cells)
     head = ("key", "type", "default", "meaning") if written else ("field", "type", "meaning")
     words = re.sub(r"\n\s*\n", "\n\n", prose(kind))

@@ -6,9 +6,14 @@ field, what was found, what is allowed, and the remedy.
 
 from __future__ import annotations
 
+import ast
+import inspect
+import itertools
+import textwrap
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import numpy as np
@@ -57,11 +62,46 @@ class Model(BaseModel):
         strict=True,
         frozen=True,
         allow_inf_nan=False,
-        use_attribute_docstrings=True,
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        result = handler(schema)
+        properties = handler.resolve_ref_schema(result).get("properties", {})
+        for name, words in meanings(cls).items():
+            key = cls.model_fields[name].alias or name
+            if key in properties:
+                properties[key].setdefault("description", words)
+        return result
 
 
 M = TypeVar("M", bound=Model)
+
+
+@cache
+def meanings(kind: type[Model]) -> Mapping[str, str]:
+    """Return what each field of a model is, as the text below it says.
+
+    Read from the source when somebody asks: pydantic's own `use_attribute_docstrings`
+    reads that of every model at every start.
+    """
+    words: dict[str, str] = {}
+    for owner in reversed(kind.__mro__):
+        if not issubclass(owner, Model) or owner is Model:
+            continue
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        assert isinstance(body, ast.ClassDef)
+        for item, below in itertools.pairwise(body.body):
+            if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name):
+                text = below.value if isinstance(below, ast.Expr) else None
+                if isinstance(text, ast.Constant) and isinstance(text.value, str):
+                    words[item.target.id] = inspect.cleandoc(text.value)
+    own = {
+        name: item.description or words.get(name, "") for name, item in kind.model_fields.items()
+    }
+    return {name: text for name, text in own.items() if text}
 
 
 class Faults(ValueError):
@@ -298,7 +338,7 @@ def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
         yield SchemaError("unknown key", field=field, remedy=remedy)
     elif code == "missing":
         owner = _model(_annotation(kind, place[:-1]), Model)
-        meaning = owner.model_fields[str(place[-1])].description
+        meaning = meanings(owner).get(str(place[-1]))
         needed = QUANTITY_REMEDY if owner is Quantity else meaning
         yield SchemaError("missing key", field=field, remedy=needed)
     elif code == "literal_error":

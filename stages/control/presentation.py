@@ -19,7 +19,7 @@ from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import ControlledPlant, InputLimits
 from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
-from auvid.stages.presentation import Block, panel, plot, remark, series, table, text
+from auvid.stages.presentation import Block, fold, panel, plot, remark, series, table, text
 
 COLUMNS = {
     "X_thrust": "thrust_N",
@@ -355,8 +355,8 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
         )
         for i, name in enumerate(ATTITUDE)
     ]
-    blocks.append(plot(f"{case.title}: attitude", attitude, group=case.name))
-    return blocks
+    title = f"{case.title}: attitude"
+    return [*blocks, *fold(title, [plot(title, attitude, group=case.name)])]
 
 
 def design_blocks(flown: Sequence[Flown]) -> list[Block]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 
-from auvid.data_schemas.documents.model import Faults, Model, Quantity, Unit, fault
+from auvid.data_schemas.documents.model import Faults, Model, Quantity, Unit, fault, meanings
 from auvid.data_schemas.errors import PipelineError
 
 KilogramMetres = Annotated[Quantity, Unit("kg*m")]
@@ -23,10 +23,10 @@ PositiveSquareMetres = Annotated[Quantity, Unit("m^2", positive=True)]
 
 def require(model: Model, *keys: str) -> None:
     """Raise the missing keys of a part that needs them in this case."""
-    fields = type(model).model_fields
+    words = meanings(type(model))
     Faults(
         *(
-            fault("missing quantity", key, remedy=fields[key].description)
+            fault("missing quantity", key, remedy=words.get(key))
             for key in keys
             if getattr(model, key) is None
         )

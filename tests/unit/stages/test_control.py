@@ -190,6 +190,9 @@ def test_any_vehicle_flies_its_model_card() -> None:
     assert figure(outputs, "steady error, straight, undisturbed")["value"] < 0.1
     assert "propeller_rev_s" in outputs.flights["straight-undisturbed"].column_names
     assert figure(outputs, "Monte Carlo, rms cross-track")["high"] < 1.0
+    folded = {block["fold"] for block in outputs.section["blocks"] if "fold" in block}
+    (straight,) = short_vt690()["trajectories"].values()
+    assert folded == {f"{straight['title']}: attitude"}
 
 
 def test_an_unstable_model_is_refused_unless_told() -> None:

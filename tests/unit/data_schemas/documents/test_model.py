@@ -83,6 +83,16 @@ def test_every_field_of_every_document_says_what_it_is(name: str) -> None:
         assert bare == []
 
 
+def test_a_key_that_holds_a_part_says_what_it_is_too() -> None:
+    """Meanings are read when somebody asks, not at every start."""
+    assert "use_attribute_docstrings" not in Model.model_config
+    schema = model_of("column_map").model_json_schema()
+    assert schema["properties"]["time"] == {
+        "$ref": "#/$defs/TimeEntry",
+        "description": "The time column.",
+    }
+
+
 def test_json_schema_holds_ranges_choices_and_refuses_unknown_keys() -> None:
     schema = model_of("campaign").model_json_schema()
     assert schema["additionalProperties"] is False
