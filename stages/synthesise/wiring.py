@@ -43,13 +43,15 @@ def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
     fault = wiring_fault(parts, vehicle.thrusters.allocation)
     if fault is not None:
         return [remark(_words(fault, vehicle.thrusters.outputs), "warning")]
-    weak = [item for item in strengths(parts, vehicle) if item.verdict in ("weak", "dead")]
+    every = strengths(parts, vehicle)
+    idle = [vehicle.thrusters.outputs[item.thruster - 1] for item in every if item.is_idle]
+    blocks = [remark(_idle_words(idle))] if idle else []
+    weak = [item for item in every if item.verdict in ("weak", "dead")]
     if weak:
-        return [
-            remark(_strength_words(item, vehicle.thrusters.outputs), "warning") for item in weak
-        ]
+        words = [_strength_words(item, vehicle.thrusters.outputs) for item in weak]
+        return [*(remark(line, "warning") for line in words), *blocks]
     fault = missing_thruster(parts, vehicle.thrusters.allocation)
-    return [] if fault is None else [remark(_missing_words(fault, vehicle), "warning")]
+    return blocks if fault is None else [remark(_missing_words(fault, vehicle), "warning"), *blocks]
 
 
 def thruster_legs(
@@ -89,6 +91,19 @@ def strengths(legs: Sequence[ThrusterLeg], vehicle: Vehicle) -> tuple[ThrusterSt
     result = thruster_strengths(legs, vehicle.thrusters.allocation)
     weak = [item for item in result if item.verdict in ("weak", "dead", "reversed")]
     return () if len(weak) > 1 else result
+
+
+def _idle_words(outputs: Sequence[int]) -> str:
+    numbers = ", ".join(map(str, outputs))
+    which = (
+        f"thrusters of outputs {numbers} do"
+        if len(outputs) > 1
+        else f"thruster of output {numbers} does"
+    )
+    return (
+        f"The {which} not push in the training legs, or always as much: nothing tells the"
+        " strength, and a dead one would not show."
+    )
 
 
 def _strength_words(item: ThrusterStrength, outputs: tuple[int, ...]) -> str:

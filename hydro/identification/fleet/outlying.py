@@ -56,6 +56,7 @@ def outlying_dives(
     figures: Mapping[str, tuple[ArrayLike, ArrayLike]],
     conditions: Mapping[str, Sequence[float | str | None]] | None = None,
     *,
+    levels: Mapping[str, Ints] | None = None,
     level: float = LEVEL,
 ) -> tuple[OutlyingDive, ...]:
     """Return the dives that the others do not explain, most unlikely first.
@@ -67,18 +68,24 @@ def outlying_dives(
     figures is compared with level / (number of looks), the next with one look less
     (Holm 1979), looks that are hopeless left out. Fewer than four dives with a figure are
     not looked at.
+
+    `levels`: name -> number of changes of the figure before each dive (k,); a dive is held
+    against those of its level, with the scatter of all about the means of theirs, and not
+    looked at where it has its level to itself.
     """
     series = {}
     for name, (values, errors) in figures.items():
         y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
         dives = np.flatnonzero(np.isfinite(y) & np.isfinite(s))
-        if len(dives) > FEWEST_DIVES:
-            series[name] = y, s, dives
-    count = sum(len(dives) for *_, dives in series.values())
+        of = np.zeros(len(y), dtype=np.int64) if levels is None else levels[name]
+        own, count_of = np.unique(of[dives], return_counts=True)
+        if len(dives) - len(own) >= FEWEST_DIVES:
+            series[name] = y, s, dives[~np.isin(of[dives], own[count_of == 1])], of
+    count = sum(len(dives) for _, _, dives, _ in series.values())
     looks = []
-    for name, (y, s, dives) in series.items():
-        for dive in _farthest_first(y, s, dives):
-            looks.append(_look(name, y, s, dives, dive, level))
+    for name, (y, s, dives, of) in series.items():
+        for dive in _farthest_first(y, s, dives, of):
+            looks.append(_look(name, y, s, dives, of, dive, level))
             if looks[-1].p > min(level, HOPELESS * level / count):
                 break
     outlying = []
@@ -92,22 +99,30 @@ def outlying_dives(
     )
 
 
-def _farthest_first(y: Array, s: Array, dives: Ints) -> list[int]:
-    """Return dives by distance from the middle one, over error and usual distance."""
-    away = np.abs(y[dives] - np.median(y[dives]))
+def _farthest_first(y: Array, s: Array, dives: Ints, of: Ints) -> list[int]:
+    """Return dives by distance from the middle of their level, the farthest first."""
+    away = np.zeros(len(dives))
+    for number in np.unique(of[dives]):
+        rows = of[dives] == number
+        away[rows] = np.abs(y[dives[rows]] - np.median(y[dives[rows]]))
     order = np.argsort(-away / np.sqrt(s[dives] ** 2 + np.median(away) ** 2), kind="stable")
     return [int(dive) for dive in dives[order]]
 
 
-def _look(name: str, y: Array, s: Array, dives: Ints, dive: int, level: float) -> OutlyingDive:
+def _look(
+    name: str, y: Array, s: Array, dives: Ints, of: Ints, dive: int, level: float
+) -> OutlyingDive:
     """Return how a dive departs from the others, whether much or little."""
     from scipy.special import ndtri
 
     others = dives[dives != dive]
-    scatter = between_dives(y[others], s[others])
+    # The level of the dive last: the mean is that of the last one.
+    _, levels = np.unique(np.where(of[others] == of[dive], of.max() + 1, of[others]),
+                          return_inverse=True)  # fmt: skip
+    scatter = between_dives(y[others], s[others], levels=levels)
     # The tail that it lies in, without loss of digits in the upper one.
     below = float(scatter.next_dive_share(y[dive], s[dive]))
-    mirrored = between_dives(-y[others], s[others])
+    mirrored = between_dives(-y[others], s[others], levels=levels)
     above = float(mirrored.next_dive_share(-y[dive], s[dive]))
     tail = min(below, above)
     low, high = (

@@ -116,10 +116,14 @@ def pool(
         q_p=float(gammaincc(0.5 * freedom, 0.5 * q)),
         next_error=error,
         next_dive=(low[2], high[2]) if enough else None,
-        refusal=""
-        if enough
-        else f"{len(y)} dives: no interval; the scatter between dives needs {FEWEST_DIVES}",
+        refusal="" if enough else _too_few(len(y), int(of.max())),
     )
+
+
+def _too_few(dives: int, changes: int) -> str:
+    """Return in words that so many dives, with so many changes, show no scatter."""
+    of_level = f" and {changes} more, one for each change" if changes else ""
+    return f"{dives} dives: no interval; the scatter between dives needs {FEWEST_DIVES}{of_level}"
 
 
 def outside_share(scatter: BetweenDives, errors: ArrayLike, share: float) -> Array:

@@ -47,10 +47,14 @@ MOST_ERROR = 0.12
 """Largest standard error at which half the strength is told from all of it: a quarter of
 the difference.
 """
+LEAST_PUSH = 0.02
+"""Of the largest scatter of a thruster's force: less is a thruster that does not work."""
 RIDGE = 1e-9
 """Added to the scaled normal equations, so that inseparable thrusters have huge errors."""
 
-StrengthVerdict = Literal["as the others", "weak", "dead", "reversed", "not separable"]
+StrengthVerdict = Literal[
+    "as the others", "weak", "dead", "reversed", "not separable", "not excited"
+]
 
 
 @dataclass(frozen=True)
@@ -71,8 +75,8 @@ class ThrusterLeg:
 class ThrusterStrength:
     """Strength of one thruster, counted from 1, over that of the others like it.
 
-    `strength` and `standard_error` are nan where the dive does not separate it; `others`
-    are the thrusters that it is compared with.
+    `strength` and `standard_error` are nan where the dive does not separate it, or where its
+    force does not change; `others` are the thrusters that it is compared with.
     """
 
     thruster: int
@@ -80,6 +84,11 @@ class ThrusterStrength:
     standard_error: float
     verdict: StrengthVerdict
     others: tuple[int, ...]
+
+    @property
+    def is_idle(self) -> bool:
+        """Return whether its force does not change, so that nothing tells of it."""
+        return self.verdict == "not excited"
 
 
 def thruster_strengths(
@@ -100,6 +109,8 @@ def thruster_strengths(
     count = allocation.shape[1]
     thrust = np.concatenate([leg.thrust_N for leg in legs])
     runs = np.flatnonzero(np.any(thrust != 0.0, axis=0))
+    push = np.std(thrust, axis=0)
+    idle = push <= LEAST_PUSH * push.max()
     gain, covariance = np.full(count, np.nan), np.full((count, count), np.nan)
     fits = [_fit(legs, allocation[:, runs], runs, lag_s) for lag_s in LAGS_S]
     _, gain[runs], covariance[np.ix_(runs, runs)] = min(fits, key=lambda fit: fit[0])
@@ -107,7 +118,12 @@ def thruster_strengths(
     result = []
     for i in range(count):
         alike = _alike(allocation, i)
-        result.append(_strength(i, gain, covariance, np.intersect1d(alike, sure), len(alike)))
+        others = np.intersect1d(alike, sure)
+        result.append(
+            ThrusterStrength(i + 1, np.nan, np.nan, "not excited", tuple((others + 1).tolist()))
+            if idle[i]
+            else _strength(i, gain, covariance, others, len(alike))
+        )
     return tuple(result)
 
 

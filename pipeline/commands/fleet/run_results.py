@@ -152,21 +152,21 @@ def _sensors(record: InstallationRecord) -> Iterator[FleetCoefficient]:
 
 
 def _thrusters(run: Run) -> Iterator[FleetCoefficient]:
-    """Yield the strength of each thruster over its like, where legs separate it."""
+    """Yield the strength of each thruster over its like, or why legs do not tell it."""
     for thruster in _strengths(run):
-        if np.isfinite(thruster.strength):
-            yield _extra(
-                THRUSTERS,
-                f"thruster {thruster.thruster}",
-                "1",
-                thruster.strength,
-                thruster.standard_error,
-                "identified" if thruster.verdict == "as the others" else thruster.verdict,
-            )
+        separable = bool(np.isfinite(thruster.strength))
+        yield _extra(
+            THRUSTERS,
+            f"thruster {thruster.thruster}",
+            "1",
+            thruster.strength if separable else None,
+            thruster.standard_error if separable else None,
+            "identified" if thruster.verdict == "as the others" else thruster.verdict,
+        )
 
 
 def _extra(
-    model: str, term: str, unit: str, value: float, error: float, verdict: str
+    model: str, term: str, unit: str, value: float | None, error: float | None, verdict: str
 ) -> FleetCoefficient:
     return FleetCoefficient(
         model=model,

@@ -502,6 +502,11 @@ def _changes_section(
     if not blocks:
         blocks.append(text("No figure changed, and no dive departs from the others."))
     blocks += [text(words) for words in _order_unknown(vehicles)]
+    blocks += [
+        text(f"{each.vehicle}: no dive tells the strength of {', '.join(each.unseen)}.")
+        for each in vehicles
+        if each.unseen
+    ]
     return section("Changes and outlying dives", blocks, order=order)
 
 

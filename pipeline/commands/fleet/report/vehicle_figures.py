@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Ints, Mask
 from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
 from auvid.hydro.identification.fleet.drag import common_drag, drag_at_speed, drag_terms
 from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
@@ -29,7 +29,8 @@ MEASURED = (*FIGURE_VERDICTS, "weak", "inseparable")
 """Verdicts on what a dive measures. Which of them it is depends on the value itself, so
 that the mean of dives that call it identified is too large: all are pooled.
 """
-THRUSTER_VERDICTS = (*FIGURE_VERDICTS, "weak", "dead", "reversed")
+GIVES_LESS = ("weak", "dead", "reversed")
+THRUSTER_VERDICTS = (*FIGURE_VERDICTS, *GIVES_LESS)
 AT_BOUND = "at its bound"
 """Verdict on a term that is taken as it is: it has no error of its own."""
 NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited")
@@ -42,6 +43,10 @@ SHARES = {ALL_DRAGS: 0.3}
 COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
 COLUMNS += ["verdict", "correlation"]
 """Of table `coefficients`: what is read of it."""
+NONE_SINCE = "changed, and no dive since then measures it"
+NO_ORDER = "changed, and the order of its dives is unknown"
+UNKNOWN_SINCE = (NONE_SINCE, NO_ORDER)
+"""Of a figure that changed: why nothing is told of the next dive."""
 DAY_S = 86_400.0
 CONDITIONS = {
     "firmware": "firmware",
@@ -79,7 +84,8 @@ class VehicleFigures:
     `since`: figure that changed -> place of the first dive after its last change: those
     from there on are pooled. `trends`: the clear ones of all vehicles, of figures without
     a change. `weak`: row of
-    each thruster and dive where it gives less than those like it. `order_unknown`: dives
+    each thruster and dive where it gives less than those like it. `unseen`: thrusters of
+    which no dive tells the strength, and why in words. `order_unknown`: dives
     without a place in time, in which no change and no trend is sought.
     """
 
@@ -91,6 +97,7 @@ class VehicleFigures:
     alarms: tuple[ChangeAlarm, ...]
     trends: Mapping[str, Trend]
     weak: tuple[Row, ...]
+    unseen: tuple[str, ...]
     since: Mapping[str, int]
     order_unknown: int = 0
 
@@ -175,12 +182,12 @@ def _of_vehicle(
     }
     alarms = change_alarms(in_order, shares=SHARES) if in_order else ()
     changes = {item.name: _changes(item, alarms) for item in figures}
+    levels = {
+        name: np.searchsorted(firsts, np.arange(len(dives)), side="right")
+        for name, firsts in changes.items()
+    }
     pooled = {
-        name: pool(
-            np.where(placed, values, np.nan) if changes[name] else values,
-            errors,
-            levels=np.searchsorted(changes[name], np.arange(len(dives)), side="right"),
-        )
+        name: _pooled(values, errors, levels[name], placed)
         for name, (values, errors) in series.items()
     }
     days = [_day(row) for row in dives]
@@ -190,17 +197,47 @@ def _of_vehicle(
         model,
         figures,
         pooled,
-        outlying_dives(watched, _conditions(dives)) if watched else (),
+        outlying_dives(watched, _conditions(dives), levels=levels) if watched else (),
         alarms,
         {name: item for name, item in trends.items() if item is not None},
-        tuple(
-            row
-            for row in rows
-            if row["model"] == THRUSTERS and row["verdict"] not in FIGURE_VERDICTS
-        ),
-        {name: dives_of[-1] for name, dives_of in changes.items() if dives_of},
+        tuple(row for row in rows if row["model"] == THRUSTERS and row["verdict"] in GIVES_LESS),
+        tuple(_unseen(rows)),
+        {
+            name: firsts[-1]
+            for name, firsts in changes.items()
+            if firsts and pooled[name].refusal not in UNKNOWN_SINCE
+        },
         int((~placed).sum()),
     )
+
+
+def _unseen(rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the thrusters of which no dive tells the strength, and why."""
+    verdicts: dict[str, Counter[str]] = defaultdict(Counter)
+    for row in rows:
+        if row["model"] == THRUSTERS:
+            verdicts[row["term"]][row["verdict"] if row["value"] is None else ""] += 1
+    for name, counts in sorted(verdicts.items()):
+        if not counts[""]:
+            why = ", ".join(f"{verdict} in {count}" for verdict, count in counts.most_common())
+            yield f"{name} ({why})"
+
+
+def _pooled(values: Array, errors: Array, levels: Ints, placed: Mask) -> PooledFigure:
+    """Return what dives (k,) agree on; where it changed, those of the last level.
+
+    placed (k,): dives with a place in time; the level of others is not certain.
+    """
+    numbers = np.isfinite(values) & np.isfinite(errors)
+    if not levels.any():
+        return pool(values, errors)
+    in_order = numbers & placed
+    if np.count_nonzero(in_order) < FEWEST_DIVES:
+        return replace(pool(values, errors), next_dive=None, refusal=NO_ORDER)
+    every = pool(np.where(in_order, values, np.nan), errors, levels=levels)
+    if np.any(in_order & (levels == levels[placed].max())):
+        return every
+    return replace(every, next_dive=None, refusal=NONE_SINCE)
 
 
 def _changes(item: DiveFigure, alarms: Sequence[ChangeAlarm]) -> list[int]:

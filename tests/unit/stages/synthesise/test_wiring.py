@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -55,3 +56,15 @@ def test_a_dead_thruster_is_not_called_reversed() -> None:
     still = tables(B * np.where(np.arange(8) == 2, 0.0, 1.0))
     (dead,) = wiring_blocks([still], HEAVY)
     assert str(dead["text"]).startswith("The thruster of output 3 looks dead")
+
+
+def test_a_thruster_that_never_pushes_is_named_as_one_of_which_nothing_is_known() -> None:
+    right = tables(B)
+    controls = right.controls
+    assert controls is not None
+    place = controls.column_names.index("thruster_5_N")
+    still = pa.array(np.zeros(controls.num_rows))
+    idle = replace(right, controls=controls.set_column(place, "thruster_5_N", still))
+    (note,) = wiring_blocks([idle], HEAVY)
+    assert note["level"] == "note"
+    assert str(note["text"]).startswith("The thruster of output 5 does not push")

@@ -66,3 +66,13 @@ def test_conditions_differ_only_outside_what_others_have() -> None:
         ("operator", "c, the others a, b")
     ]
     assert [item.condition for item in differences({"depth_m": [5.0, 6.0, 6.6]}, 2)] == ["depth_m"]
+
+
+def test_a_dive_is_held_against_those_of_its_level() -> None:
+    values = np.array([10.0, 10.1, 13.0, 9.9, 10.0, 10.1, 19.9, 20.1, 20.0, 20.1, 30.0])
+    levels = {"drag": np.array([0] * 6 + [1] * 4 + [2])}
+    figures = {"drag": (values, np.full(11, 0.1))}
+    assert outlying_dives(figures) == ()
+    (dive,) = outlying_dives(figures, levels=levels)
+    assert dive.dive == 2
+    assert 9.0 < dive.expected[0] < 10.0 < dive.expected[1] < 11.0

@@ -166,3 +166,12 @@ def test_the_next_dive_after_a_change_is_of_the_new_level() -> None:
         pool(values, np.full(9, 0.3), levels=levels).q_p,
         pool(values - np.repeat([0.0, 5.0], [6, 3]), np.full(9, 0.3), levels=levels).q_p,
     )
+
+
+def test_dives_of_several_levels_are_too_few_in_words() -> None:
+    pooled = pool([10.0, 11.0, 20.0, 21.0, 30.0], np.ones(5), levels=[0, 0, 1, 1, 2])
+    assert pooled.next_dive is not None
+    pooled = pool([10.0, 11.0, 20.0, 30.0], np.ones(4), levels=[0, 0, 1, 2])
+    assert pooled.refusal == (
+        "4 dives: no interval; the scatter between dives needs 3 and 2 more, one for each change"
+    )

@@ -126,8 +126,10 @@ def test_what_a_dive_does_not_separate() -> None:
     stopped[:, 4] = 0.0
     still = ThrusterLeg(leg.t_s, leg.nu, leg.tau_bar, stopped)
     result = thruster_strengths([still], B)
-    assert result[4].verdict == "not separable"
+    assert result[4].verdict == "not excited"
     assert np.isnan(result[4].strength)
+    stopped[:, 4] = 20.0
+    assert thruster_strengths([still], B)[4].is_idle, "it always pushes as much"
     assert result[5].others == (7, 8)
     loud = thruster_strengths([drawn([1.0] * 8, noise=60.0)], B)
     assert {item.verdict for item in loud} == {"not separable"}

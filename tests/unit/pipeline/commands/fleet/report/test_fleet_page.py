@@ -159,3 +159,37 @@ def test_dives_of_several_autopilots_or_of_no_name_are_not_pooled_without_a_word
     page = fleet_page("disk", rows).decode()
     assert "autopilots" not in page
     assert f"no log names its vehicle, and {DIVES} dives are taken for those of one" in page
+
+
+@pytest.mark.parametrize(("measured", "clock"), [(range(6), True), (range(2), False)])
+def test_a_term_without_a_dive_since_the_change_has_no_next_dive(
+    measured: range, clock: bool
+) -> None:
+    rows = tables(fouled_from=6)
+    for row in rows["coefficients"]:
+        if int(row["log"][4:]) in measured:
+            continue
+        if row["term"] == "u":
+            row |= {"verdict": "at its bound", "standard_error": None}
+        elif row["term"] == "u*|u|":
+            row["standard_error"] *= 0.07
+    for row in rows["runs"][: 0 if clock else 2]:
+        row["start_utc"] = None
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    assert [alarm.figure for alarm in rov.alarms] == ["drag in surge at 0.3 m/s"]
+    assert rov.pooled["X_u"].dives == len(measured)
+    assert rov.pooled["X_u"].next_dive is None
+    assert "X_u" not in rov.since
+    assert rov.pooled["X_u"].refusal.startswith("changed, and ")
+    assert rov.pooled["X_u"].refusal in fleet_page("disk", rows).decode()
+
+
+def test_a_thruster_of_which_no_dive_tells_is_named() -> None:
+    rows = tables()
+    for row in rows["coefficients"]:
+        if row["model"] == THRUSTERS:
+            row |= {"value": None, "standard_error": None, "verdict": "not excited"}
+    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    assert rov.weak == ()
+    page = fleet_page("disk", rows).decode()
+    assert "rov: no dive tells the strength of thruster 3 (not excited in 10)." in page
