@@ -30,7 +30,9 @@ from auvid.stages.ingest.formats.dataflash.reader import DATAFLASH, Index, build
 from auvid.stages.ingest.formats.dataflash.scan import candidates, read_times
 from benchmarks.measuring import best, columns_bytes, columns_of
 
-PAUSE_US = 10_000
+PAUSE_MS = 10
+CLOCKS = ((1, "<u8", 1), (2, "<u4", 1000))
+"""Kind of time stamp, as it is stored, and its unit in us: logs before 2015 have TimeMS."""
 
 
 def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.uint8]:
@@ -45,14 +47,20 @@ def repeated(data: npt.NDArray[np.uint8], megabytes: float) -> npt.NDArray[np.ui
     first = data[kept]
     for start in chain.offset[chain.type == layout.FMT_ID].tolist():
         kept[start : start + layout.FMT_BYTES] = False
-    timed = np.flatnonzero(index.clock[chain.entry] == 1)
-    stamps = read_times(data, chain.offset[timed], index.clock[chain.entry[timed]])
-    span = int(np.max(stamps) - np.min(stamps)) + PAUSE_US
-    place = chain.offset[timed][:, None] + layout.HEADER_BYTES + np.arange(8)
+    kind = index.clock[chain.entry]
+    stamps = read_times(data, chain.offset, kind)
+    timed = kind > 0
+    if not timed.any():
+        raise SystemExit("no record of this log has a time stamp")
+    span_ms = int(np.ptp(stamps[timed])) // 1000 + PAUSE_MS
     copies = [first]
     for number in range(1, int(np.ceil(megabytes * 1e6 / max(int(np.count_nonzero(kept)), 1)))):
         copy = data.copy()
-        copy[place] = (stamps + number * span).astype("<u8").view(np.uint8).reshape(-1, 8)
+        for code, dtype, unit_us in CLOCKS:
+            rows = np.flatnonzero(kind == code)
+            later = (stamps[rows] // unit_us + number * span_ms * 1000 // unit_us).astype(dtype)
+            bytes_of = np.arange(later.itemsize) + layout.HEADER_BYTES
+            copy[chain.offset[rows, None] + bytes_of] = later[:, None].view(np.uint8)
         copies.append(copy[kept])
     return np.concatenate(copies)
 
