@@ -96,8 +96,8 @@ class TrainingSegment:
     """One training segment; None where unknown.
 
     nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
-    actuators; thrust (n, 6) is what thrusters and propeller have in it. cutoffs_hz: of
-    the splines behind the six accelerations.
+    actuators; thrust (n, 6) is what thrusters and propeller have in it, actuators (n, 6)
+    all of them with fins. cutoffs_hz: of the splines behind the six accelerations.
     """
 
     nu: Array
@@ -105,6 +105,7 @@ class TrainingSegment:
     ratio: Array | None
     force: Array
     thrust: Array
+    actuators: Array
     measured: MeasuredLeg | None = None
     cutoffs_hz: tuple[float | None, ...] = ()
 
@@ -133,8 +134,20 @@ class TrainingSegment:
             column(residual, "eta_ratio") if with_ratio else None,
             forces(residual, "tau_bar") - late_change(residual, lag_s),
             acting(residual, THRUST, lag_s),
+            acting(residual, ACTUATORS, lag_s),
             measured,
             tuple(cutoffs),
+        )
+
+    def figure_errors(
+        self, every: MeasuredLeg, vehicle: Vehicle
+    ) -> list[tuple[str, Array, Array | None]]:
+        """Return what assumed figures change of force and velocities, at every few samples."""
+        thrust, actuators = self.thrust[::STRIDE], self.actuators[::STRIDE]
+        return list(
+            figure_errors(
+                every, vehicle, thrust=thrust, actuators=actuators, spreads=vehicle.spreads
+            )
         )
 
     def blocks(self, size: int, terms: Sequence[str]) -> Iterator[tuple[Array, Array]]:
@@ -170,7 +183,7 @@ class DataErrors:
                 _smoothed(leg.measured, vehicle, index, cutoff)
                 for index, cutoff in enumerate(leg.cutoffs_hz)
             ]
-            figures = list(figure_errors(every, vehicle, leg.thrust[::STRIDE], vehicle.spreads))
+            figures = leg.figure_errors(every, vehicle)
         parts = []
         for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
             at = slice(place.start // STRIDE, place.stop // STRIDE)
@@ -200,7 +213,7 @@ class DataErrors:
         if leg.measured is None:
             return changes
         every = leg.measured.every(STRIDE)
-        figures = list(figure_errors(every, vehicle, leg.thrust[::STRIDE], vehicle.spreads))
+        figures = leg.figure_errors(every, vehicle)
         for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
             at = slice(place.start // STRIDE, place.stop // STRIDE)
             moving = part.with_columns(ACCELERATIONS, every.nu_dot[at])

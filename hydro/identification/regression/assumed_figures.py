@@ -84,19 +84,25 @@ class MeasuredLeg:
 
 
 def figure_errors(
-    leg: MeasuredLeg, vehicle: Vehicle, actuators: Array, spreads: Mapping[str, float]
+    leg: MeasuredLeg,
+    vehicle: Vehicle,
+    *,
+    thrust: Array,
+    actuators: Array,
+    spreads: Mapping[str, float],
 ) -> Iterator[tuple[str, Array, Array | None]]:
     """Yield figure, change of tau_bar (n, 6), change of nu (n, 6) or None.
 
     By one standard deviation of each of `spreads` (keys of `FIGURES`; thrust, inertia
-    and added mass as shares). actuators (n, 6): thrust in tau_bar at these samples. A
+    and added mass as shares). thrust (n, 6): of propeller and thrusters in tau_bar at
+    these samples; actuators (n, 6): with that of fins, since a lag delays them all. A
     figure of several numbers (three moments, six added masses, three components of the
     arm) comes once for each, as they are independent. The mass keeps weight and
     buoyancy, which are trimmed.
     """
     for figure, sd in spreads.items():
         if figure == "thrust":
-            yield figure, -sd * actuators, None
+            yield figure, -sd * thrust, None
         elif figure == "thrust_lag":
             yield figure, sd * np.gradient(actuators, leg.step_s, axis=0), None
         elif figure == "velocity_arm":

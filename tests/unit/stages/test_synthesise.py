@@ -715,11 +715,16 @@ def test_many_legs_are_left_out_in_groups_and_each_once() -> None:
 
 
 def driven(
-    t_s: np.ndarray, nu: np.ndarray, nu_dot: np.ndarray, force: np.ndarray, thrust: np.ndarray
+    t_s: np.ndarray,
+    nu: np.ndarray,
+    nu_dot: np.ndarray,
+    force: np.ndarray,
+    thrust: np.ndarray,
+    component: str = "thrusters",
 ) -> synthesise.Inputs:
     """Return one leg of a BlueROV2 with its thrust (n, 6), so that assumed figures count."""
     table = residual_table(nu, force, None)
-    for name, column in named(force_columns("thrusters"), thrust).items():
+    for name, column in named(force_columns(component), thrust).items():
         table = table.append_column(name, pa.array(column))
     pose = named(POSE, np.zeros_like(nu))
     fused = pa.table({"t_s": t_s, **pose, **named(ACCELERATION, nu_dot), **named(VELOCITY, nu)})
@@ -846,6 +851,22 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     )
     half = NORMAL_95 * surge.assumed_shifts["thrust"]
     assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.0f}")
+
+
+@pytest.mark.parametrize("component", ["thrusters", "fins"])
+def test_a_lag_delays_fins_as_it_does_thrusters_and_a_thrust_curve_scales_none(
+    component: str,
+) -> None:
+    """Half of the force follows the acceleration, so that a lag of it looks like damping."""
+    motion = rich_motion(30.0, seed=5)
+    damping = -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    force = motion.nu @ damping.T + 0.1 * np.random.default_rng(12).normal(size=motion.nu.shape)
+    acting = -force + 4.0 * motion.nu_dot
+    inputs = driven(motion.t_s, motion.nu, np.zeros_like(force), force, acting, component)
+    params = synthesise.Params(models=("diagonal",), actuator_lag="none")
+    (pitch,) = synthesise.run(inputs, params).model_card["diagonal"].axes["M"].terms
+    assert pitch.assumed_shifts["thrust_lag"] > 0.1
+    assert (pitch.assumed_shifts["thrust"] > 0.1) == (component == "thrusters")
 
 
 @pytest.mark.parametrize("word", ["from the prior", "at its bound", "weak"])

@@ -50,7 +50,9 @@ def shift_of(figure: str, sd: float, axis: str) -> tuple[Array, Array]:
     strided = StridedLeg.of(data.nu, force, TERMS, ratio=None)
     changes = [
         strided.definite(d_force, d_nu)
-        for _, d_force, d_nu in figure_errors(every, HEAVY, thrust, {figure: sd})
+        for _, d_force, d_nu in figure_errors(
+            every, HEAVY, thrust=thrust, actuators=thrust, spreads={figure: sd}
+        )
     ]
     # `fit` is of every fifth sample, the sums stand for all.
     return fit.solution, np.array([change.shift(fit) / strided.weight for change in changes])
@@ -107,7 +109,9 @@ def test_a_later_thrust_is_the_rate_of_the_thrust() -> None:
     data = leg()
     thrust = np.zeros_like(data.nu)
     thrust[:, 0] = 2.0 * data.step_s * np.arange(len(thrust))
-    ((figure, d_force, d_nu),) = figure_errors(data, HEAVY, thrust, {"thrust_lag": 0.05})
+    ((figure, d_force, d_nu),) = figure_errors(
+        data, HEAVY, thrust=np.zeros_like(thrust), actuators=thrust, spreads={"thrust_lag": 0.05}
+    )
     # 2 N/s for .05 s: tau_bar misses .1 N less of what was taken off.
     np.testing.assert_allclose(d_force[:, 0], 0.1)
     assert (figure, d_nu) == ("thrust_lag", None)
