@@ -283,12 +283,19 @@ def damping_verdict(card: ModelCard, axis: str) -> str:
 
 
 def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:
-    """Return the verdicts on the terms of the own velocity of an axis alone."""
+    """Return the verdicts on the damping terms of the own velocity of an axis.
+
+    Those of it alone, and its products with the speed ahead: u*p damps the roll of a
+    vehicle that never went astern as K_p does.
+    """
     own = OWN_VELOCITY[axis]
+    ahead = "u" in card.conditions and card.conditions["u"].low >= 0.0
+    damping = [own, own * 2, f"{own}|u|", *([f"u{own}"] if ahead else [])]
     return {
         item.verdict
         for item in (card.axes[axis].terms if axis in card.axes else ())
-        if item.term.replace("|", "").replace("*", "") in (own, own * 2)
+        if (letters := item.term.replace("*", "")) in damping
+        or letters.replace("|", "") in damping[:2]
     }
 
 

@@ -142,7 +142,7 @@ class TrainingSegment:
     def figure_errors(
         self, every: MeasuredLeg, vehicle: Vehicle
     ) -> list[tuple[str, Array, Array | None]]:
-        """Return what assumed figures change of force and velocities, at every few samples."""
+        """Return what assumed figures change of force and velocities, strided."""
         thrust, actuators = self.thrust[::STRIDE], self.actuators[::STRIDE]
         return list(
             figure_errors(

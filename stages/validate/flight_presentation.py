@@ -20,6 +20,8 @@ SEGMENTS_DRAWN = 3
 """Segments with a picture on the page; the recording has all of them."""
 TAB = "Free run"
 LIMITS_NAMED = 3
+SLOWEST_1_S = 0.005
+"""Growth below which nothing grows: a motion that neither grows nor decays has 1e-17."""
 """Limits that are named, those of most draws."""
 
 
@@ -119,7 +121,7 @@ def _cause_words(flights: Sequence[FreeFlight]) -> str:
 
 def growth_words(cause: Growth) -> str:
     """Return what grows: `roll grows at 5.1 1/s, mostly by K_p`; or nothing."""
-    if cause.rate <= 0.0:
+    if cause.rate < SLOWEST_1_S:
         return ""
     words = f"{AXIS_WORDS[cause.axis]} grows at {cause.rate:.2g} 1/s"
     return words + (f", mostly by {named_cause(cause.cause)}" if cause.cause else "")

@@ -14,7 +14,7 @@ from functools import partial
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord
+from auvid.data_schemas.records.models import MeritRecord, ModelCard, RankingRecord, UsableFor
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
@@ -25,6 +25,7 @@ from auvid.stages.base import Document
 from auvid.stages.model_use import (
     GUESS,
     TILTS,
+    UNKNOWN,
     axes_listed,
     damping_of,
     damps,
@@ -157,9 +158,11 @@ def _uses(
         rest = [axis for axis in AXES if axis not in (*usable.simulation, *steadied)]
         upset = (*tipping_axes(chosen), *TILTS) if tipping_axes(chosen) else ()
         upset = tuple(axis for axis in upset if axis in rest and _runs(chosen, axis))
-        worse = [axis for axis in rest if axis not in upset]
+        left = [axis for axis in rest if axis not in upset and _runs(chosen, axis)]
+        worse = [axis for axis in rest if axis not in (*upset, *left)]
         reason += f", but not in {axes_listed(worse)}" if worse else ""
         reason += f"; its own drive upsets it: not in {axes_listed(upset)}" if upset else ""
+        reason += _left_out(left, usable, card)
         reason += _unexcited_damping([axis for axis in rest if axis in usable.forces], card)
         reason += (
             f"; {axes_listed(steadied)} where an autopilot holds roll and pitch" if steadied else ""
@@ -222,6 +225,21 @@ def _lag_words(card: ModelCard, lag: LagFit) -> str:
         for place in most
     ]
     return words + (f"; it moved {listed(parts)}" if parts else "")
+
+
+def _left_out(axes: Sequence[str], usable: UsableFor, card: ModelCard) -> str:
+    """Return in words why axes whose free runs beat the guess are not simulated."""
+    forceless = [axis for axis in axes if axis not in usable.forces]
+    tilts = [axis for axis in axes if axis in TILTS and axis in usable.forces]
+    others = [axis for axis in axes if axis not in (*forceless, *tilts)]
+    words = ""
+    if forceless:
+        words += f"; not in {axes_listed(forceless)}, whose force it does not predict"
+    if tilts:
+        unknown = [axis for axis in TILTS if damping_of(card, axis) == UNKNOWN]
+        words += f"; not in {axes_listed(tilts)}"
+        words += f", as damping of {axes_listed(unknown)} is not from the data" if unknown else ""
+    return words + (f"; not in {axes_listed(others)}" if others else "")
 
 
 def _unexcited_damping(axes: Sequence[str], card: ModelCard) -> str:

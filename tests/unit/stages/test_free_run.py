@@ -4,6 +4,8 @@ unstable one is named.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -16,6 +18,7 @@ from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
 from auvid.stages.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.validate.flight_presentation import growth_words
 from auvid.stages.validate.presentation import cause_blocks, free_run_blocks
 from tests.support.motions import shipped_vehicle
 
@@ -88,6 +91,11 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
         # RK4 at 20 ms over the kinks of a sampled thrust; the yaw passes pi and must
         # wrap
         assert column(results, name).max() < 1e-5, name
+
+
+def test_a_motion_that_neither_grows_nor_decays_is_not_said_to_grow() -> None:
+    assert growth_words(replace(GROWS, rate=5.6e-17)) == ""
+    assert growth_words(GROWS) == "yaw grows at 3 1/s, mostly by N_r"
 
 
 def test_an_unstable_model_is_named_with_its_time(flown: tuple[pa.Table, pa.Table]) -> None:

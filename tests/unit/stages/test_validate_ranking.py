@@ -9,7 +9,7 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
-from auvid.stages.model_use import usable_for, use_words
+from auvid.stages.model_use import damping_verdict, usable_for, use_words
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -282,6 +282,33 @@ def test_an_axis_counts_where_its_force_beats_the_mean_force_and_none(run: Examp
     assert "in heave" in use_words(usable, flown=True)
     weak = usable_for(model, with_own_damping(run.cards["coe"], "weak", "Z"), record.constant)
     assert "Z" in weak.simulation
+
+
+@pytest.mark.parametrize(
+    ("term", "slowest", "verdict"),
+    [
+        ("u*p", 0.7, "identified"),
+        ("u*p", -0.7, ""),
+        ("p*|u|", -0.7, "identified"),
+        ("u*|p|", 0.7, ""),
+        ("p*|p|", -0.7, "identified"),
+    ],
+)
+def test_damping_that_grows_with_the_speed_ahead_is_damping(
+    run: ExampleRun, term: str, slowest: float, verdict: str
+) -> None:
+    """Fins of a torpedo damp roll by u p; of a vehicle that goes astern this is none."""
+    card = with_own_damping(run.cards["coe"], "identified", "K")
+    (item,) = (item for item in card.axes["K"].terms if item.term == "p")
+    terms = [item.model_copy(update={"term": term})]
+    surge = card.conditions["u"].model_copy(update={"low": slowest})
+    card = card.model_copy(
+        update={
+            "axes": card.axes | {"K": card.axes["K"].model_copy(update={"terms": terms})},
+            "conditions": card.conditions | {"u": surge},
+        }
+    )
+    assert damping_verdict(card, "K") == verdict
 
 
 def test_control_needs_damping_from_the_data_and_a_small_error(run: ExampleRun) -> None:

@@ -197,6 +197,19 @@ def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun)
     assert use.reason.endswith("not in heave (heave: damping not excited)")
 
 
+def test_tilts_whose_damping_is_unknown_are_not_blamed_on_their_free_runs(
+    run: ExampleRun,
+) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    run.cards["coe"] = with_own_damping(run.cards["coe"], "from the prior", "ZM")
+    run.free_run = free_runs("coe", lost=0, error=0.1)
+    (use,) = (use for use in summary_of(run).uses if use.label == "Simulation")
+    assert use.axes == "surge, sway, heave and yaw"
+    assert "but not in" not in use.reason
+    assert "; not in roll and pitch, as damping of roll is not from the data" in use.reason
+
+
 def test_an_axis_whose_own_drive_upsets_it_is_not_blamed_on_its_free_runs(
     run: ExampleRun,
 ) -> None:
