@@ -299,6 +299,24 @@ def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:
     }
 
 
+def form_words(model: MeritRecord, titles: Mapping[str, str]) -> str:
+    """Return on which axes the force has another form, and what that means; or nothing.
+
+    titles: model -> name as printed.
+    """
+    axes: dict[str, list[str]] = {}
+    for axis in AXES:
+        if better := model.axes[axis].better_form:
+            axes.setdefault(better, []).append(axis)
+    if not axes:
+        return ""
+    where = [axes_listed(own) + f" ({titles[name]} fits better)" for name, own in axes.items()]
+    return (
+        f"force of another form in {listed(where)}: there intervals hold for the form, as a mean"
+        " over the flown motion, not for the vehicle"
+    )
+
+
 def tipping_axes(model: MeritRecord) -> list[str]:
     """Return axes along which its own drive tips a model over at flown speeds."""
     motion = model.motion

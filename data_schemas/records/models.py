@@ -327,6 +327,10 @@ class AxisMerit(Model):
     """Coefficients that the data identify."""
     coefficients: int
     """Coefficients that apply to the vehicle."""
+    better_form: str | None = None
+    """The model whose form fits the training legs clearly better: a smaller error, and a
+    BIC lower by 10 and more. Null for none, and for all axes together.
+    """
 
 
 class SteadyRange(Model):

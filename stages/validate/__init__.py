@@ -303,6 +303,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 *plots,
             ],
             first=flight_parts,
+            models=ranking.models,
             failed_ratio=params.failed_ratio,
         ),
         simulated_motion={key: flight.table() for key, flight in flights.items()},

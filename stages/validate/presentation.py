@@ -8,13 +8,14 @@ from typing import Any
 
 import pyarrow as pa
 
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import MeritRecord, ModelCard
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
 from auvid.stages.free_run import LONG_S, NAMES, PERSISTENCE, REST
+from auvid.stages.model_use import form_words
 from auvid.stages.page.first_screen import NO_VALIDATION_LEG
 from auvid.stages.presentation import (
     Block,
@@ -26,6 +27,7 @@ from auvid.stages.presentation import (
     series,
     symbol,
     table,
+    text,
     unit_of,
     view,
 )
@@ -53,6 +55,7 @@ def validate_section(
     *,
     failed_ratio: float,
     first: Sequence[Block] = (),
+    models: Sequence[MeritRecord] = (),
 ) -> dict[str, Any]:
     """Return the section: flight, verdicts, error tables, ranges, free runs, plots."""
     titles = {name: str(card.title) for name, card in cards.items()}
@@ -67,6 +70,7 @@ def validate_section(
                 *_leg_table(errors, titles),
             ],
         ),
+        *form_blocks(models),
         *fold("Range of motion: fitted in, judged in", _range_blocks(covered, outside)),
         *runs_and_plots,
     ]
@@ -76,6 +80,15 @@ def validate_section(
         )
     look = "A good model follows the measured line where it has not seen the data."
     return section("Validation", blocks, order=10, look_for=look, is_open=True)
+
+
+def form_blocks(models: Sequence[MeritRecord]) -> list[Block]:
+    """Return a sentence for each model whose form the force does not have."""
+    titles = {model.name: model.title for model in models}
+    words = [
+        f"{model.title}: {sentence}." for model in models if (sentence := form_words(model, titles))
+    ]
+    return fold("Models that have not the form of the force", list(map(text, words)))
 
 
 def _of_all_legs(errors: Errors, use: str) -> dict[str, Mapping[str, ErrorMeasures]]:

@@ -30,6 +30,8 @@ from auvid.stages.model_use import NO_CONSTANT, SMALLER, usable_for
 from auvid.stages.validate.tables import ALL
 
 PUBLISHED = frozenset(model.name for model in MODELS)
+ANOTHER_FORM = 10.0
+"""Difference of the BIC from which on a form is clearly another (Kass & Raftery 1995)."""
 RESTS = (AT_BOUND, FROM_PRIOR)
 Row = Mapping[str, Any]
 
@@ -57,6 +59,7 @@ def rank(
         axis: min((values[axis] for values in information.values()), default=math.nan)
         for axis in (ALL, *AXES)
     }
+    better = _better_forms(cards, of, information)
     models = []
     for name, card in cards.items():
         count, lost = _losses(runs, name)
@@ -78,6 +81,7 @@ def rank(
                         bic=_number(information[name][axis] - least[axis]),
                         free_run=_number(ratios.get(name, {}).get(axis)),
                         **_counts(card, axis),
+                        better_form=better.get((name, axis)),
                     )
                     for axis in (ALL, *AXES)
                 },
@@ -288,6 +292,41 @@ def _information(
             samples_per_one=samples_per_one.get(axis, 1.0),
         )
     return {ALL: sum(values.values()), **values}
+
+
+def _better_forms(
+    cards: Mapping[str, ModelCard],
+    of: Mapping[tuple[str, str, str], Row],
+    information: Mapping[str, Mapping[str, float]],
+) -> dict[tuple[str, str], str]:
+    """Return (model, axis) -> the model whose form explains the training clearly better.
+
+    It has the smaller error, so that fewer terms are no reason, and a BIC lower by
+    `ANOTHER_FORM`. A model fitted to the sensors has the form of the one it started from.
+    """
+    refined = {
+        name: card.likelihood.started_from
+        for name, card in cards.items()
+        if card.likelihood is not None
+    }
+    forms = [name for name in cards if name not in refined]
+    better: dict[tuple[str, str], str] = {}
+    for axis in AXES:
+        errors = {name: of.get(("training", name, axis), {}).get("sse", math.nan) for name in forms}
+        for name in forms:
+            clearly = [
+                other
+                for other in forms
+                if errors[other] < errors[name]
+                and information[other][axis] < information[name][axis] - ANOTHER_FORM
+            ]
+            if clearly:
+                best = min(clearly, key=lambda other: information[other][axis])
+                better[name, axis] = best
+        for name, start in refined.items():
+            if (start, axis) in better:
+                better[name, axis] = better[start, axis]
+    return better
 
 
 def _fitted(card: ModelCard, axis: str) -> int:

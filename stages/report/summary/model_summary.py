@@ -30,6 +30,7 @@ from auvid.stages.model_use import (
     damping_of,
     damps,
     failing_axes,
+    form_words,
     listed,
     lost_tilts,
     recommendation,
@@ -200,6 +201,8 @@ def _uses(
         parts.append(f"{name} {low} to {high} {unit}".rstrip())
     words = f"{', '.join(parts)}: the range of the training legs"
     uses.append(Use("Within", "", true_minus(words)))
+    if words := form_words(chosen, {item.name: item.title for item in ranking.models}):
+        uses.append(Use("Coefficients", "", words))
     if card.lag is not None:
         uses.append(Use("Actuators", "", true_minus(_lag_words(card, card.lag))))
     return tuple(uses)

@@ -9,7 +9,8 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
-from auvid.stages.model_use import damping_verdict, usable_for, use_words
+from auvid.stages.model_use import damping_verdict, form_words, usable_for, use_words
+from auvid.stages.validate.presentation import form_blocks
 from auvid.stages.validate.ranking import (
     free_run_ratios,
     pushing_axes,
@@ -343,3 +344,55 @@ def test_velocities_whose_damping_rests_on_prior_or_bound_are_named(run: Example
     run.cards["coe"] = card.model_copy(update={"method": "within limits", "axes": axes})
     assert resting_velocities(run.cards) == "v"
     assert reference_model(run.cards) == "coe"
+
+
+def with_axis_fits(run: ExampleRun, fits: dict[str, tuple[float, int]]) -> None:
+    """Give models an error of surge [N^2] and so many numbers an axis, over 2000 samples."""
+    for name, (sse, numbers) in fits.items():
+        card = run.cards[name]
+        axes = {a: part.model_copy(update={"rank": numbers}) for a, part in card.axes.items()}
+        run.cards[name] = card.model_copy(update={"axes": axes})
+        for item in run.errors:
+            if (item["model"], item["use"]) == (name, "training"):
+                item["sse"], item["samples"] = sse if item["axis"] == "X" else 1000.0, 2000
+
+
+def test_a_model_is_of_another_form_where_one_fits_clearly_better(run: ExampleRun) -> None:
+    """Fossen errs less for its terms; McFarland's many terms err least, and are no other form."""
+    run.cards = {name: run.cards[name] for name in ("linear", "fossen", "mcfarland", "coe")}
+    run.errors = [item for item in run.errors if item["model"] in run.cards]
+    fits = {
+        "linear": (1000.0, 6),
+        "fossen": (900.0, 6),
+        "mcfarland": (890.0, 60),
+        "coe": (901.0, 6),
+    }
+    with_axis_fits(run, fits)
+    merits = {item.name: item for item in ranked(run).models}
+    better = {name: merit.axes["X"].better_form for name, merit in merits.items()}
+    assert better == {"linear": "fossen", "fossen": None, "mcfarland": None, "coe": None}
+    titles = {name: merit.title for name, merit in merits.items()}
+    words = form_words(merits["linear"], titles)
+    assert words.startswith("force of another form in surge (Fossen fits better)")
+    assert "not for the vehicle" in words
+    assert form_words(merits["fossen"], titles) == ""
+    (block,) = form_blocks(list(merits.values()))
+    assert block["text"] == f"Linear: {words}."
+
+
+def test_a_fit_to_the_sensors_has_the_form_of_the_model_it_started_from(run: ExampleRun) -> None:
+    run.cards = {name: run.cards[name] for name in ("linear", "fossen")}
+    with_axis_fits(run, {"linear": (1000.0, 6), "fossen": (900.0, 6)})
+    for name in ("linear", "fossen"):
+        fit = LikelihoodFit.model_construct(started_from=name)
+        refined = f"{name}_filter_error"
+        card = run.cards[name].model_copy(update={"name": refined, "likelihood": fit})
+        run.cards[refined] = card
+        run.errors += [
+            {**item, "model": refined, "sse": 1500.0}
+            for item in run.errors
+            if item["model"] == name
+        ]
+    merits = {item.name: item.axes["X"].better_form for item in ranked(run).models}
+    assert merits["linear_filter_error"] == "fossen"
+    assert merits["fossen_filter_error"] is None
