@@ -299,7 +299,7 @@ def _better_forms(
     of: Mapping[tuple[str, str, str], Row],
     information: Mapping[str, Mapping[str, float]],
 ) -> dict[tuple[str, str], str]:
-    """Return (model, axis) -> the model whose form explains the training clearly better.
+    """Return (model, axis) -> the model whose form explains the training better.
 
     It has the smaller error, so that fewer terms are no reason, and a BIC lower by
     `ANOTHER_FORM`. A model fitted to the sensors has the form of the one it started from.

@@ -347,7 +347,7 @@ def test_velocities_whose_damping_rests_on_prior_or_bound_are_named(run: Example
 
 
 def with_axis_fits(run: ExampleRun, fits: dict[str, tuple[float, int]]) -> None:
-    """Give models an error of surge [N^2] and so many numbers an axis, over 2000 samples."""
+    """Give models an error of surge and so many numbers an axis, of 2000 samples."""
     for name, (sse, numbers) in fits.items():
         card = run.cards[name]
         axes = {a: part.model_copy(update={"rank": numbers}) for a, part in card.axes.items()}
@@ -358,7 +358,7 @@ def with_axis_fits(run: ExampleRun, fits: dict[str, tuple[float, int]]) -> None:
 
 
 def test_a_model_is_of_another_form_where_one_fits_clearly_better(run: ExampleRun) -> None:
-    """Fossen errs less for its terms; McFarland's many terms err least, and are no other form."""
+    """Fossen errs less with as many terms; McFarland errs least, but with ten times more."""
     run.cards = {name: run.cards[name] for name in ("linear", "fossen", "mcfarland", "coe")}
     run.errors = [item for item in run.errors if item["model"] in run.cards]
     fits = {
