@@ -63,8 +63,10 @@ def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) ->
         "Simulation",
         "Control design",
         "Within",
+        "Coefficients",
     ]
     assert "no free run" in first_screen.uses[1].reason
+    assert first_screen.uses[-1].reason.startswith("force of another form in ")
 
 
 def test_a_model_of_smaller_error_is_named_with_what_speaks_against_it(run: ExampleRun) -> None:
