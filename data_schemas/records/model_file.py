@@ -220,7 +220,7 @@ class CoefficientEntry(Model):
     """The coefficient; null where the run gives none."""
     predictor: float
     """The number that the judged model computes with, whatever the verdict."""
-    verdict: Verdict | Literal["published"]
+    verdict: Literal[Verdict, "published"]
     """What the data say; where they say too little, what the value rests on; published:
     read from `source` of the file, and nothing was fitted. What fills an axis that the
     logs do not give is `from the shelf` or `from a bench`, with its `source`.

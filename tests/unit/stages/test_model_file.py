@@ -338,3 +338,15 @@ def test_dynamics_that_someone_edited_are_refused(linear: ModelFile) -> None:
     heavier = linear.dynamics.model_copy(update={"mass_kg": 20.0})
     with pytest.raises(PipelineError, match="do not follow from its vehicle"):
         vehicle_of(linear.model_copy(update={"dynamics": heavier}))
+
+
+def test_a_verdict_that_is_none_is_named_with_those_that_are(
+    linear: ModelFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "m.json"
+    write_model(linear, path)
+    text = json.loads(path.read_text())
+    text["coefficients"][0]["verdict"] = "identifed"
+    path.write_text(json.dumps(text))
+    with pytest.raises(PipelineError, match=r"coefficients\[0\]\.verdict.*identifed.*published"):
+        read_model(path)
