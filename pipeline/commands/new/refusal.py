@@ -78,7 +78,7 @@ class NoCampaignError(DataError):
         if len(lines) > 1:
             head = "no campaign can be written\n"
         routes = any(item.routes for item in refusals)
-        more = "" if in_full or not routes else "--verbose tells why of every kind of campaign."
+        more = "" if in_full or not routes else "--verbose says why, for each kind of campaign."
         fault = cls(head + "\n".join(lines).rstrip("."), remedy=more or None)
         fault.refusals = tuple(refusals)
         return fault

@@ -105,9 +105,7 @@ def whole_view(
         {name: _plots(items, groups, contents) for name, items in tabs.items()}, leg
     )
     answer = plots.pop(ANSWER)
-    words: Any = rrb.TextDocumentView(origin="answer/text", name="Summary")
-    if left_out:
-        words = rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
+    words = _summary_view(left_out)
     left = (
         in_pages(answer, None, 2, leg)
         if answer
@@ -115,7 +113,7 @@ def whole_view(
         if contents.paths
         else None
     )
-    pages: list[Any] = [] if first is None else [first(words)]
+    pages: list[Any] = [] if first is None else [first(_summary_view(left_out))]
     pages += [
         (
             rrb.Horizontal(left, words, column_shares=[7, 3], name=ANSWER)
@@ -133,6 +131,14 @@ def whole_view(
         rrb.Vertical(spans, log, row_shares=[1, 2], name=LOG) if spans is not None else log
     )
     return opened(pages, opening), left_out
+
+
+def _summary_view(left_out: str) -> Any:
+    """Return a new view of the summary: the viewer draws a view in one place only."""
+    words = rrb.TextDocumentView(origin="answer/text", name="Summary")
+    if not left_out:
+        return words
+    return rrb.Tabs(words, rrb.TextDocumentView(origin=LEFT_OUT, name="Without a plot"))
 
 
 def limited(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun.blueprint as rrb
 
 from auvid.stages.report.recording.blueprint import (
     MOST_VIEWS,
@@ -91,3 +92,15 @@ def test_plots_beyond_what_the_viewer_opens_are_left_out_by_name_and_those_of_th
     assert "state/leg99/u" in kept["State"]
     assert words.count("\n- ") == 201 - MOST_VIEWS
     assert limited({"Path": tabs["Path"]}) == ({"Path": tabs["Path"]}, "")
+
+
+def test_no_view_stands_in_two_tabs() -> None:
+    """The viewer draws a view in one place: a summary shared by two tabs left one empty."""
+    contents = VisibleTabs({}, {"leg": np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])})
+    blueprint, _ = whole_view([], contents, first=lambda words: rrb.Horizontal(words))
+    parts, views = [blueprint.root_container], []
+    while parts:
+        part = parts.pop()
+        parts += [item for item in part.contents if isinstance(item, rrb.Container)]
+        views += [item.id for item in part.contents if not isinstance(item, rrb.Container)]
+    assert len(views) == len(set(views)) > 3
