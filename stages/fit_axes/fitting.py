@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
-from auvid.hydro.identification.axes.record import (
-    SHARE_SD,
-    climb,
-    unmeasured,
-    without_climb,
-)
+from auvid.hydro.identification.axes.record import SHARE_SD
 from auvid.hydro.identification.axes.single_axis import (
+    LAG_FLOOR_S,
     SURGE,
     SingleAxisFit,
     fit_axis,
     refusal,
-    speed_share,
 )
 from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.regression.verdicts import WEAK
@@ -47,10 +42,14 @@ from auvid.stages.fit_axes.flight import (
     judged,
     pushed,
 )
+from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
 from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
+from auvid.stages.model_use import TILTS, axes_listed
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
 
+AS_WELL = 2.0
+"""Held-out fit [%] that a lag of other axes may cost."""
 AGAINST = (
     "it does not move the way that its force pushes: the sign of the command or of the actuator is"
     " wrong"
@@ -68,13 +67,8 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     markers = markers_of(legs, vehicle, place=options.marker_arm)
     if markers is not None and markers.used and markers.departs:
         legs = at_origin(legs, markers.sensor, markers.departure)
-    hull = _hull_speeds(legs, vehicle, options)
-    legs = {
-        key: replace(leg, record=without_climb(leg.record, hull.travels[key], hull.share))
-        if key in hull.travels
-        else leg
-        for key, leg in legs.items()
-    }
+    hull, moved = hull_speeds(legs, vehicle, lag_s=options.lag_s), legs
+    legs = hull.levelled(moved)
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs
@@ -83,11 +77,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     doubtful: dict[str, Lacking] = {}
     for step, axis in enumerate(AXES):
         tell(f"axis {axis}", step, len(AXES))
-        using = {
-            key: leg
-            for key, leg in legs.items()
-            if leg.windows.use == "training" and not idle(leg.record, axis)
-        }
+        using = _using(legs, axis)
         why = _lacking(axis, legs, using, options)
         if why is not None:
             lacking.append(why)
@@ -99,6 +89,11 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
                 doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
+    shared = shared_lag(fitted)
+    if options.fit_lag and shared is not None:
+        late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
+        hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
+        fitted, legs = _with_shared_lag(fitted, legs, hull.levelled(moved), vehicle, late, hull)
     commands = CommandForces(first.normalised, dict(first.full_force.items()), dict(ties.items()))
     every, together = fitted_together(fitted, legs, vehicle, options, commands)
     lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
@@ -119,33 +114,56 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     )
 
 
-@dataclass(frozen=True)
-class HullSpeeds:
-    """Speeds that nothing measures, as a share of those that forces give.
+def _using(legs: Mapping[str, LegData], axis: str) -> dict[str, LegData]:
+    """Return the training legs that have windows of an axis."""
+    return {
+        key: leg
+        for key, leg in legs.items()
+        if leg.windows.use == "training" and not idle(leg.record, axis)
+    }
 
-    travels: leg -> how much deeper a tilted hull gets (n,) [m] by all of them; none where
-    they are measured, or nothing has newtons.
+
+def shared_lag(fitted: Sequence[FittedAxis]) -> tuple[float, float] | None:
+    """Return the lag [s] that some axes show, and its deviation; None where none does.
+
+    Nor where all do. Thrusters of one vehicle are late alike.
     """
+    telling = [item for item in fitted if item.lag_verdict == "identified"]
+    if not telling or all(item in telling or item.axis in TILTS for item in fitted):
+        return None
+    lags = np.array([item.lag_s for item in telling])
+    weights = np.array([item.lag_error_s for item in telling]) ** -2.0
+    error = float(np.hypot(weights.sum() ** -0.5, lags.std()))
+    return float(weights @ lags / weights.sum()), max(error, LAG_FLOOR_S)
 
-    share: float = 1.0
-    travels: Mapping[str, Array] = field(default_factory=dict)
 
+def _with_shared_lag(
+    fitted: Sequence[FittedAxis],
+    legs: Mapping[str, LegData],
+    levelled: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    hull: HullSpeeds,
+) -> tuple[list[FittedAxis], Mapping[str, LegData]]:
+    """Return axes that tell no lag with the one that others show, and their legs.
 
-def _hull_speeds(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) -> HullSpeeds:
-    """Return the speeds of a hull by its forces, as its depth tells them."""
-    every = [leg.record for leg in legs.values()]
-    if every[0].normalised or not unmeasured(every):
-        return HullSpeeds()
-    inertia = np.array([apparent_inertia(vehicle, axis) for axis in AXES])
-    travels = {key: climb(leg.record, inertia) for key, leg in legs.items()}
-    telling = [
-        leg.record
-        for leg in legs.values()
-        if leg.windows.use == "training" and not idle(leg.record, "Z")
-    ]
-    if not telling or refusal(telling, "Z"):
-        return HullSpeeds(1.0, travels)
-    return HullSpeeds(speed_share(telling, inertia, lag_s=options.lag_s), travels)
+    Where that flies what is held out as well, within `AS_WELL`. levelled: legs whose depth
+    goes with that lag.
+    """
+    names = axes_listed([item.axis for item in fitted if item.lag_verdict == "identified"])
+    out, used = [], legs
+    for item in fitted:
+        if item.lag_verdict == "identified" or item.axis in TILTS:
+            out.append(item)
+            continue
+        other = _fit(item.axis, _using(levelled, item.axis), levelled, vehicle, options, hull)
+        if (other.held_out_percent or 0.0) >= (item.held_out_percent or 0.0) - AS_WELL:
+            word = AXIS_WORDS[item.axis].capitalize()
+            note = f"{word}: the lag is that of {names}, {options.lag_s:.2g} s."
+            item = replace(other, notes=(*other.notes, note))
+            used = levelled if item.axis == "Z" else used
+        out.append(item)
+    return out, used
 
 
 def _check_units(legs: Mapping[str, LegData]) -> None:
@@ -247,6 +265,7 @@ def _single(
         doubtful_depth=[SHARE_SD * hull.travels[key] for key in using if key in hull.travels],
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,
+        lag_sd_s=options.lag_sd_s,
         try_shape=options.fit_curve,
     )
 

@@ -48,6 +48,7 @@ class FitOptions:
     given_inertia: axes whose apparent inertia is that of the vehicle file, with the
     relative standard deviation inertia_sd; of the others, it is free. together: whether
     axes are fitted together, `better`: where that moves better on what was held out.
+    lag_sd_s: deviation of a lag that is not fitted.
     newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
     marker_arm: whether velocities have the arm of the file or the one that the legs show.
     """
@@ -55,6 +56,7 @@ class FitOptions:
     axes: Collection[str] = ()
     lag_s: float = 0.05
     fit_lag: bool = True
+    lag_sd_s: float = 0.0
     fit_curve: bool = False
     given_inertia: Collection[str] = ("X", "Y", "Z")
     inertia_sd: float = 0.3

@@ -221,6 +221,7 @@ def fit_axis(
     speed_share: float = 1.0,
     doubtful_depth: Sequence[Array] = (),
     try_lag: bool = True,
+    lag_sd_s: float = 0.0,
     try_shape: bool = False,
     loss: Loss = "soft_l1",
     window_s: float = WINDOW_S,
@@ -232,8 +233,9 @@ def fit_axis(
     yaw and heave in newtons have what a hull does whose speeds nobody measures
     (`record`), by `speed_share` of those that forces give; depth without its climb is
     the caller's, doubtful_depth (n,) [m] of each record one deviation of it. try_lag: whether
-    the lag is fitted where the data determine it. try_shape: the same of dead band and
-    curve of commands. Raises `DataError` with the reason where an axis is refused.
+    the lag is fitted where the data determine it; lag_sd_s: deviation of one that is not.
+    try_shape: the same of dead band and curve of commands. Raises `DataError` with the
+    reason where an axis is refused.
     """
     reason = refusal(records, axis)
     if reason:
@@ -250,7 +252,7 @@ def fit_axis(
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
     blocks = held_out_blocks(pool, fit.values)
-    lag = LagVerdict(pool.drive.lag_s, float("nan"), False)
+    lag = LagVerdict(pool.drive.lag_s, float("nan"), False, lag_sd_s)
     if try_lag:
         pool, fit, blocks, lag = _with_lag(fitted, pool, fit, blocks)
     shape = STRAIGHT

@@ -21,7 +21,7 @@ from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
 from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit, Lacking, LackingVerdict
-from auvid.stages.fit_axes.fitting import fit_all
+from auvid.stages.fit_axes.fitting import fit_all, shared_lag
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section, together_words
 from auvid.stages.fit_axes.scaling import scaled
@@ -331,3 +331,20 @@ def test_axes_that_are_never_fitted_together_have_no_coriolis_force() -> None:
     assert document.partial.together is not None
     assert not document.partial.together.chosen
     assert "no Coriolis force" in together_words(together)
+
+
+def test_an_axis_that_tells_no_lag_has_that_of_the_others() -> None:
+    """Depth with waves of 5 cm leaves heave its lag; yaw shows .08 s, as the thrusters have."""
+    quiet = leg(seconds=80.0)
+    waves = 0.05 * np.random.default_rng(4).standard_normal(len(quiet.record.t_s))
+    assert quiet.record.depth_m is not None
+    rough = replace(quiet, record=replace(quiet.record, depth_m=quiet.record.depth_m + waves))
+    fitted = fit_all({"one": rough}, vehicle("bluerov2_heavy"), FitOptions(lag_s=0.02))
+    heave, yaw = fitted.fitted
+    assert yaw.lag_verdict == "identified"
+    assert yaw.lag_s == pytest.approx(0.08, abs=0.01)
+    assert heave.lag_verdict == "assumed"
+    assert heave.lag_s == yaw.lag_s
+    assert any("the lag is that of yaw" in note for note in heave.notes)
+    assert shared_lag([heave, replace(yaw, lag_verdict="assumed")]) is None
+    assert shared_lag([yaw]) is None
