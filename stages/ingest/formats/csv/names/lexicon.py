@@ -110,7 +110,7 @@ _SOURCES = """
 data msg msgs message field value val values header vector vec component axis in of from by out rc
 raw filtered filt lpf smooth smoothed measured meas measurement actual act fb feedback deflection
 est estimated estimate estimates estimator ekf ukf kf true truth gt ground model simulation sim
-sensor sensors sens combined imu imus ins ahrs mru fog dvl bt xsens vectornav microstrain keller
+sensor sensors sens combined imu imus ins ahrs mru fog ctd dvl bt xsens vectornav microstrain keller
 odom odometry state states pose nu eta mocap qualisys qtm optitrack vicon marker rigid body origin
 frame b frd flu ned local world global inertial earth map nav navigation
 log logged record recording bag ros rosbag mavros mavlink
@@ -140,7 +140,7 @@ wave waves swell wind ocean tide seabed seafloor floor bottom air atmospheric at
 barometer barometric internal int housing hull
 camera cam gimbal pan tilt ship vessel boat usv buoy arm joint finger gripper manipulator tether
 umbilical winch leak cpu light lights obstacle beacon home rcin throttle joystick stick fan pump
-transducer transducers beam beams rssi nsd
+wrench transducer transducers beam beams rssi nsd
 """
 NO_MEASUREMENT = frozenset(_NO_MEASUREMENT.split())
 """What is commanded, says how sure something is, or belongs to another thing."""
@@ -148,6 +148,8 @@ WORLD = frozenset({"local", "ned", "world", "global", "inertial", "earth", "map"
 """Frames in which a velocity is none of the axes of the body, and a position is one."""
 PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("set", "point"): ("setpoint",),
+    ("position", "estimate"): ("state",),
+    ("pose", "estimate"): ("state",),
     ("magnetic", "heading"): ("heading",),
     ("mag", "heading"): ("heading",),
     ("compass", "heading"): ("heading",),

@@ -181,8 +181,8 @@ def meaning_of(words: Sequence[str], unit: str) -> Meaning | None:
         return None
     if is_fin:
         return _fin(joined, measure)
-    numbers = [int(word) for word in joined if word.isdigit()]
-    kept = _with_letters([word for word in joined if word not in SOURCES])
+    kept = _with_letters(_without_sources(joined))
+    numbers = [int(word) for word in kept if word.isdigit()]
     quantities, axes = set[str](), list[str]()
     for at, word in enumerate(kept):
         if word.startswith(MARK):
@@ -249,6 +249,16 @@ def _fin(words: Sequence[str], measure: str) -> Meaning | None:
     if measure not in (NO_UNIT, "angle") or len(letters) > 1 or not letter or letter not in able:
         return None
     return Meaning("actuators", f"fin_{letter}_rad", part="" if letters else pair)
+
+
+def _without_sources(words: Sequence[str]) -> list[str]:
+    """Return words without those of sources, nor their numbers: imu 2, not out 2."""
+    has_output = any(QUANTITY_OF.get(word) == "output" for word in words)
+    return [
+        word
+        for word, before in zip(words, ("", *words), strict=False)
+        if word not in SOURCES and not (word.isdigit() and before in SOURCES and not has_output)
+    ]
 
 
 def _with_letters(words: Sequence[str]) -> list[str]:

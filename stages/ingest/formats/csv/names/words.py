@@ -112,6 +112,8 @@ def readings(name: str) -> list[Reading]:
         units = unit_of_text(bracket[1], plain_words(bracket[1]))
         name = name[: bracket.start()] if units and bracket.start() else name
     words = _words_of_levels(name)
+    if not units and len(words) == 1 and words[0] in QUANTITY_OF:
+        units = UNITS.get(words, ())  # millivolt, rpm
     if units:
         return [(words, unit) for unit in units]
     return [*units_at_end(words), (words, "")]
@@ -119,6 +121,8 @@ def readings(name: str) -> list[Reading]:
 
 def _words_of_levels(name: str) -> tuple[str, ...]:
     *upper, last = [plain_words(level) for level in LEVEL.split(name) if level] or [[]]
+    if upper and all(len(word) == 1 for word in last):  # an axis: what it is stands above
+        last = [*upper.pop(), *last]
     words = [word for level in upper for word in _meaningful(level)]
     return (*words, *last)
 
