@@ -55,6 +55,12 @@ def survey(paths: Sequence[Path], commands: Mapping[str, str] | None = None) -> 
     """
     named: set[Path] = set()
     for path in paths:
+        if path.is_dir():
+            raise PipelineError(
+                "this is a folder, not a log",
+                file=path,
+                remedy=f"Name the logs in it, or run all of them: auvid fleet run {path}",
+            )
         if not path.is_file():
             raise PipelineError("there is no such log", file=path)
         if path.resolve() in named:

@@ -117,6 +117,11 @@ def test_nothing_is_overwritten() -> None:
         new_campaign("other", [DIVE, DIVE])
 
 
+def test_a_folder_in_the_place_of_a_log_leads_to_the_fleet(tmp_path: Path) -> None:
+    with pytest.raises(PipelineError, match=r"a folder, not a log.*auvid fleet run"):
+        new_campaign("other", [tmp_path])
+
+
 def test_a_copy_that_the_system_refuses_is_named_by_its_own_place(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
