@@ -163,17 +163,27 @@ def _speeds(flown: VelocityRange) -> list[Array]:
     return [np.linspace(first, end, SPEEDS) for end in (low, high) if end != first]
 
 
+def decay_starts(flown: Mapping[str, VelocityRange]) -> list[Array]:
+    """Return the velocities (6,) that decays start from, within the flown ranges.
+
+    Of a velocity at one of its ends the others are 0, or as near as was flown: what lift
+    does at rest is no matter of a vehicle that never was. And some corners of all ends.
+    """
+    ends = np.array([[flown[n].low, flown[n].high] for n in VELOCITIES])
+    slowest = np.clip(0.0, *ends.T)
+    single = [np.where(np.eye(6)[i], value, slowest) for i in range(6) for value in ends[i]]
+    corners = [
+        np.where([(k >> i) & 1 for i in range(6)], ends[:, 1], ends[:, 0]) for k in range(0, 64, 9)
+    ]
+    return [*single, *corners]
+
+
 def _fly(
     floating: Floating, card: ModelCard, tried: Sequence[Tried], *, minimum_speed: float
 ) -> tuple[list[Mask], Array, int]:
     """Return which steps stay upright, decays (k, 6) that do not, and how many flew."""
     rows = int(FLIGHT_S / STEP_S) + 1
-    ends = np.array([[card.conditions[n].low, card.conditions[n].high] for n in VELOCITIES])
-    single = [np.eye(6)[i] * value for i in range(6) for value in ends[i]]
-    corners = [
-        np.where([(k >> i) & 1 for i in range(6)], ends[:, 1], ends[:, 0]) for k in range(0, 64, 9)
-    ]
-    decays = [*single, *corners]
+    decays = decay_starts(card.conditions)
     steps = [(item, motion) for item in tried for motion in item.motions]
     forces = [motion.force * item.direction for item, motion in steps]
     speeds = [abs(motion.speed) for _, motion in steps]

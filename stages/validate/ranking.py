@@ -142,17 +142,21 @@ def free_run_ratios(rows: Iterable[Row]) -> tuple[float | None, dict[str, dict[s
 def pushing_axes(card: ModelCard) -> list[str]:
     """Return axes that motion along themselves alone pushes on, in the flown range.
 
-    nu_a tau_a(nu_a e_a) > 0 at the lowest or highest velocity of training: damping that
-    gives energy.
+    nu_a (tau_a(nu_a e_a + u) - tau_a(u)) > 0 at the lowest or highest velocity of training:
+    damping that gives energy. u: the least speed ahead, 0 where it flew both ways, since
+    lift by it damps as well.
     """
-    pushing = []
+    pushing, surge = [], card.conditions["u"]
+    ahead = np.zeros(6)
+    ahead[0] = np.clip(0.0, surge.low, surge.high)
     for i, axis in enumerate(AXES):
         terms = {t: k for t, k in card.predictor.get(axis, {}).items() if t != CONSTANT}
         reach = card.conditions[OWN_VELOCITY[axis]]
         for speed in (reach.low, reach.high):
-            nu = np.zeros(6)
-            nu[i] = speed
-            force = float(basis(nu, np.ones(()), tuple(terms)) @ list(terms.values()))
+            still = ahead if i else np.zeros(6)
+            nu = np.where(np.eye(6)[i], speed, still)
+            rows = basis(np.stack([nu, still]), np.ones(2), tuple(terms))
+            force = float((rows[0] - rows[1]) @ list(terms.values()))
             if force * speed > 0.0 and axis not in pushing:
                 pushing.append(axis)
     return pushing

@@ -8,7 +8,7 @@ import pytest
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
 from auvid.hydro.dynamics.steady_motion import Floating, SteadyDrive, steady_motions
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, motion_check
+from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, decay_starts, motion_check
 from tests.support.example_run import example_run
 from tests.support.motions import shipped_vehicle
 
@@ -36,6 +36,17 @@ def checked(fastest: float = 0.3, **rows: dict[str, float]) -> MotionCheck:
     coefficients = {axis: {**row, **rows.get(axis, {})} for axis, row in DAMPED.items()}
     floating = Floating(VEHICLE, IdentifiedModel("coe", coefficients), np.zeros(6))
     return motion_check(floating, card(fastest), minimum_speed=0.05)
+
+
+@pytest.mark.parametrize(("slowest", "nearest"), [(0.1, 0.1), (-0.1, 0.0)])
+def test_decays_start_within_the_flown_velocities(slowest: float, nearest: float) -> None:
+    """Of a vehicle that never stood none starts at rest ahead."""
+    flown = card().conditions
+    flown = flown | {"u": flown["u"].model_copy(update={"low": slowest})}
+    starts = np.array(decay_starts(flown))
+    assert np.all(starts >= [flown[name].low for name in "uvwpqr"])
+    assert np.all(starts <= [flown[name].high for name in "uvwpqr"])
+    assert starts[2].tolist() == [nearest, flown["v"].low, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_drag_at_the_height_of_the_thrusters_holds_and_a_force_at_the_origin_does_not() -> None:

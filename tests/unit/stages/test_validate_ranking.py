@@ -268,6 +268,19 @@ def test_damping_that_gives_energy_is_a_fault(run: ExampleRun) -> None:
     assert by_name["coe"].faults == ["K damping gives energy"]
 
 
+@pytest.mark.parametrize(("slowest", "pushing"), [(0.7, []), (-0.7, ["Y"])])
+def test_lift_ahead_damps_as_drag_does(run: ExampleRun, slowest: float, pushing: list[str]) -> None:
+    """Y = 53 v|v| - 63 u v - 9 u takes energy out of sway at .7 m/s ahead, at rest it gives."""
+    coe = run.cards["coe"]
+    spans = {"u": {"low": slowest, "high": 2.0}, "v": {"low": -0.2, "high": 0.2}}
+    conditions = coe.conditions | {
+        name: coe.conditions[name].model_copy(update=span) for name, span in spans.items()
+    }
+    sway = {"v*|v|": 53.0, "u*v": -63.0, "u": -9.0}
+    card = coe.model_copy(update={"predictor": {"Y": sway}, "conditions": conditions})
+    assert pushing_axes(card) == pushing
+
+
 def test_an_axis_counts_where_its_force_beats_the_mean_force_and_none(run: ExampleRun) -> None:
     """Surge errs more than its force, sway no less than the mean force, heave less than both."""
     ratios = {"X": 1.2, "Y": 0.58, "Z": 0.5}
