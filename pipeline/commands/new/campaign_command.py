@@ -65,6 +65,8 @@ SAMPLES_PER_PERIOD = 8.0
 MOST_OF_RATE = 0.4
 """Of that sensor's rate; what the vehicle's motion reaches is kept below it."""
 CUTOFF_HZ = (0.2, 3.0)
+BANDS = 2.0
+"""Drag goes with products of velocities, which reach twice the band in which they move."""
 FILTER_SAMPLES = 0.2
 """Rate [rad/s] of the filter of a single channel, of the sampling rate [Hz]; at most 1."""
 SAME_DIVE = 0.5
@@ -363,10 +365,11 @@ def _stages(
         if (inside := legs.inside(list(logs).index(key), t_s)).any()
     }
     axis = max(bands, key=lambda name: bands[name], default="u")
-    cutoff = min(max(bands.get(axis, 0.0), least), most, CUTOFF_HZ[1])
+    cutoff = min(max(BANDS * bands.get(axis, 0.0), least), most, CUTOFF_HZ[1])
     stages["fuse"] = (
         f"{{method: kinematic, cutoff_hz: {cutoff:.1f}}}  # check: {MOTION_WORDS[axis]} moves up to"
-        f" {bands.get(axis, 0.0):.1f} Hz; the slowest sensor has {slowest:.3g} Hz"
+        f" {bands.get(axis, 0.0):.1f} Hz, its drag up to twice that; the slowest sensor has"
+        f" {slowest:.3g} Hz"
     )
     prior = ", prior: vehicle" if "\npublished:" in choice.text else ""
     stages["synthesise"] = f"{{trim: true{prior}}}"

@@ -46,7 +46,7 @@ def test_a_dive_with_velocity_log_gives_a_force_model() -> None:
     assert "# check: bluerov2_heavy, guessed, 8 outputs are driven" in text
     assert "surge and sway move one way only" in text
     # Pitch and roll move up to 1.3 Hz, which an eighth of the velocity log's 7.8 Hz cuts off.
-    assert "cutoff_hz: 1.3}  # check: pitch moves up to 1.3 Hz; the slowest sensor" in text
+    assert "cutoff_hz: 2.6}  # check: pitch moves up to 1.3 Hz, its drag up to twice that" in text
     vehicle = (result.folder / "vehicle.yaml").read_text()
     assert "  # check: weigh the vehicle" in vehicle
     # Line by line as an editor sees them: short, and the check stands above its figure.
