@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvid.data_schemas.records.likelihood import LikelihoodFit
+from auvid.data_schemas.records.likelihood import LagFit, LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.identification.constrained.actuator_lag import CLEAR
 from auvid.stages.model_use import coverage_words
 from auvid.stages.presentation import (
     NOISE_95,
@@ -40,6 +42,7 @@ def refine_section(
         blocks += [
             _coefficients(started[card.likelihood.started_from], card),
             *_motion_blocks(card, card.likelihood),
+            *stated_lag_blocks(started[card.likelihood.started_from].lag, card),
             _channels(card, card.likelihood),
             *_noise(card, card.likelihood),
         ]
@@ -88,6 +91,22 @@ def _coefficients(first: ModelCard, card: ModelCard) -> Block:
         " forces that an unsteady force with a long memory can take over have wide ones."
     )
     return table(f"{card.title}: {card.n_bar} terms", heads, rows, note=note)
+
+
+def stated_lag_blocks(stated: LagFit | None, card: ModelCard) -> list[Block]:
+    """Return a warning where the fitted lag departs from the one of the file."""
+    lag = card.lag
+    if stated is None or stated.verdict != "stated" or lag is None or not lag.standard_error_s:
+        return []
+    sd = math.hypot(lag.standard_error_s, stated.standard_error_s or 0.0)
+    if abs(lag.value_s - stated.value_s) <= CLEAR * sd:
+        return []
+    words = (
+        f"{card.title}: the sensors show actuators that are {lag.value_s:.2g} +-"
+        f" {NORMAL_95 * lag.standard_error_s:.1g} s (95 %) late, and this fit goes with that; the"
+        f" vehicle file states {stated.value_s:.2g} s (actuators.lag)."
+    )
+    return [remark(words, "warning")]
 
 
 def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:

@@ -14,6 +14,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.documents.model import parse
 from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.models import MeasuredPriorCard, TermCard
 from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
 from auvid.data_schemas.tables import column, make_table
@@ -30,8 +31,10 @@ from auvid.stages.base import collection
 from auvid.stages.columns import ACCELEROMETER, forces
 from auvid.stages.refine import fitting
 from auvid.stages.refine.fitting import CardUnknowns, SensorFit
+from auvid.stages.refine.presentation import stated_lag_blocks
 from auvid.stages.refine.refined_card import _term as refined_term
 from auvid.stages.validate import Predictor
+from tests.support.example_run import example_run
 from tests.support.motions import log_document, shipped_vehicle
 
 VEHICLE = shipped_vehicle("bluerov2_heavy")
@@ -386,3 +389,15 @@ def test_a_value_that_a_prior_or_a_bound_holds_has_no_shifts_of_the_data_alone(w
     fitted = refined_term("K", item, cast(SensorFit, fit), {unknown: EstimateStatus(word)})
     assert fitted.verdict == word
     assert fitted.assumed_shifts == ({"thrust": 1.3} if word == "weak" else {})
+
+
+@pytest.mark.parametrize(("stated_s", "warns"), [(0.05, True), (0.12, False)])
+def test_a_fitted_lag_is_held_against_a_stated_one(stated_s: float, warns: bool) -> None:
+    fitted = LagFit(value_s=0.15, standard_error_s=0.01, verdict="identified")
+    card = example_run({"train": 4.0, "check": 2.0}).cards["coe"]
+    card = card.model_copy(update={"lag": fitted})
+    stated = LagFit(value_s=stated_s, standard_error_s=0.01, verdict="stated")
+    blocks = stated_lag_blocks(stated, card)
+    assert [block["level"] for block in blocks] == (["warning"] if warns else [])
+    assert all("states 0.05 s (actuators.lag)" in block["text"] for block in blocks)
+    assert stated_lag_blocks(fitted, card) == stated_lag_blocks(None, card) == []
