@@ -425,15 +425,36 @@ def response_gains(
     part is taken off before the share that is explained. Positive where axis, actuators
     and signs agree, also under feedback, which the drag terms alone would turn around.
     """
-    best: AxisGains | None = None
+    by_lag = gains_by_lag(
+        t_force, acceleration, t_motion, motion, lags_s=lags_s, width_s=width_s, coupled=coupled
+    )
+    return max(
+        (gains for gains in by_lag if gains is not None),
+        key=lambda gains: gains.explained,
+        default=None,
+    )
+
+
+def gains_by_lag(
+    t_force: Array,
+    acceleration: Array,
+    t_motion: Array,
+    motion: Array,
+    *,
+    lags_s: ArrayLike,
+    width_s: float = 0.5,
+    coupled: Array | None = None,
+) -> list[AxisGains | None]:
+    """Return the gains of `response_gains` at each lag behind the forces."""
     taken = np.zeros((len(motion), 0)) if coupled is None else coupled
     parts = np.hstack([taken, np.column_stack([motion, motion * np.abs(motion)])])
     lags = np.asarray(lags_s, dtype=np.float64)
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
     starts = [windows(start, stop, t_force, t_motion, width_s=width_s) for stop in end]
     tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
+    gains_at: dict[float, AxisGains] = {}
     if not tried:
-        return None
+        return [None] * lags.size
     # One pass over the samples serves all lags.
     every = np.concatenate([at for _, at in tried])
     later = np.concatenate([at + lag for lag, at in tried])
@@ -446,13 +467,13 @@ def response_gains(
         off = np.column_stack([drag[:, : taken.shape[1]], np.ones(at.size)])
         change = change - off @ np.linalg.lstsq(off, change, rcond=None)[0]
         gains = fitted_gains(change, np.column_stack([pushed, drag]))
-        if gains is not None and (best is None or gains.explained > best.explained):
+        if gains is not None:
             count = acceleration.shape[1]
-            best = AxisGains(
+            gains_at[float(lag)] = AxisGains(
                 gains.gain[:count],
                 gains.sd[:count],
                 gains.explained,
                 gains.count,
                 gains.own[:count],
             )
-    return best
+    return [gains_at.get(float(lag)) for lag in lags]

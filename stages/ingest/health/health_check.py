@@ -17,10 +17,16 @@ from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
+from auvid.stages.ingest.health.actuation.force_clocks import force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
 from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
-from auvid.stages.ingest.health.actuation.responses import response_findings, responses
+from auvid.stages.ingest.health.actuation.responses import (
+    late_outputs,
+    response_findings,
+    responses,
+)
+from auvid.stages.ingest.health.actuation.single_outputs import single_output_findings
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
@@ -133,26 +139,42 @@ def check_health(
 
 
 def beside_clocks(findings: list[Finding]) -> list[Finding]:
-    """Say of signs of answers to commands which wrong clock may have turned them."""
-    return [
-        {**item, "text": f"{item['text']} A wrong clock turns a sign too ({listed(names)}).",
-         "remedy": f"Mend the clock first ({listed(names)}). {item['remedy']}"}
-        if item["id"] == "response_sign" and (names := _clocks_of(item, findings))
-        else item
-        for item in findings
-    ]  # fmt: skip
+    """Join the signs of answers that a wrong clock may have turned, and say so.
+
+    None is left out: who accepts the clock still has to accept the sign.
+    """
+    signs = [item for item in findings if item["id"] == "response_sign"]
+    by_clock: dict[tuple[str, ...], list[Finding]] = {}
+    for item in signs:
+        by_clock.setdefault(tuple(_clocks_of(item, findings)), []).append(item)
+    kept = [item for item in findings if item["id"] != "response_sign"] + by_clock.pop((), [])
+    for names, turned in by_clock.items():
+        axes = listed([item["text"].split()[0].lower() for item in turned]).capitalize()
+        kept.append(
+            {
+                **turned[0],
+                "text": f"{axes} {'answer' if len(turned) > 1 else 'answers'} the thrusters the"
+                f" wrong way round. A wrong clock turns a sign too ({listed(names)}).",
+                "remedy": f"Mend the clock first ({listed(names)}). {turned[0]['remedy']}",
+                "fields": [name for item in turned for name in item["fields"]],
+            }
+        )
+    return kept
 
 
 def _clocks_of(sign: Finding, findings: list[Finding]) -> list[str]:
     """Return the findings of clocks that concern the motion of a sign."""
     streams = (sign["stream"], "actuators")
-    return [
+    names = (
         item["id"] for item in findings if item["id"] in OF_CLOCKS and item["stream"] in streams
-    ]
+    )
+    return list(dict.fromkeys(names))
 
 
-def of_forces(log: CheckedLog, _: Mapping[str, Response]) -> Iterator[Finding]:
-    """Yield forces of the thrusters that no body of this size needs."""
+def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
+    """Yield forces of the thrusters at a wrong time, or of a wrong size."""
+    if log.has("actuators") and late_outputs(log, answers) is None:
+        yield from force_clock_findings(log)
     yield from force_findings(log)
 
 
@@ -196,11 +218,19 @@ OF_VALUES = (
     pose_findings,
     wrap_findings,
     actuation_findings,
+    single_output_findings,
     battery_findings,
     body_findings,
 )
 """Checks of what a log says, without numbers that stand for none."""
-OF_CLOCKS = ("gyro_lag", "velocity_lag", "clock_drift", "command_late", "commands_early")
+OF_CLOCKS = (
+    "gyro_lag",
+    "velocity_lag",
+    "clock_drift",
+    "command_late",
+    "commands_early",
+    "command_delay",
+)
 """Findings of clocks."""
 OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""

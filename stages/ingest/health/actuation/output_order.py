@@ -29,7 +29,6 @@ FIRST_TURN = 3
 OTHER_PLACES: Mapping[str, tuple[tuple[int, int, int], tuple[float, float, float]]] = {
     "x of the positions counted backward": ((0, 1, 2), (-1.0, 1.0, 1.0)),
     "y of the positions counted to the left": ((0, 1, 2), (1.0, -1.0, 1.0)),
-    "z of the positions counted upward": ((0, 1, 2), (1.0, 1.0, -1.0)),
     "x and y of the positions exchanged": ((1, 0, 2), (1.0, 1.0, 1.0)),
 }
 """Order and signs of the coordinates of thrusters in a wrong vehicle file."""
@@ -77,6 +76,14 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
     words = [(*SPEEDS, *RATES)[row] for row in driven]
     if joined.other is not None:
         yield _joined_wrong(joined.other, words, thrusters.outputs, list(places), names)
+    elif len(joined.unseen) == len(names):
+        yield finding(
+            "outputs_unanswered",
+            f"No direction of an output shows in the motion ({listed(words)}): it hardly answers"
+            " the thrusters as the vehicle file joins them, at the times of the log.",
+            stream="actuators",
+            value=float(len(names)),
+        )
     elif joined.unseen:
         numbers = listed([str(thrusters.outputs[place]) for place in joined.unseen])
         several = len(joined.unseen) > 1

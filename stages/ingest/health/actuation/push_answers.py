@@ -10,7 +10,12 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.checks.motion_checks import AxisGains, angles_at, response_gains
+from auvid.hydro.identification.checks.motion_checks import (
+    AxisGains,
+    angles_at,
+    gains_by_lag,
+    response_gains,
+)
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
@@ -88,6 +93,16 @@ def push_responses(
 
     `turning`: beside it act the forces that turns make of the motion in other axes.
     """
+    for axis, by_lag in push_lags(log, axes, lags_s=lags_s, turning=turning):
+        there = [gains for gains in by_lag if gains is not None]
+        if there:
+            yield axis, max(there, key=lambda gains: gains.explained)
+
+
+def push_lags(
+    log: CheckedLog, axes: str, *, lags_s: Sequence[float], turning: bool = True
+) -> Iterator[tuple[str, list[AxisGains | None]]]:
+    """Yield the gains of `push_responses` at each lag behind the outputs."""
     thrust = pushes(log)
     if thrust is None:
         return
@@ -107,9 +122,7 @@ def push_responses(
             force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
         at = log.t_s(stream)
         turns = coupling(log, axis, at) if turning else None
-        gains = response_gains(t_s, force, at, motion, lags_s=lags_s, coupled=turns)
-        if gains is not None:
-            yield "uvwpqr"[axis], gains
+        yield "uvwpqr"[axis], gains_by_lag(t_s, force, at, motion, lags_s=lags_s, coupled=turns)
 
 
 def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:

@@ -51,6 +51,8 @@ UNIT_SCALES = {
 }
 """Gyro over rate of the attitude, which unit makes it so large, and the right one."""
 GRADIANS = 400.0 / 360.0
+LARGEST_GRADIANS = 2.1 * math.pi * GRADIANS
+"""A whole circle of gradians that are taken for degrees; a yaw in degrees is far beyond."""
 WRAP_PART, SCALE_PART, SURE_TURN = 0.04, 0.05, 0.97
 """How near a wrap and a scale must be to that of gradians, and the least correlation;
 healthy logs that correlate so well have scales from 0.96 to 1.03.
@@ -112,6 +114,8 @@ def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Itera
     Yaw leaps by 400 at its wrap, or gyro and attitude differ by 0.9 about every axis
     that moves.
     """
+    if np.abs(angles).max() > LARGEST_GRADIANS:
+        return
     moved = _moved(agreement)
     leaps = np.abs(np.diff(angles[:, 2])) / (2.0 * math.pi)
     for turn, words, unit in (
@@ -187,14 +191,21 @@ def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
                     tuple(ATTITUDE[i] for i in axes),
                 ),
             )
-    turn = np.abs(np.diff(angles, axis=0)).max(axis=1) / np.diff(log.t_s("attitude"))
-    if np.abs(angles).max() < SMALLEST_CIRCLE_RAD and np.median(turn) < SLOWEST_TURN_RAD_S:
+    for axes in ((0, 1, 2), (2,), (0, 1)):
+        part = angles[:, axes]
+        turn = np.abs(np.diff(part, axis=0)).max(axis=1) / np.diff(log.t_s("attitude"))
+        if np.abs(part).max() > SMALLEST_CIRCLE_RAD or np.median(turn) > SLOWEST_TURN_RAD_S:
+            continue
+        other = angles.copy()
+        other[:, axes] = np.degrees(part)
+        words = "" if len(axes) == 3 else f", its {listed([RATES[i] for i in axes])},"
         yield (
-            np.degrees(angles),
+            other,
             _attitude_unit(
-                f"{used} hardly turns and is in rad, declared as degrees: taken for rad it turns as"
-                " the gyro does.",
+                f"{used}{words} hardly turns and is in rad, declared as degrees: taken for rad it"
+                " turns as the gyro does.",
                 "rad",
+                tuple(ATTITUDE[i] for i in axes),
             ),
         )
     for axes in ((1, 2), (2,), (1,), (0,)):
@@ -282,7 +293,13 @@ def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
 
     slowly (3,): correlations of turns over .4 s.
     """
-    moved = [axis for axis in range(3) if agreement.std[axis] >= SMALLEST_COMPARED_RAD_S]
+    in_gyro = _moved(agreement)  # an attitude in rad taken for degrees hardly moves
+    moved = [
+        axis
+        for axis in range(3)
+        if agreement.std[axis] >= SMALLEST_COMPARED_RAD_S
+        or (axis in in_gyro and agreement.correlation[axis, axis] > SAME_TURN)
+    ]
     largest = int(np.argmax(np.abs(agreement.bias)))
     if abs(agreement.bias[largest]) > limit("gyro_bias"):
         text = (
@@ -300,7 +317,7 @@ def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
                 f" {own:.2f})."
             )
             yield finding("gyro_sign", text, stream="imu", value=own, fields=(GYRO[axis],))
-        elif agreement.std[axis] < SMALLEST_TURN_RAD_S:
+        elif axis not in in_gyro:
             continue
         elif best != axis and abs(agreement.correlation[axis, best]) > max(
             limit("gyro_axes"), abs(own) + 0.3
@@ -324,11 +341,22 @@ def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
             agreeing.append(axis)
             off = float(agreement.scale[axis]) - 1.0
             if abs(off) > limit("gyro_scale"):
+                factor = next((s for s in UNIT_SCALES if abs(np.log((1.0 + off) / s)) < 0.15), None)
+                cause = {
+                    180.0 / math.pi: ": the angle is in rad, declared as deg, or the gyro in deg/s",
+                    math.pi / 180.0: ": the angle is in deg, declared as rad, or the gyro in rad/s",
+                }
                 text = (
                     f"Gyro {XYZ[axis]} turns {significant(1.0 + off)} times as much as"
-                    f" {RATES[axis]} of the attitude."
+                    f" {RATES[axis]} of the attitude{cause.get(factor or 0.0, '')}."
                 )
-                yield finding("gyro_scale", text, stream="imu", value=off)
+                yield finding(
+                    "gyro_scale",
+                    text,
+                    stream="imu",
+                    value=off,
+                    fields=(GYRO[axis], ATTITUDE[axis]),
+                )
     if agreeing and abs(agreement.lag_s) > limit("gyro_lag"):
         late, early = ("gyro", "attitude") if agreement.lag_s > 0.0 else ("attitude", "gyro")
         yield finding(

@@ -64,6 +64,10 @@ SURE_SCALE, SURE_SHARE = 1.25, 0.95
 """Limit of the scale, and the share of the depth rate that must be explained for it: what
 noise takes off a gain it takes off the share as well.
 """
+LARGEST_SD, FAR_BELOW = 0.1, 0.6
+"""Standard deviation of a gain that tells a scale, and a gain that noise does not lower an
+axis to that moves the depth less than another.
+"""
 LAG_GAIN = 0.1
 """A lag must explain so much more of the depth rate than none does."""
 SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
@@ -356,6 +360,32 @@ def _depth(
             stream="velocity",
             value=size,
             fields=(*LINEAR_VELOCITY, "depth_m"),
+        )
+    else:
+        yield from _scale_off(log, gains, int(best))
+
+
+def _scale_off(log: CheckedLog, gains: AxisGains, best: int) -> Iterator[Finding]:
+    """Yield axes whose gain in the depth rate is off, clear of what noise takes off it.
+
+    A gain g that noise lowers lies between g and g / R^2 of the axis that explains most.
+    """
+    least = limit("scale_off")
+    for axis in range(3):
+        gain, sd = float(gains.gain[axis]), float(gains.sd[axis])
+        if gain <= 0.0 or sd > LARGEST_SD:
+            continue
+        high = gain / gains.explained + CLEAR * sd < 1.0 - least
+        lower = high if axis == best else gain + CLEAR * sd < FAR_BELOW
+        if gain - CLEAR * sd < 1.0 + least and not lower:
+            continue
+        yield finding(
+            "scale_off",
+            f"Depth moves {gain:.2f} +- {2.0 * sd:.2f} times as much as {SPEEDS[axis]} of the"
+            f" velocity ({log.source('velocity')}) says.",
+            stream="velocity",
+            value=gain - 1.0,
+            fields=(LINEAR_VELOCITY[axis], "depth_m"),
         )
 
 

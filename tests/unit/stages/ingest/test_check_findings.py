@@ -462,6 +462,31 @@ def _quiet_heave(log: Log) -> None:
             log.streams[stream][name] = 0.1 * rng.standard_normal(log.t_s(stream).size)
 
 
+@spoils("outputs_alike")
+def _copied_output(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    log.streams["actuators"]["pwm_6_us"] = log.streams["actuators"]["pwm_5_us"].copy()
+
+
+SPOIL["scale_off"] = scaled("depth", ("depth_m",), 1.25)
+
+
+@spoils("outputs_unanswered")
+def _of_another_time(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    rng = np.random.default_rng(6)
+    for stream, names in (("velocity", SPEED_COLUMNS), ("imu", IMU_COLUMNS)):
+        for name in names:
+            noise = 0.1 * rng.standard_normal(log.t_s(stream).size)
+            log.streams[stream][name] = 0.02 * log.streams[stream][name] + noise
+
+
+@spoils("command_delay")
+def _outputs_stamped_early(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] - 800_000
+
+
 @spoils("outputs_frozen")
 def _record_stops(log: Log) -> None:
     for number in range(1, 9):
@@ -809,14 +834,6 @@ def test_a_binary_log_has_no_column_map_to_mend() -> None:
     assert "column map" not in log.finding("output_unnamed")["remedy"]
 
 
-def pulses_turned(log: Log) -> None:
-    """Every thruster acts backward."""
-    drive(log, RIGHT_ORDER)
-    for number in range(1, 9):
-        name = f"pwm_{number}_us"
-        log.streams["actuators"][name] = 3000.0 - log.streams["actuators"][name]
-
-
 @pytest.mark.parametrize(
     ("clock_off", "stream", "turned"),
     [
@@ -829,13 +846,62 @@ def pulses_turned(log: Log) -> None:
 def test_a_wrong_clock_hides_no_sign_and_is_named_at_those_that_it_turns(
     clock_off: str, stream: str, turned: set[str]
 ) -> None:
-    log = sound()
-    pulses_turned(log)
-    signs = [item for item in log.health()["findings"] if item["id"] == "response_sign"]
+    columns = {"u_m_s": "velocity", "v_m_s": "velocity", "gyro_x_rad_s": "imu"}
+    signs = [
+        finding("response_sign", "Surge answers.", stream=own, fields=(name,))
+        for name, own in columns.items()
+    ]
     late = finding(clock_off, "Late.", stream=stream)
-    again = beside_clocks([*signs, late])
-    assert len(again) == len(signs) + 1
-    assert {item["stream"] for item in again if "wrong clock" in item["text"]} == turned
+    again = [item for item in beside_clocks([*signs, late]) if item["id"] == "response_sign"]
+    of_clock = [item for item in again if "wrong clock" in item["text"]]
+    assert {name for item in again for name in item["fields"]} == set(columns)
+    assert {columns[name] for item in of_clock for name in item["fields"]} == turned
+
+
+@pytest.mark.parametrize(
+    ("late_s", "name"),
+    [(0.6, "command_late"), (0.0, None), (-0.8, "command_delay"), (-2.0, "commands_early")],
+)
+def test_the_clock_of_the_outputs_by_when_their_force_acts(late_s: float, name: str | None) -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    log.streams["actuators"]["time_us"] = log.streams["actuators"]["time_us"] + int(1e6 * late_s)
+    texts = [item for item in log.health()["findings"] if "The force of the" in item["text"]]
+    assert [item["id"] for item in texts] == ([] if name is None else [name])
+    assert all(item["value"] == pytest.approx(abs(late_s - 0.1), abs=0.31) for item in texts)
+
+
+def test_one_output_that_stands_still_while_its_peers_work_is_named() -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    assert "outputs_frozen" not in log.ids()
+    output = log.streams["actuators"]["pwm_8_us"].copy()
+    output[300:] = output[300]
+    log.streams["actuators"]["pwm_8_us"] = output
+    assert "Output 8 stands at" in log.finding("outputs_frozen")["text"]
+
+
+def test_heave_and_roll_without_pitch_are_no_copies() -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    pulses = log.streams["actuators"]
+    pulses["pwm_7_us"], pulses["pwm_8_us"] = pulses["pwm_5_us"].copy(), pulses["pwm_6_us"].copy()
+    assert "outputs_alike" not in log.ids()
+
+
+@pytest.mark.parametrize("factor", [1.5, 0.7])
+def test_a_scale_that_is_off_is_measured(factor: float) -> None:
+    log = sound()
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = log.streams["velocity"][name] / factor
+    scales = [
+        item
+        for item in log.health()["findings"]
+        if item["id"].startswith(("scale_off", "velocity_scale"))
+    ]
+    assert scales
+    measured = [item["value"] + (item["id"] == "scale_off") for item in scales]
+    assert measured == pytest.approx([factor] * len(scales), rel=0.1)
 
 
 def test_span_of_each_stream_and_of_all_together() -> None:

@@ -390,6 +390,16 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "attitude_unit",
         "declared as degrees",
     ),
+    "yaw alone in rad declared degrees": (
+        data(np.radians, ANGLES[2]),
+        "attitude_unit",
+        "declared as degrees",
+    ),
+    "roll and pitch in rad declared degrees": (
+        data(np.radians, *ANGLES[:2]),
+        "attitude_unit",
+        "roll and pitch",
+    ),
     "attitude declared flu": (frame("flu", *ANGLES), "gyro_sign", "pitch"),
     "roll and pitch exchanged": (exchanged(*ANGLES[:2]), "gyro_axes", "Roll"),
     "yaw declared enu": (frame("enu", ANGLES[2]), "gyro_sign", "yaw"),
