@@ -20,7 +20,9 @@ from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
 
 LIMITS_M = (0.02, 0.02, 0.05)
 """A departure from a measured arm counts beyond these and three standard errors: down, the
-centre of the added mass is no better known. From an assumed one three standard errors do."""
+centre of the added mass is no better known."""
+LEAST_ASSUMED_M = 0.02
+"""The same from an assumed arm, in every direction; an estimated one has no limit."""
 NAMES = ("arm forward", "arm right", "arm down")
 SENSORS = {POSES: "pose", VELOCITY_LOG: "dvl"}
 """What measures a velocity -> its key among the sensors of the vehicle file."""
@@ -48,7 +50,9 @@ def markers_of(
     )
     arm = marker_arm(turning, vehicle.mass_matrix)
     in_file = np.zeros(3) if mounted is None else mounted.arm_m
-    limits = np.zeros(3) if used else np.array(LIMITS_M)
+    limits = np.array(LIMITS_M)
+    if used:
+        limits = np.full(3, 0.0 if place == "estimated" else LEAST_ASSUMED_M)
     figures = []
     for at, name in enumerate(NAMES):
         value, sd = float(arm.departure[at]), float(arm.standard_error[at])

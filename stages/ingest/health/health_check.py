@@ -17,6 +17,7 @@ from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
+from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
 from auvid.stages.ingest.health.actuation.force_clocks import force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
@@ -175,6 +176,7 @@ def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Find
     """Yield forces of the thrusters at a wrong time, or of a wrong size."""
     if log.has("actuators") and late_outputs(log, answers) is None:
         yield from force_clock_findings(log)
+    yield from fin_findings(log)
     yield from force_findings(log)
 
 

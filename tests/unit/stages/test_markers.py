@@ -83,6 +83,18 @@ def test_a_velocity_log_off_its_place_is_known_as_markers_are() -> None:
     assert markers_words(markers).startswith("The velocity log sits off")
 
 
+def test_a_small_departure_from_an_assumed_arm_is_not_applied() -> None:
+    """Of a centimetre nothing is better known than of the centre of the added mass."""
+    near = np.array([0.012, 0.0, 0.0])
+    assumed = markers_of(off_origin(near), body(), place="where_assumed")
+    estimated = markers_of(off_origin(near), body(), place="estimated")
+    assert assumed is not None
+    assert estimated is not None
+    assert assumed.used
+    assert not assumed.departure.any()
+    assert estimated.departure[0] == pytest.approx(0.012, abs=0.005)
+
+
 def test_a_measured_arm_of_the_file_stays() -> None:
     stated = with_arm(body(), assumed=False)
     kept = markers_of(off_origin(ARM), stated, place="where_assumed")

@@ -1,0 +1,150 @@
+"""Checks of pitch and yaw against the moments of the fins: clock, sign, size."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.fins import fin_force
+from auvid.hydro.identification.checks.motion_checks import AxisGains, gains_by_lag
+from auvid.stages.columns import ATTITUDE, FINS, GYRO, RATES
+from auvid.stages.ingest.health.actuation.push_answers import coupling
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
+from auvid.stages.number_format import significant
+
+LAGS_S = np.round(np.arange(-10, 21) * 0.2, 1)
+USUAL_S = (-0.2, 0.5)
+SURE_ODDS, LEAST_LAG_S = 40.0, 0.5
+"""Logarithm of the likelihood of a lag over the usual ones: at most 20 in sound runs, where
+it is 0.4 s at most.
+"""
+DRIVEN = 0.8
+"""Share of its changes that fins and drag must explain of an axis that fins drive."""
+SIZES, CLEAR = (0.5, 1.6), 4.0
+"""Gain of the fins' moment over inertia: 0.82 to 0.89 in sound runs of a twin."""
+LEAST_GAIN_SD, AS_GOOD = 10.0, 0.02
+"""Gain over its standard deviation that tells a size, and a share that is no less than another."""
+PITCH, YAW = 4, 5
+NAMES = ("starboard", "port", "bottom", "top")
+
+
+def fin_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield fins at a wrong time, of a wrong sign or size, or one that is backward."""
+    vehicle = log.vehicle
+    if vehicle is None or vehicle.fins is None or not log.has("velocity", "imu", "attitude"):
+        return
+    if not log.has("actuators") or not set(FINS) <= set(log.tables["actuators"].column_names):
+        return
+    deflection = np.nan_to_num(log.values("actuators", FINS))
+    for axis in (PITCH, YAW):
+        by_lag = _gains(log, deflection, axis, LAGS_S)
+        odds = np.array([_odds(gains) for gains in by_lag])
+        best = int(np.argmax(odds))
+        usual = np.flatnonzero((USUAL_S[0] - 0.01 < LAGS_S) & (USUAL_S[1] > LAGS_S))
+        own = max((by_lag[place] for place in usual), key=_explained)
+        lag, at_best = float(LAGS_S[best]), by_lag[best]
+        if own is None or max(_explained(own), _explained(at_best)) < DRIVEN:
+            continue
+        late = odds[best] - odds[usual].max() > SURE_ODDS and abs(lag) > LEAST_LAG_S
+        turned = own.gain[0] + CLEAR * own.sd[0] < 0.0 and _explained(own) > DRIVEN
+        if turned and _explained(own) > _explained(at_best) - AS_GOOD:
+            yield from _turned(log, deflection, axis, own)
+        elif late:
+            yield _off(lag, axis)
+        elif _explained(own) > DRIVEN and _wrong_size(own):
+            yield from _turned(log, deflection, axis, own)
+
+
+def _turned(log: CheckedLog, deflection: Array, axis: int, own: AxisGains) -> Iterator[Finding]:
+    """Yield one fin that is backward, all of them, or fins of a wrong size."""
+    gain, words = float(own.gain[0]), RATES[axis - 3]
+    for place, name in enumerate(NAMES):
+        flipped = deflection.copy()
+        flipped[:, place] *= -1.0
+        (again,) = _gains(log, flipped, axis, np.zeros(1))
+        as_good = again is not None and _explained(again) > _explained(own) - AS_GOOD
+        if again is not None and as_good and SIZES[0] < again.gain[0] < SIZES[1]:
+            yield finding(
+                "response_order",
+                f"The {name} fin acts backward: with its angle the other way round {words} answers"
+                f" the fins of the vehicle file ({again.gain[0]:.2f} of the turning that they"
+                f" make), as it stands {gain:.2f}.",
+                stream="actuators",
+                value=gain,
+                fields=(FINS[place],),
+                remedy="Set sign: -1 for the column of this fin, or correct its row in the vehicle"
+                " file (actuators.fins).",
+            )
+            return
+    if gain < 0.0:
+        yield finding(
+            "response_sign",
+            f"{words.capitalize()} answers the fins the wrong way round"
+            f" ({significant(gain / float(own.sd[0]))} standard deviations).",
+            stream="imu",
+            value=gain / float(own.sd[0]),
+            fields=(GYRO[axis - 3],),
+            remedy="Check the signs of the fin angles and of the gyro, then actuators.fins of the"
+            " vehicle file.",
+        )
+        return
+    yield finding(
+        "response_scale",
+        f"{words.capitalize()} turns {significant(gain)} times as fast as the moment of the fins"
+        " over the inertia of the vehicle file makes it.",
+        stream="actuators",
+        value=gain,
+        remedy="Check the unit of the fin angles (deg?), then inertia, added mass and the"
+        " coefficients and reference_length of the fins in the vehicle file.",
+    )
+
+
+def _off(lag: float, axis: int) -> Finding:
+    words = RATES[axis - 3]
+    name = "command_late" if lag < 0.0 else "commands_early"
+    return finding(
+        name,
+        f"The moment of the fins turns the vehicle ({words}) best if it acts {abs(lag):.1f} s"
+        f" {'before' if lag < 0.0 else 'after'} its stamp, drag beside it: the fins are stamped"
+        f" {'late' if lag < 0.0 else 'early'}, or the gyro {'early' if lag < 0.0 else 'late'}.",
+        stream="actuators",
+        value=max(abs(lag), limit(name)),
+    )
+
+
+def _gains(log: CheckedLog, deflection: Array, axis: int, lags_s: Array) -> list[AxisGains | None]:
+    """Return the gains of the fins' moment over inertia in one rate, at each lag."""
+    vehicle, t_s, at = log.vehicle, log.t_s("actuators"), log.t_s("imu")
+    assert vehicle is not None
+    assert vehicle.fins is not None
+    ahead = np.interp(t_s, log.t_s("velocity"), log.body_velocity()[:, 0])
+    moving = np.column_stack([ahead, np.zeros((t_s.size, 5))])
+    force = fin_force(vehicle.fins, moving, deflection, water_density=vehicle.water_density)
+    push = force[:, [axis]] / vehicle.mass_matrix[axis, axis]
+    coupled = coupling(log, axis, at)
+    if axis == PITCH:
+        angle = np.interp(t_s, log.t_s("attitude"), log.column("attitude", ATTITUDE[1]))
+        push = np.column_stack([push, np.sin(angle)])
+    motion = log.column("imu", GYRO[axis - 3])
+    if not np.ptp(push[:, 0]):
+        return [None] * len(lags_s)
+    return gains_by_lag(t_s, push, at, motion, lags_s=lags_s, coupled=coupled)
+
+
+def _explained(gains: AxisGains | None) -> float:
+    return -np.inf if gains is None else gains.explained
+
+
+def _odds(gains: AxisGains | None) -> float:
+    """Return the logarithm of the likelihood over no moment; 0 for a turned one."""
+    if gains is None or gains.gain[0] <= 0.0:
+        return 0.0
+    return -0.5 * gains.count * float(np.log1p(-min(max(gains.explained, 0.0), 1.0 - 1e-9)))
+
+
+def _wrong_size(gains: AxisGains) -> bool:
+    gain, sd = float(gains.gain[0]), float(gains.sd[0])
+    far = gain - CLEAR * sd > SIZES[1] or gain + CLEAR * sd < SIZES[0]
+    return far and abs(gain) > LEAST_GAIN_SD * sd

@@ -1,0 +1,89 @@
+"""Fins at a wrong time, of a wrong sign or size, on a made-up torpedo that yaws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from auvid.hydro.dynamics.actuators.fins import fin_force
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages.columns import FINS
+from tests.support.motions import vehicle_document
+from tests.support.sound_log import Log, micro, sound
+
+AHEAD_M_S, STEP_S = 1.8, 0.1
+
+
+def yawing(late_s: float = 0.0, factors: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> Log:
+    """A minute of yaw by steps of the fins; recorded angles are late and times factors."""
+    log, rng = sound(), np.random.default_rng(2)
+    log.vehicle = vehicle_from_document(vehicle_document("vt690"))
+    fins = log.vehicle.fins
+    assert fins is not None
+    t = np.arange(0.0, 60.0, STEP_S)
+    rudder = np.repeat(rng.uniform(-0.3, 0.3, t.size // 30), 30)
+    angles = np.column_stack([0.0 * t, 0.0 * t, rudder, -rudder])
+    ahead = np.column_stack([AHEAD_M_S + 0.0 * t, np.zeros((t.size, 5))])
+    moment = fin_force(fins, ahead, angles, water_density=log.vehicle.water_density)[:, 5]
+    rate = np.zeros(t.size)
+    for n in range(1, t.size):
+        turning = moment[n - 1] / log.vehicle.mass_matrix[5, 5] - 0.8 * rate[n - 1]
+        rate[n] = rate[n - 1] + STEP_S * turning
+    noise = 0.002 * rng.standard_normal((t.size, 3))
+    heading = np.cumsum(rate) * STEP_S
+    log.streams["imu"] = {
+        "time_us": micro(t),
+        "gyro_x_rad_s": noise[:, 0],
+        "gyro_y_rad_s": noise[:, 1],
+        "gyro_z_rad_s": rate + noise[:, 2],
+        "accel_x_m_s2": noise[:, 0],
+        "accel_y_m_s2": noise[:, 1],
+        "accel_z_m_s2": noise[:, 2] - 9.8,
+    }
+    log.streams["attitude"] = {
+        "time_us": micro(t),
+        **dict.fromkeys(("phi_rad", "theta_rad"), noise[:, 0]),
+        "psi_rad": np.mod(heading, 2.0 * np.pi),
+    }
+    log.streams["velocity"] = {
+        "time_us": micro(t),
+        "u_m_s": AHEAD_M_S + noise[:, 0],
+        "v_m_s": noise[:, 1],
+        "w_m_s": noise[:, 2],
+    }
+    recorded: dict[str, Any] = dict(zip(FINS, (angles * factors).T, strict=True))
+    log.streams["actuators"] = {"time_us": micro(t + late_s), **recorded}
+    return log
+
+
+def of_fins(log: Log) -> list[tuple[str, str]]:
+    """Findings whose words name fins."""
+    return [
+        (item["id"], item["text"])
+        for item in log.health()["findings"]
+        if " fin " in item["text"] or " fins " in item["text"]
+    ]
+
+
+def test_fins_of_a_right_file_have_no_finding() -> None:
+    assert of_fins(yawing()) == []
+
+
+@pytest.mark.parametrize(
+    ("late_s", "factors", "name", "words"),
+    [
+        (0.8, (1.0, 1.0, 1.0, 1.0), "command_late", "s before its stamp"),
+        (-1.0, (1.0, 1.0, 1.0, 1.0), "commands_early", "s after its stamp"),
+        (0.0, (-1.0, -1.0, -1.0, -1.0), "response_sign", "the wrong way round"),
+        (0.0, (1.0, 1.0, 1.0, -1.0), "response_order", "The top fin acts backward"),
+        (0.0, (0.2, 0.2, 0.2, 0.2), "response_scale", "times as fast"),
+    ],
+)
+def test_a_fault_of_the_fins_is_named(
+    late_s: float, factors: tuple[float, ...], name: str, words: str
+) -> None:
+    (item,) = of_fins(yawing(late_s, factors))
+    assert item[0] == name
+    assert words in item[1]
