@@ -197,7 +197,7 @@ def _uses(
         factor, unit = 1.0, ""
         if name in (*"uvwpqr", "V"):
             factor, unit = degrees("m/s" if name in (*"uvw", "V") else "rad/s")
-        low, high = f"{factor * speed.low:.2g}", f"{factor * speed.high:.2g}"
+        low, high = significant(factor * speed.low, 2), significant(factor * speed.high, 2)
         parts.append(f"{name} {low} to {high} {unit}".rstrip())
     words = f"{', '.join(parts)}: the range of the training legs"
     uses.append(Use("Within", "", true_minus(words)))

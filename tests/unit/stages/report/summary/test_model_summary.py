@@ -199,6 +199,16 @@ def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun)
     assert use.reason.endswith("not in heave (heave: damping not excited)")
 
 
+def test_fast_turns_are_printed_without_an_exponent(run: ExampleRun) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2}, axis)
+    card = run.cards["coe"]
+    fast = card.conditions["r"].model_copy(update={"low": -1.73, "high": 1.83})
+    run.cards["coe"] = card.model_copy(update={"conditions": card.conditions | {"r": fast}})
+    (use,) = (use for use in summary_of(run).uses if use.label == "Within")
+    assert "r −99 to 105 deg/s" in use.reason
+
+
 def test_tilts_whose_damping_is_unknown_are_not_blamed_on_their_free_runs(
     run: ExampleRun,
 ) -> None:
