@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 from auvid.data_schemas.records.models import (
@@ -67,7 +67,8 @@ def usable_for(
     pitch. These two are simulated where no drive tips it over and their damping rests on
     data or a prior. A controller is designed on no axis of a model whose roll or pitch
     runs are worse than a guess: it would act through tilts that the model gets wrong. Nor
-    on an axis that is unstable by itself (`unstable_axes`).
+    on an axis on which a disturbance grows by itself (`unstable_axes`); on the axis that is
+    driven then a controller stands on what holds the growing one (`growth_words`).
     """
 
     def below(value: float | None, limit: float) -> bool:
@@ -326,15 +327,37 @@ def tipping_axes(model: MeritRecord) -> list[str]:
 def unstable_axes(model: MeritRecord) -> list[str]:
     """Return axes on which a disturbance grows at flown speeds of the own drive.
 
-    With the axis that is driven then; all where a decay from the flown velocities leaves
-    all bounds, which shows on none.
+    All where a decay from the flown velocities leaves all bounds, which shows on none.
     """
     if model.motion is None:
         return []
     if model.motion.decays_lost:
         return list(AXES)
-    growing = [item for item in own_drives(model.motion) if item.growth_1_s > GROWS_1_S]
-    return [axis for axis in AXES if any(axis in (i.axis, i.grows_on) for i in growing)]
+    growing = growing_drives(model.motion)
+    return [axis for axis in AXES if any(axis == item.grows_on for item in growing)]
+
+
+def growing_drives(motion: MotionCheck) -> list[SteadyRange]:
+    """Return the own drives at whose flown speeds a disturbance grows."""
+    return [item for item in own_drives(motion) if item.growth_1_s > GROWS_1_S]
+
+
+def growth_words(model: MeritRecord, axes: Collection[str]) -> str:
+    """Return what a controller of some axes stands on: what grows beside them.
+
+    Roll and pitch are what an autopilot holds; empty where nothing else grows.
+    """
+    if model.motion is None or model.motion.decays_lost:
+        return ""
+    drives: dict[str, list[str]] = {}
+    for item in growing_drives(model.motion):
+        if item.axis in axes and item.grows_on != item.axis:
+            drives.setdefault(item.grows_on, []).append(item.axis)
+    return "; ".join(
+        f"at flown speeds of {axes_listed(driven)} a disturbance grows in {AXIS_WORDS[axis]}, which"
+        f" {'attitude hold' if axis in TILTS else 'another controller'} has to hold"
+        for axis, driven in drives.items()
+    )
 
 
 def own_drives(motion: MotionCheck) -> list[SteadyRange]:

@@ -242,8 +242,15 @@ def _start(problem: _Problem, values: Array) -> Array:
         if np.isfinite(problem.residuals(values)).all():
             return values
         values[1] *= 0.8
+    drive = problem.rows.state.drive_m3
     raise DataError(
-        "no drag makes a glide of these rows: net buoyancy and depth rate go against each other"
+        "no drag makes a glide of these rows: net buoyancy and depth rate go against each other",
+        field="buoyancy_drive_m3",
+        value=f"{1e6 * drive.min():.3g} to {1e6 * drive.max():.3g} cm^3 while it glides",
+        remedy=(
+            "Was the drive at its stop, or does its column have another zero or unit than the"
+            " vehicle file? Mass and volume there decide at which drive it floats."
+        ),
     )
 
 

@@ -31,6 +31,7 @@ from auvid.stages.model_use import (
     damps,
     failing_axes,
     form_words,
+    growth_words,
     listed,
     lost_tilts,
     recommendation,
@@ -180,6 +181,8 @@ def _uses(
     words = words if usable.control else f"it must be {words}"
     unstable = [axis for axis in unstable_axes(chosen) if axis in usable.simulation]
     words += f"; by itself the model is unstable in {axes_listed(unstable)}" if unstable else ""
+    growth = growth_words(chosen, usable.control)
+    words += f"; {growth}" if growth else ""
     rests: dict[str, list[str]] = {}
     for axis in TILTS:
         if axis not in usable.control:

@@ -9,7 +9,13 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
-from auvid.stages.model_use import damping_verdict, form_words, usable_for, use_words
+from auvid.stages.model_use import (
+    damping_verdict,
+    form_words,
+    growth_words,
+    usable_for,
+    use_words,
+)
 from auvid.stages.validate.presentation import form_blocks
 from auvid.stages.validate.ranking import (
     free_run_ratios,
@@ -216,17 +222,19 @@ def motion(
 
 
 @pytest.mark.parametrize(
-    ("check", "control"),
+    ("check", "control", "kept"),
     [
-        (motion(), ["X", "Y", "Z", "N"]),
-        (motion(grows_on={"X": "Z"}), ["Y", "N"]),
-        (motion(lost=1), []),
+        (motion(), ["X", "Y", "Z", "N"], ""),
+        (motion(grows_on={"X": "Z"}), ["X", "Y", "N"], "heave, which another controller has"),
+        (motion(grows_on={"X": "K"}), ["X", "Y", "Z", "N"], "roll, which attitude hold has"),
+        (motion(grows_on={"N": "N"}), ["X", "Y", "Z"], ""),
+        (motion(lost=1), [], ""),
     ],
 )
 def test_no_controller_for_an_axis_that_is_unstable_by_itself(
-    run: ExampleRun, check: MotionCheck, control: list[str]
+    run: ExampleRun, check: MotionCheck, control: list[str], kept: str
 ) -> None:
-    """Heave that grows at speeds of surge leaves neither; a lost decay leaves none."""
+    """Heave that grows at speeds of surge has none; after a lost decay none has."""
     set_sse(run, {"coe": 1.0})
     for row in run.errors:
         if row["model"] == "coe" and row["use"] == "validation":
@@ -236,6 +244,9 @@ def test_no_controller_for_an_axis_that_is_unstable_by_itself(
     assert record.usable is not None
     assert record.usable.simulation == ["X", "Y", "Z", "N"]
     assert record.usable.control == control
+    words = growth_words(record.models[0], control)
+    assert kept in words
+    assert bool(kept) is bool(words)
 
 
 def test_free_runs_that_tip_over_are_a_fault(run: ExampleRun) -> None:

@@ -26,6 +26,8 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
     driven = [
         name.removeprefix("command_") for name, moves in zip(names, moving, strict=True) if moves
     ]
+    if len(driven) < MIXED_AXES:
+        return
     columns = dict(zip((*SPEEDS, RATES[2]), (*LINEAR_VELOCITY, GYRO[2]), strict=True))
     words = []
     for number, axis in enumerate(driven):

@@ -160,9 +160,18 @@ def restless(columns: Columns) -> None:
     columns["pitch_rad"] = columns["pitch_rad"] + 0.2 * np.sin(t / 5.0)
 
 
+def clipped(columns: Columns) -> None:
+    """The drive stops at a tenth of its stroke, about the middle."""
+    drive = columns["buoyancy_drive_m3"]
+    low, high = float(np.nanmin(drive)), float(np.nanmax(drive))
+    ends = low + np.array([0.45, 0.55]) * (high - low)
+    columns["buoyancy_drive_m3"] = np.clip(drive, *ends)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (clipped, "no drag makes a glide.*at its stop"),
         (restless, "no glide settles: leg 'dive'.*pitch moving"),
         (constant, "the buoyancy drive never moves in leg 'dive'.*-230"),
         (times(buoyancy_drive_m3=-1.0), "dives where its drive makes it light.*sign: -1"),

@@ -208,6 +208,15 @@ def test_an_axis_that_is_hardly_commanded_is_not_mixed() -> None:
     assert not of(ingested(*tank_poses(run)), "commands_mixed")
 
 
+def test_a_single_command_that_moves_is_not_mixed() -> None:
+    """The run of one thruster ended in an internal fault."""
+    run = noisy(tank_run(1), 1)
+    for name in COMMANDS:
+        if name != "cmd2":
+            run[name] = np.zeros_like(run[name])
+    assert not of(ingested(*tank_poses(run)), "commands_mixed")
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_commands_that_a_frame_mixed_are_named(seed: int) -> None:
     run = noisy(tank_run(seed), seed)
