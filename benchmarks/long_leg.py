@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -30,15 +31,6 @@ FAST = ("imu", "attitude", "depth", "outputs")
 FAST_HZ, CHECK_S = 50, 55
 LIMITS = {"cpu_s": 60.0, "megabytes": 600.0}
 """Of an hour: 30 s on two cores."""
-CHILD = """
-import resource, sys
-from auvid.__main__ import main
-try:
-    main()
-finally:
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, file=sys.stderr)
-"""
 
 
 def add_campaign(folder: Path, minutes: float) -> str:
@@ -63,17 +55,13 @@ def add_campaign(folder: Path, minutes: float) -> str:
 
 def run(folder: Path, name: str, *options: str) -> dict[str, float]:
     """Run a campaign in a process of its own; return its CPU time and peak memory."""
-    done = subprocess.run(
-        [sys.executable, "-c", CHILD, "run", name, "--quiet", *options],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    *words, figures = done.stderr.strip().splitlines()
-    if done.returncode not in (0, 3):
-        raise SystemExit("\n".join([done.stdout, *words]))
-    cpu_s, megabytes = map(float, figures.split())
+    command = [sys.executable, "-m", "auvid", "run", name, "--quiet", *options]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL) as process:
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode not in (0, 3):
+        raise SystemExit(process.returncode)
+    cpu_s, megabytes = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024
     return {"cpu_s": round(cpu_s, 1), "megabytes": round(megabytes, 1)}
 
 
