@@ -15,7 +15,8 @@ shows what its interval holds, by dives and by share of the variance between the
 level of the product and at 95 % of the weights. `after`: the same of fleets in which a change
 was found, pooled as levels, over all dives, and over those since the change. `together`: a
 change of all drags after five of ten dives among twenty figures, found within five dives
-with and without the drag of all axes, and false alarms. Each line has the 95 % interval of
+with the shares of the product, with equal ones and without the drag of all axes, and false
+alarms. Each line has the 95 % interval of
 its share (Clopper and Pearson).
 """
 
@@ -38,7 +39,11 @@ from auvid.hydro.identification.fleet.drag import common_drag
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, outside_share
 from auvid.hydro.identification.fleet.scatter import between_dives
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
-from auvid.pipeline.commands.fleet.report.vehicle_figures import ALL_DRAGS, SHARES
+from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    ALL_DRAGS,
+    DRAG_OF_AXIS,
+    alarm_shares,
+)
 
 FLEETS = 2000
 
@@ -195,6 +200,7 @@ CHANGES: dict[str, tuple[Sequence[float], Sequence[float], float]] = {
     "a fifth, six axes at 10 %": ([0.1] * 6, [0.2] * 6, 0.9),
     "a fifth, two axes at 5 %": ([0.05] * 2, [0.2] * 2, 0.9),
     "a fifth, one of six axes at 5 %": ([0.05] * 6, [0.2] + [0.0] * 5, 0.9),
+    "a fifth, one of six axes at 5 %, half of it errors": ([0.05] * 6, [0.2] + [0.0] * 5, 0.5),
     "a fifth more hull drag of twins": (
         [0.039, 0.078, 0.127, 0.082],
         [0.139, 0.169, 0.142, 0.185],
@@ -223,11 +229,13 @@ def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
         ]
         pairs = [pair for pair in drags if pair is not None]
         common = largest_odds(*(np.array(part) for part in zip(*pairs, strict=True)))[:, -1]
-        without = (own > alarm_limit(FALSE_ALARMS / figures)).any(axis=0)
-        kept = SHARES[ALL_DRAGS]
-        raised = (own > alarm_limit(FALSE_ALARMS * (1.0 - kept) / figures)).any(axis=0)
-        raised |= common > alarm_limit(FALSE_ALARMS * kept)
-        yield f"{case}: {share(raised)}, without the drag of all axes {share(without)}"
+        names = [f"{DRAG_OF_AXIS}{a}" if a < len(change) else str(a) for a in range(figures)]
+        equal = (own > alarm_limit(FALSE_ALARMS / figures)).any(axis=0)
+        shares = alarm_shares([*names, ALL_DRAGS])
+        limits = np.array([alarm_limit(FALSE_ALARMS * shares[name]) for name in names])
+        raised = (own > limits[:, None]).any(axis=0)
+        raised |= common > alarm_limit(FALSE_ALARMS * shares[ALL_DRAGS])
+        yield f"{case}: {share(raised)}; equal shares, no drag of all axes {share(equal)}"
 
 
 BATCH = 25

@@ -79,8 +79,21 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
     difference, variance = _contrast(scatter, y, s)
     wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
     prior = variance + wide[..., None]
-    odds = 0.5 * (np.log(variance / prior) + difference**2 * (1.0 / variance - 1.0 / prior))
-    return np.asarray(np.logaddexp.reduce(odds + scatter.log_weight[..., None], axis=-2))
+    ratio = variance / prior
+    difference *= difference
+    difference *= (1.0 - ratio) / variance
+    odds = np.log(ratio, out=ratio)
+    odds += difference
+    odds *= 0.5
+    odds += scatter.log_weight[..., None]
+    return _log_sum(odds)
+
+
+def _log_sum(values: Array) -> Array:
+    """Return the logarithm (..., c) of summed exponentials of values (..., g, c)."""
+    largest = values.max(axis=-2, keepdims=True)
+    total: Array = np.log(np.exp(values - largest).sum(axis=-2)) + largest[..., 0, :]
+    return total
 
 
 def change_alarms(
@@ -175,7 +188,8 @@ def _contrast(scatter: BetweenDives, y: Array, s: Array) -> tuple[Array, Array]:
     """Return mean after less mean before (..., g, c), and its variance."""
     weight = 1.0 / (s[..., None, :] ** 2 + scatter.tau[..., None] ** 2)
     total = np.cumsum(weight, axis=-1)
-    moment = np.cumsum(weight * y[..., None, :], axis=-1)
+    weight *= y[..., None, :]
+    moment = np.cumsum(weight, axis=-1)
     before, first = total[..., FEWEST_BEFORE - 1 : -1], moment[..., FEWEST_BEFORE - 1 : -1]
     after, second = total[..., -1:] - before, moment[..., -1:] - first
     return second / after - first / before, 1.0 / before + 1.0 / after

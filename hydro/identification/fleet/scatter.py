@@ -21,8 +21,8 @@ GRID = 160
 """Values of tau, in equal steps of its logarithm: 9 steps a decade at least."""
 LEAST_TAU, MOST_TAU = 1e-3, 3e3
 """Ends of the grid: of the typical error, and of the scatter of the estimates."""
-HALVINGS = 60
-"""Of the interval in which a quantile lies."""
+MOST_STEPS = 60
+"""Towards a quantile."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,7 @@ def between_dives(
          for own in of_level), np.zeros(y.shape)
     )  # fmt: skip
     freedom = max(y.shape[-1] - len(of_level), 1)
+    one_level = len(of_level) == 1
     spread = np.maximum(typical, np.sqrt(away.sum(axis=-1) / freedom))
     low, high = np.log(LEAST_TAU * typical), np.log(MOST_TAU * spread)
     tau = np.exp(low[..., None] + (high - low)[..., None] * np.linspace(0.0, 1.0, grid))
@@ -132,10 +133,13 @@ def between_dives(
     likelihood = 0.5 * np.log(every).sum(axis=-1)
     squares = np.zeros(tau.shape)
     for own in of_level:
-        weight = every * own[..., None, :]
+        weight = every if one_level else every * own[..., None, :]
         total = weight.sum(axis=-1)
-        mean = (weight * y[..., None, :]).sum(axis=-1) / total
-        squares += (weight * (y[..., None, :] - mean[..., None]) ** 2).sum(axis=-1)
+        mean = (weight @ y[..., None])[..., 0] / total
+        away = y[..., None, :] - mean[..., None]
+        away *= away
+        away *= weight
+        squares += away.sum(axis=-1)
         likelihood -= 0.5 * np.log(total)
     likelihood -= 0.5 * squares
     # tau: equal steps of the logarithm.
@@ -166,10 +170,24 @@ def _mixture(value: Array, weight: Array, mean: Array, sd: Array) -> Array:
 
 
 def _quantile(share: float, weight: Array, mean: Array, sd: Array) -> Array:
-    """Return the quantile (...) of normals with weights (..., g), by halving."""
+    """Return the quantile (...) of normals with weights (..., g).
+
+    Newton's steps; where one leaves the interval in which the quantile lies, that is halved.
+    """
+    from scipy.special import ndtr
+
     low, high = (mean - 40.0 * sd).min(axis=-1), (mean + 40.0 * sd).max(axis=-1)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        below = _mixture(middle, weight, mean, sd) < share
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return np.asarray(0.5 * (low + high))
+    exact = 1e-14 * (high - low)
+    density = weight / (sd * np.sqrt(2.0 * np.pi))
+    at = np.asarray((weight * mean).sum(axis=-1))
+    for _ in range(MOST_STEPS):
+        score = (at[..., None] - mean) / sd
+        excess = (weight * ndtr(score)).sum(axis=-1) - share
+        low, high = np.where(excess < 0.0, at, low), np.where(excess < 0.0, high, at)
+        slope = (density * np.exp(-0.5 * score**2)).sum(axis=-1)
+        near = at - excess / np.maximum(slope, 1e-300)
+        after = np.where((low < near) & (near < high), near, 0.5 * (low + high))
+        moved, at = np.abs(after - at), after
+        if np.all(moved <= exact):
+            break
+    return at

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -82,13 +82,16 @@ class GrowingTables:
         self._lines[name] = []
 
 
-def read_table(fleet: FleetFolder, name: str) -> pa.Table:
-    """Return a table of a fleet. Raises `UsageError` for a name that there is not."""
+def read_table(fleet: FleetFolder, name: str, columns: Sequence[str] = ()) -> pa.Table:
+    """Return a table of a fleet, or some columns of it.
+
+    Raises `UsageError` for a name that there is not.
+    """
     if name not in TABLES:
         raise UsageError(
             "no such table of a fleet", value=name, allowed=TABLES, remedy=nearest(name, TABLES)
         )
-    table: pa.Table = load(fleet.table(name), TABLES[name])
+    table: pa.Table = load(fleet.table(name), TABLES[name], columns=columns)
     return table
 
 

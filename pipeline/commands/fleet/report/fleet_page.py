@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.compute as pc
 from markupsafe import Markup
 
@@ -55,10 +54,11 @@ def write_page(fleet: FleetFolder, *, by_name: bool = False) -> None:
     by_name: names of files are in order of time.
     """
     tables = {name: read_table(fleet, name).to_pylist() for name in ("runs", "findings")}
-    main = [f"{vehicle}/{model}" for vehicle, model in main_models(tables["runs"]).items()]
-    every = read_table(fleet, "coefficients")
-    named = pc.binary_join_element_wise(every["vehicle"], every["model"], "/")
-    drawn = pc.or_(pc.is_in(named, pa.array(main, pa.string())), pc.equal(every["axis"], ""))
+    every = read_table(fleet, "coefficients", COLUMNS)
+    drawn = pc.equal(every["axis"], "")
+    for vehicle, model in main_models(tables["runs"]).items():
+        own = pc.and_(pc.equal(every["model"], model), pc.equal(every["vehicle"], vehicle))
+        drawn = pc.or_(drawn, own)
     tables["coefficients"] = every.filter(drawn).select(COLUMNS).to_pylist()
     index = json.loads(fleet.index.read_text(encoding="utf-8"))
     write_atomically(fleet.page, fleet_page(str(index["disk"]), tables, by_name=by_name))

@@ -38,8 +38,11 @@ NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited
 FEWEST_DIVES = 2
 """Of a figure: with a number, and that call it identified."""
 ALL_DRAGS = "drag of all axes over its mean"
-SHARES = {ALL_DRAGS: 0.3}
-"""Of the probability of false alarms: what fouls a hull shows in all axes (decision 0062)."""
+DRAG_OF_AXIS = "drag in "
+SHARES = {"all axes": 0.3, "each axis": 0.5, "others": 0.2}
+"""Of the probability of false alarms: what fouls a hull shows in all axes (decision 0062), and
+drag is looked for more than other figures (decision 0072).
+"""
 COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
 COLUMNS += ["verdict", "correlation"]
 """Of table `coefficients`: what is read of it."""
@@ -180,7 +183,7 @@ def _of_vehicle(
         name: (np.where(placed, values, np.nan), errors)
         for name, (values, errors) in watched.items()
     }
-    alarms = change_alarms(in_order, shares=SHARES) if in_order else ()
+    alarms = change_alarms(in_order, shares=alarm_shares(list(in_order))) if in_order else ()
     changes = {item.name: _changes(item, alarms) for item in figures}
     levels = {
         name: np.searchsorted(firsts, np.arange(len(dives)), side="right")
@@ -209,6 +212,26 @@ def _of_vehicle(
         },
         int((~placed).sum()),
     )
+
+
+def alarm_shares(names: Sequence[str]) -> dict[str, float]:
+    """Return the share of each figure of the probability of false alarms, 1 in all.
+
+    >>> alarm_shares(["drag in surge at 0.3 m/s", "X_u*v", "thruster 1"])["thruster 1"]
+    0.14285714285714288
+    """
+    groups: dict[str, list[str]] = {group: [] for group in SHARES}
+    for name in names:
+        of_axis = name.startswith(DRAG_OF_AXIS)
+        groups["all axes" if name == ALL_DRAGS else "each axis" if of_axis else "others"].append(
+            name
+        )
+    total = sum(SHARES[group] for group, members in groups.items() if members)
+    return {
+        name: SHARES[group] / total / len(members)
+        for group, members in groups.items()
+        for name in members
+    }
 
 
 def _unseen(rows: Sequence[Row]) -> Iterator[str]:
@@ -338,7 +361,7 @@ def _drags(
                 cells[place[log]] = drag.force, drag.standard_error
         if len(cells) >= FEWEST_DIVES:
             moment = axis in "KMN"
-            name = f"drag in {word} at {significant(speed)} {'rad/s' if moment else 'm/s'}"
+            name = f"{DRAG_OF_AXIS}{word} at {significant(speed)} {'rad/s' if moment else 'm/s'}"
             values, errors = _columns(cells, len(place))
             logs = tuple(place)
             unit = "N m" if moment else "N"

@@ -175,3 +175,11 @@ def test_dives_of_several_levels_are_too_few_in_words() -> None:
     assert pooled.refusal == (
         "4 dives: no interval; the scatter between dives needs 3 and 2 more, one for each change"
     )
+
+
+@pytest.mark.parametrize("share", [1e-6, 0.025, 0.5, 0.975])
+def test_a_quantile_is_where_so_many_dives_lie_below(share: float) -> None:
+    for errors in ([1.0, 1e-3, 1.0, 5.0], np.full(4, 1e-6), np.full(4, 100.0)):
+        scatter = between_dives([10.0, 11.0, 30.0, 10.5], errors)
+        at = scatter.next_dive_quantile(share)
+        assert scatter.next_dive_share(at) == pytest.approx(share, rel=1e-6)

@@ -10,7 +10,11 @@ import pytest
 from auvid.data_schemas.schemas import schema
 from auvid.hydro.arrays import Array
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES
-from auvid.pipeline.commands.fleet.report.vehicle_figures import VehicleFigures, vehicle_figures
+from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    VehicleFigures,
+    alarm_shares,
+    vehicle_figures,
+)
 
 Row = dict[str, Any]
 IDENTIFIED_AT = 4.0
@@ -125,3 +129,11 @@ def test_an_angle_and_its_interval_have_one_unit() -> None:
     assert figure.unit == "deg"
     np.testing.assert_allclose(figure.values, np.degrees(0.02))
     assert rov.pooled[figure.name].mean == pytest.approx(np.degrees(0.02))
+
+
+def test_false_alarms_are_shared_out_and_drags_have_most() -> None:
+    drags = [f"drag in {word} at 0.3 m/s" for word in ("surge", "sway")]
+    shares = alarm_shares([*drags, "drag of all axes over its mean", "X_u*v", "thruster 1"])
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares[drags[0]] == shares[drags[1]] > 2.0 * shares["X_u*v"]
+    assert alarm_shares(["X_u*v"]) == {"X_u*v": 1.0}
