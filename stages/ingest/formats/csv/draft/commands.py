@@ -13,7 +13,7 @@ from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
 )
 from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
-from auvid.stages.ingest.formats.csv.draft.units import percentile
+from auvid.stages.ingest.formats.csv.draft.units import LARGEST_COMMAND, percentile
 
 PULSES = (800.0, 2200.0)
 FEWEST_OUTPUTS = 3
@@ -22,7 +22,6 @@ MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
 NAMED_COMMAND, NAMED_REVERSED = "named", "named reversed"
 """Marks of commands whose axis the user names."""
 COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
-LARGEST_COMMAND = 1.5
 AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 
 

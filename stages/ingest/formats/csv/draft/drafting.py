@@ -65,6 +65,7 @@ OTHER_OF_PAIR = {"rudder": "fin_t_rad", "elevator": "fin_p_rad"}
 """A column of a pair of fins moves this one too."""
 FIN_SIGN = "positive pushes the stern to starboard or up, else sign: -1"
 WITHOUT_UNIT = {"surge": "u_m_s", "sway": "v_m_s", "heave": "w_m_s"}
+WITHOUT_UNIT |= {"roll": "phi_rad", "pitch": "theta_rad", "yaw": "psi_rad"}
 OF_TOWS = frozenset({"tow", "towing", "towed", "carriage"})
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 
@@ -179,6 +180,7 @@ def _with_columns(
             and kind in (own, field_name.split("_")[0])
             and not field_name.startswith("quality")
         ]
+        group = [values[item.name]] if name.startswith("command_") else group
         unit, check = unit_of(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
             check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"
@@ -243,7 +245,7 @@ def _spoken(item: NamedColumn, field: str, rivals: Sequence[str]) -> str:
     if field.startswith("fin_"):
         words.append(FIN_SIGN)
     if item.words in WITHOUT_UNIT and field.startswith("command_"):
-        words.append(f"a command, as no unit says speed; else {WITHOUT_UNIT[item.words]}")
+        words.append(f"a command, as no unit tells otherwise; else {WITHOUT_UNIT[item.words]}")
     if field in ("tow_speed_m_s", "tow_force_n") and not OF_TOWS & set(item.words.split()):
         words.append(f"taken for the {'speed' if 'speed' in field else 'force'} of the tow")
     if rivals and not field.startswith("pwm_"):

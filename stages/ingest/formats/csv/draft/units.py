@@ -21,7 +21,9 @@ NEAR_ONE, NEAR_GRAVITY = (0.8, 1.2), (8.5, 11.0)
 """Median length of an accelerometer at rest in g and in m/s^2."""
 FASTEST_M_S, FASTEST_CM_S = 15.0, 300.0
 """Larger velocities (99th percentile) are in cm/s, and beyond that in mm/s."""
-HALF_PI = 1.6
+LARGEST_COMMAND = 1.5
+"""Commands of -1 to 1 stay below it (99th percentile)."""
+FURTHEST_FIN_RAD = 1.6
 """No fin is turned further [rad]; larger deflections are in degrees."""
 FASTEST_RAD_S = 8.0
 """Larger rates (99th percentile) are in deg/s."""
@@ -41,7 +43,8 @@ GLIDER_UNITS = {
 def unit_of(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
     """Return the unit of a column, and in words what was assumed of it."""
     if name.startswith("command_"):
-        return item.unit or "1", ""
+        large = not item.unit and percentile(group) > LARGEST_COMMAND
+        return item.unit or "1", "beyond 1: another unit, or a set point" if large else ""
     if name.startswith("pwm_"):
         return item.unit, "" if item.unit == "us" else "full command taken for 1100 or 1900 us"
     depth = "" if stream != "depth" or "depth" in item.words else f"depth from {item.name}"
@@ -65,7 +68,7 @@ def unit_of(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -
     if name.startswith("accel"):
         return ("g0", "by its size") if size < 4.0 else ("m/s^2", "by its size")
     if name.startswith("fin_"):
-        return ("deg", "by its size") if size > HALF_PI else ("rad", "by its size")
+        return ("deg", "by its size") if size > FURTHEST_FIN_RAD else ("rad", "by its size")
     if stream in ("velocity", "water_velocity") or name == "tow_speed_m_s":
         unit = "m/s" if size < FASTEST_M_S else "cm/s" if size < FASTEST_CM_S else "mm/s"
         return unit, "by its size"

@@ -68,7 +68,11 @@ def test_names_that_leave_something_open_are_marked() -> None:
     )
     checks = {item.column: item.check for item in draft.columns}
     assert "or depth_filtered_m, by the name" in checks["depth_sensor_m"]
-    assert "a command, as no unit says speed; else u_m_s" in checks["surge"]
+    assert checks["surge"] == "a command, as no unit tells otherwise; else u_m_s"
+    steered = drafted({"t_s": T_S, "surge": wave(0.5), "sway": wave(0.5), "yaw": wave(170.0)})
+    assert "beyond 1: another unit, or a set point" in steered.columns[2].check
+    assert "else psi_rad" in steered.columns[2].check
+    assert "beyond 1" not in steered.columns[0].check
     towed = drafted({"t_s": T_S, "tension_N": 9.0 + wave(1.0), "speed_mps": 1.0 + wave(0.1)})
     assert [item.field for item in towed.columns] == ["tow_force_n", "tow_speed_m_s"]
     assert "taken for the speed of the tow" in towed.columns[1].check
