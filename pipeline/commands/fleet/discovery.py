@@ -15,7 +15,7 @@ from pathlib import Path
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.campaigns.workspace import vehicle_file_of
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
-from auvid.pipeline.commands.new.log_survey import files_of_dives
+from auvid.pipeline.commands.fleet.surveys.csv_dives import Grouping
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import FileHashes, hash_file, hash_value
 from auvid.stages.ingest.registry import HEAD_BYTES, READERS
@@ -82,12 +82,17 @@ def stamp_of(path: Path) -> tuple[int, int]:
 
 
 def discover(
-    target: Path, fleet: FleetFolder, vehicles: Sequence[str], hashes: FileHashes
+    target: Path,
+    fleet: FleetFolder,
+    vehicles: Sequence[str],
+    hashes: FileHashes,
+    group: Grouping,
 ) -> Discovery:
     """Return the logs below a folder, or those that a list names, sorted by path.
 
-    `vehicles`: `NAME` for all, or `PATTERN=NAME` for paths that match. Raises
-    `PipelineError` for a target that is not there, `UsageError` for a vehicle.
+    `vehicles`: `NAME` for all, or `PATTERN=NAME` for paths that match. `group` tells which
+    CSV files are of one dive. Raises `PipelineError` for a target that is not there,
+    `UsageError` for a vehicle.
     """
     named = [_vehicle_rule(words) for words in vehicles]
     base = target.expanduser()
@@ -112,7 +117,7 @@ def discover(
             value=there or "no file",
             remedy="Is the disk there? The fleet stays as it was.",
         )
-    dives = _dives(paths, fleet)
+    dives = _dives(paths, fleet, group)
     with ThreadPoolExecutor(READING_THREADS) as pool:
         logs = list(pool.map(lambda files: _log(files, base, named, hashes), dives))
     for rule, _ in named:
@@ -185,10 +190,10 @@ def _listed(file: Path) -> list[Path]:
     return sorted({file.parent / Path(name).expanduser() for name in names})
 
 
-def _dives(paths: Sequence[Path], fleet: FleetFolder) -> list[tuple[Path, ...]]:
+def _dives(paths: Sequence[Path], fleet: FleetFolder, group: Grouping) -> list[tuple[Path, ...]]:
     """Return the files of each dive: CSV files with different columns may be of one."""
     folders: dict[Path, list[Path]] = defaultdict(list)
-    dives = []
+    dives: list[tuple[Path, ...]] = []
     for path in paths:
         if path.suffix.lower() in TABLE_SUFFIXES and path.is_file():
             folders[path.parent].append(path)
@@ -199,19 +204,28 @@ def _dives(paths: Sequence[Path], fleet: FleetFolder) -> list[tuple[Path, ...]]:
         earlier = json.loads(memory.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         earlier = {}
-    kept = {}
+    stamps = {
+        folder: hash_value([[path.name, *stamp_of(path)] for path in files])
+        for folder, files in folders.items()
+    }
+    groups: dict[Path, list[tuple[Path, ...]] | None] = {}
     for folder, files in folders.items():
-        stamps = hash_value([[path.name, *stamp_of(path)] for path in files])
         before = earlier.get(str(folder))
-        if before and before["stamps"] == stamps:
-            groups = [[folder / name for name in names] for names in before["files"]]
-        elif len({_header(path) for path in files}) > 1:
-            groups = files_of_dives(files)
+        if before and before["stamps"] == stamps[folder]:
+            groups[folder] = [tuple(folder / name for name in names) for names in before["files"]]
+        elif len({_header(path) for path in files}) == 1:
+            groups[folder] = [(path,) for path in files]
+    mixed = [folder for folder in folders if folder not in groups]
+    if mixed:
+        groups |= dict(zip(mixed, group([tuple(folders[name]) for name in mixed]), strict=True))
+    kept = {}
+    for folder, parts in groups.items():
+        if parts is None:
+            dives += [(path,) for path in folders[folder]]
         else:
-            groups = [[path] for path in files]
-        names = [[path.name for path in group] for group in groups]
-        kept[str(folder)] = {"stamps": stamps, "files": names}
-        dives += map(tuple, groups)
+            dives += parts
+            names = [[path.name for path in files] for files in parts]
+            kept[str(folder)] = {"stamps": stamps[folder], "files": names}
     if kept != earlier:
         write_atomically(memory, json.dumps({**earlier, **kept}).encode())
     return sorted(dives)

@@ -25,6 +25,7 @@ from auvid.pipeline.commands.fleet.log_work import (
     survey_task,
     unfinished,
 )
+from auvid.pipeline.commands.fleet.surveys.csv_dives import grouping
 from auvid.pipeline.commands.fleet.surveys.same_dives import (
     Compared,
     SameDive,
@@ -90,7 +91,7 @@ def _run_fleet(
 ) -> FleetOutcome:
     fleet = FleetFolder(out.expanduser().resolve())
     hashes = FileHashes(fleet.root / HASHES)
-    disk = discover(target, fleet, vehicles, hashes)
+    disk = discover(target, fleet, vehicles, hashes, grouping(engine, fleet))
     with locked(fleet.root):
         fleet.prepare()
         hashes.save()

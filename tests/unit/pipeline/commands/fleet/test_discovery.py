@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -9,11 +10,15 @@ import pytest
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.commands.fleet.discovery import FOLDER, Discovery, discover
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
+from auvid.pipeline.commands.fleet.surveys.csv_dives import GROUP, grouping
+from auvid.pipeline.execution.engines import Serial
+from auvid.pipeline.execution.task import Outcome, Task, execute
 from auvid.pipeline.store.file_hashes import FileHashes
 
 
 def search(target: Path, fleet: Path, *vehicles: str) -> Discovery:
-    return discover(target, FleetFolder(fleet), vehicles, FileHashes())
+    folder = FleetFolder(fleet)
+    return discover(target, folder, vehicles, FileHashes(), grouping(Serial(), folder))
 
 
 @pytest.fixture
@@ -120,3 +125,40 @@ def test_tables_of_one_kind_are_dives_of_their_own(tmp_path: Path) -> None:
         (tmp_path / "disk").mkdir(exist_ok=True)
         (tmp_path / f"disk/{name}.csv").write_text(f"time_s,depth_m\n0,{len(name)}\n{name}\n")
     assert [len(log.files) for log in search(tmp_path / "disk", tmp_path / "fleet").logs] == [1, 1]
+
+
+class Counting(Serial):
+    """An engine that counts the folders it is given, and may lose them all."""
+
+    def __init__(self, *, lose: bool = False) -> None:
+        self.lose, self.folders = lose, 0
+
+    def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        self.folders += len(tasks)
+        assert {task.stage for task in tasks} <= {GROUP}
+        return iter(
+            Outcome(task.item, crash="died") if self.lose else execute(task) for task in tasks
+        )
+
+
+def test_workers_find_the_csv_files_of_one_dive_once(tmp_path: Path) -> None:
+    for day in ("monday", "tuesday"):
+        (tmp_path / "disk" / day).mkdir(parents=True)
+        for name, column in (("depth", "depth_m"), ("battery", "voltage_v")):
+            rows = "".join(f"{0.1 * row:.1f},{10 + row % 7}\n" for row in range(300))
+            path = tmp_path / "disk" / day / f"{name}.csv"
+            path.write_text(f"time_s,{column}\n{rows}")
+    folder = FleetFolder(tmp_path / "fleet")
+
+    def files(engine: Counting) -> list[int]:
+        found_logs = discover(
+            tmp_path / "disk", folder, (), FileHashes(), grouping(engine, folder)
+        ).logs
+        return [len(log.files) for log in found_logs]
+
+    lost, first, second = Counting(lose=True), Counting(), Counting()
+    assert files(lost) == [1, 1, 1, 1]
+    assert files(first) == [2, 2], "what was lost is not remembered"
+    assert files(second) == [2, 2]
+    assert (lost.folders, first.folders, second.folders) == (2, 2, 0)
+    assert [path.name for path in folder.root.iterdir()] == [".csv_files.json"]
