@@ -17,11 +17,14 @@ FAR_MORE, AS_FAR = 20.0, 0.7
 """Count over that of the next number, and spread of the samples before it over that of all."""
 
 
-def placeholder(t_s: Array, values: Array, least: float) -> tuple[float, Mask] | None:
+def placeholder(
+    t_s: Array, values: Array, least: float, *, angle: bool = False
+) -> tuple[float, Mask] | None:
     """Return a number that stands for none in a column (n,) at t_s (n,), and its rows.
 
     It comes back exactly in many short runs, from both of whose neighbours it is far, on
-    one side and by more than `least`. None where no number does.
+    one side and by more than `least`. None where no number does. Turns of an `angle`
+    [rad] by 2 pi are none: a heading about north goes from 0 to 6.28 and back.
     """
     if values.size < FEWEST_ROWS or not np.isfinite(values).all():
         return None
@@ -30,19 +33,22 @@ def placeholder(t_s: Array, values: Array, least: float) -> tuple[float, Mask] |
     often = np.argsort(-counts)[:MOST_NUMBERS]
     usual = int(counts[often[1]]) if often.size > 1 else 0
     for number in numbers[often[counts[often] >= fewest]]:
-        rows = _leaping(t_s, values, values == number, least, only=counts.max() > FAR_MORE * usual)
+        only = counts.max() > FAR_MORE * usual
+        rows = _leaping(t_s, values, values == number, least, only=only, angle=angle)
         if rows is not None:
             return float(number), rows
     return None
 
 
-def _leaping(t_s: Array, values: Array, same: Mask, least: float, *, only: bool) -> Mask | None:
+def _leaping(
+    t_s: Array, values: Array, same: Mask, least: float, *, only: bool, angle: bool
+) -> Mask | None:
     """Return the rows (n,) of short runs of one number that leap and come back.
 
     `only`: the only number that comes back often; it need not leap where the samples about
     it are as far apart as all others: a sensor that rounds writes it near itself.
     """
-    steps = np.abs(np.diff(values[~same]))
+    steps = np.abs(_apart(np.diff(values[~same]), angle))
     if steps.size < FEWEST_ROWS // 2:
         return None
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
@@ -53,7 +59,9 @@ def _leaping(t_s: Array, values: Array, same: Mask, least: float, *, only: bool)
     if not short_first.size:
         return None
     number = values[same][0]
-    before, after = values[short_first - 1] - number, values[short_end] - number
+    before, after = (
+        _apart(values[beside] - number, angle) for beside in (short_first - 1, short_end)
+    )
     far = max(LEAP * float(np.percentile(steps, 90.0)), least)
     leaps = (np.minimum(np.abs(before), np.abs(after)) > far) & (before * after > 0.0)
     spread = max(AS_FAR * float(np.std(values[~same])), least)
@@ -65,3 +73,8 @@ def _leaping(t_s: Array, values: Array, same: Mask, least: float, *, only: bool)
     for start, stop in zip(short_first, short_end, strict=True):
         rows[start:stop] = True
     return rows if float(rows.mean()) >= LEAST_SHARE else None
+
+
+def _apart(differences: Array, angle: bool) -> Array:
+    """Return differences, those of angles between -pi and pi."""
+    return (differences + np.pi) % (2.0 * np.pi) - np.pi if angle else differences

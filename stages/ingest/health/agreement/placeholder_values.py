@@ -42,7 +42,8 @@ def placeholders(log: CheckedLog) -> dict[str, Placeholders]:
         t_s, numbers = log.t_s(stream), {}
         rows = np.zeros(t_s.size, dtype=np.bool_)
         for name in set(names) & set(log.tables[stream].column_names):
-            spotted = placeholder(t_s, column(log.tables[stream], name), _least(name))
+            values = column(log.tables[stream], name)
+            spotted = placeholder(t_s, values, _least(name), angle=name.endswith("_rad"))
             if spotted is not None:
                 numbers[name], rows = spotted[0], rows | spotted[1]
         if stream == "imu" and not numbers:

@@ -43,3 +43,19 @@ def test_zero_is_found_in_a_speed_that_is_near_zero_itself() -> None:
 )
 def test_a_sound_column_has_no_such_number(values: np.ndarray) -> None:  # type: ignore[type-arg]
     assert placeholder(T, values, 0.05) is None
+
+
+def heading_about_north() -> np.ndarray:  # type: ignore[type-arg]
+    """Return a heading in whole hundredths of a radian that turns from 0 to 6.28 and back."""
+    about = np.round(0.003 + 0.005 * np.random.default_rng(3).standard_normal(T.size), 2)
+    return np.where(about < 0.0, about + 6.28, about)
+
+
+def test_a_heading_about_north_has_no_such_number() -> None:
+    assert placeholder(T, heading_about_north(), 0.02) is not None
+    assert placeholder(T, heading_about_north(), 0.02, angle=True) is None
+    spotted = placeholder(
+        T, np.where(T * 10 % 20 == 3, 1.5, heading_about_north()), 0.02, angle=True
+    )
+    assert spotted is not None
+    assert spotted[0] == 1.5
