@@ -47,8 +47,8 @@ def test_a_sound_column_has_no_such_number(values: np.ndarray) -> None:  # type:
 
 def heading_about_north() -> np.ndarray:  # type: ignore[type-arg]
     """Return a heading in whole hundredths of a radian that turns from 0 to 6.28 and back."""
-    about = np.round(0.003 + 0.005 * np.random.default_rng(3).standard_normal(T.size), 2)
-    return np.where(about < 0.0, about + 6.28, about)
+    turned = np.round(0.003 + 0.005 * np.random.default_rng(3).standard_normal(T.size), 2)
+    return np.where(turned < 0.0, turned + 6.28, turned)
 
 
 def test_a_heading_about_north_has_no_such_number() -> None:
