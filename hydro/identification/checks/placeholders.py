@@ -48,7 +48,7 @@ def _leaping(
     `only`: the only number that comes back often; it need not leap where the samples about
     it are as far apart as all others: a sensor that rounds writes it near itself.
     """
-    steps = np.abs(_apart(np.diff(values[~same]), angle))
+    steps = np.abs(_difference(np.diff(values[~same]), angle))
     if steps.size < FEWEST_ROWS // 2:
         return None
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
@@ -60,7 +60,7 @@ def _leaping(
         return None
     number = values[same][0]
     before, after = (
-        _apart(values[beside] - number, angle) for beside in (short_first - 1, short_end)
+        _difference(values[rows] - number, angle) for rows in (short_first - 1, short_end)
     )
     far = max(LEAP * float(np.percentile(steps, 90.0)), least)
     leaps = (np.minimum(np.abs(before), np.abs(after)) > far) & (before * after > 0.0)
@@ -75,6 +75,6 @@ def _leaping(
     return rows if float(rows.mean()) >= LEAST_SHARE else None
 
 
-def _apart(differences: Array, angle: bool) -> Array:
+def _difference(differences: Array, angle: bool) -> Array:
     """Return differences, those of angles between -pi and pi."""
     return (differences + np.pi) % (2.0 * np.pi) - np.pi if angle else differences
