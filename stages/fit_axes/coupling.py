@@ -332,10 +332,16 @@ def _one_of(
 
 
 def fitted_shares(fit: CoupledFit) -> dict[str, tuple[float, float]]:
-    """Return axis -> factor of its inertia and the error, of all that are fitted."""
+    """Return axis -> factor of its inertia and the error, of all that are fitted.
+
+    At a bound the legs tell no error: it is that of the prior then.
+    """
     errors = np.sqrt(np.diag(fit.fit.covariance)) * fit.width / NORMAL_95
     return {
-        term.axis: (float(fit.fit.values[at]), float(errors[at]))
+        term.axis: (
+            float(fit.fit.values[at]),
+            term.sd if fit.fit.at_bound[at] else float(errors[at]),
+        )
         for at, term in enumerate(fit.pool.structure.terms)
         if term.kind == SHARE
     }

@@ -326,6 +326,8 @@ def test_the_file_has_the_ratio_of_an_axis_that_nothing_fits() -> None:
     value, error = fitted_shares(fit)["Y"]
     assert value == pytest.approx(1.35, abs=4.0 * error)
     assert error < 0.05
+    at_bound = replace(fit.fit, at_bound=np.ones_like(fit.fit.at_bound))
+    assert fitted_shares(replace(fit, fit=at_bound))["Y"] == (value, 0.3)
     plain = fits(True)
     assert plain.together is not None
     assert set(plain.inertia_shares) == {"Y", "N"}
