@@ -30,6 +30,11 @@ displaced water: a torpedo of fifteen diameters has 0.19 and 3.1. The smallest o
 seventeen vehicles and published sets is 0.3 to 1.2, but for one set of 3.8.
 """
 
+LEAST_LARGEST = 0.45
+"""Of the largest radius of gyration; a ball of one density has 0.63, its heavy core less."""
+LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
+"""Of the distance of the outermost of three thrusters or more, which sit outside the hull."""
+
 
 def missing_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield streams that the chain needs and the log lacks; a glider has its own."""
@@ -114,7 +119,7 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
         lengths.append(
             ("a smallest radius of gyration", float(gyration.min()), low, LARGEST_OF_SMALLEST)
         )
-        lengths.append(("a largest radius of gyration", float(gyration.max()), 0.0, high))
+        lengths.append(("a largest radius of gyration", float(gyration.max()), LEAST_LARGEST, high))
     if vehicle.thrusters is not None:
         forces, moments = (
             np.linalg.norm(part, axis=0) for part in np.split(vehicle.thrusters.allocation, 2)
@@ -122,6 +127,12 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
         pushing = forces > 0.1  # others make a moment alone
         arm = float((moments[pushing] / forces[pushing]).max(initial=0.0))
         lengths.append(("a thruster's lever arm", arm, 0.0, THRUSTER_RADII))
+    entry = vehicle.document.actuators.thrusters
+    if entry is not None and entry.position is not None:
+        places = np.linalg.norm(entry.position.array, axis=1)
+        if places.size >= FEWEST_THRUSTERS:
+            words = "a largest distance of the thrusters from the origin"
+            lengths.append((words, float(places.max()), LEAST_PLACE, np.inf))
     for words, place in (("velocity log", vehicle.dvl.arm_m), ("IMU", vehicle.imu.arm_m)):
         lengths.append((f"an arm of the {words}", float(np.linalg.norm(place)), 0.0, SENSOR_RADII))
     for words, length, low, high in lengths:

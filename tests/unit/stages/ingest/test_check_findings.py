@@ -1272,6 +1272,25 @@ def test_one_moment_of_inertia_that_does_not_fit_is_found(axis: int, factor: flo
     assert "body_size" in log.ids()
 
 
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        (("rigid_body", "inertia"), "largest radius of gyration"),
+        (("actuators", "thrusters", "position"), "distance of the thrusters"),
+    ],
+)
+def test_a_tenth_of_inertia_or_of_arms_is_found(keys: tuple[str, ...], words: str) -> None:
+    log, entry = sound(), vehicle_document("bluerov2_heavy")
+    document = copy.deepcopy(entry)
+    part: Any = document
+    for key in keys:
+        part = part[key]
+    part["value"] = (0.1 * np.array(part["value"])).tolist()
+    log.vehicle = vehicle_from_document(document)
+    texts = [item["text"] for item in log.health()["findings"] if item["id"] == "body_size"]
+    assert any(words in text for text in texts)
+
+
 @pytest.mark.parametrize("sensor", ["dvl", "imu"])
 def test_an_arm_in_millimetres_is_found(sensor: str) -> None:
     log = sound()
