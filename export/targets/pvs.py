@@ -122,7 +122,9 @@ def _actuators(body: Body) -> str:
     """Return which functions of the file give the force of actuators."""
     names = []
     if body.thrusters:
-        names.append("`thrust` and `thruster_force` give it from thrusters")
+        names.append(
+            "`thrust` gives the newtons of a thruster, and `thruster_force` takes those of all"
+        )
     if body.fins is not None:
         names.append("`fin_force` from fins")
     if body.propeller is not None:

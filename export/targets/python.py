@@ -38,7 +38,9 @@ def export(request: Request) -> Exported:
     text = f'"""{docstring(head)}\n"""\n\nimport math\n\n{code}'
     more = []
     if body.curve is not None:
-        more.append("`thrust` and `thruster_force` the force of thrusters")
+        more.append(
+            "`thrust` the newtons of a thruster, and `thruster_force` that of all from those"
+        )
     if body.fins is not None:
         more.append("`fin_force` that of fins")
     if body.propeller is not None:
