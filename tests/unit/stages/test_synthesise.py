@@ -771,15 +771,22 @@ def test_inertias_and_sums_scale_with_the_thrust_curve_as_coefficients_do() -> N
     assert row.assumed
 
 
-def test_a_lag_of_the_actuators_goes_with_all_models_and_can_be_left_out() -> None:
-    """Thrust that acts .15 s after its record: without the lag damping is a quarter too small."""
-    lag_s, motion, vehicle = 0.15, rich_motion(60.0, seed=5), shipped_vehicle("bluerov2_heavy")
+def driven_late(lag_s: float) -> synthesise.Inputs:
+    """Return a leg whose thrust acts `lag_s` after its record; Y_v is -60 N s/m."""
+    motion, vehicle = rich_motion(60.0, seed=5), shipped_vehicle("bluerov2_heavy")
     damping = motion.nu @ -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
     inertial = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, motion.nu)
     late = inertial - damping
     recorded = late + lag_s * np.gradient(late, motion.t_s, axis=0)
     noise = 0.1 * np.random.default_rng(12).normal(size=damping.shape)
-    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, inertial - recorded + noise, recorded)
+    return driven(motion.t_s, motion.nu, motion.nu_dot, inertial - recorded + noise, recorded)
+
+
+def test_a_lag_of_the_actuators_goes_with_all_models_and_can_be_left_out() -> None:
+    """Thrust that acts .15 s after its record: without the lag damping is a quarter too small."""
+    lag_s = 0.15
+    inputs = driven_late(lag_s)
+    vehicle = inputs.vehicle
     models = ("linear", "diagonal")
     with_lag = synthesise.run(inputs, synthesise.Params(models=models))
     without = synthesise.run(inputs, synthesise.Params(models=models, actuator_lag="none"))
@@ -807,13 +814,8 @@ def test_a_lag_of_the_actuators_goes_with_all_models_and_can_be_left_out() -> No
 def test_a_stated_lag_counts_and_is_held_against_that_of_the_legs(
     stated_s: float, warns: bool
 ) -> None:
-    lag_s, motion, vehicle = 0.15, rich_motion(60.0, seed=5), shipped_vehicle("bluerov2_heavy")
-    damping = motion.nu @ -np.diag([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
-    inertial = motion.nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, motion.nu)
-    late = inertial - damping
-    recorded = late + lag_s * np.gradient(late, motion.t_s, axis=0)
-    noise = 0.1 * np.random.default_rng(12).normal(size=damping.shape)
-    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, inertial - recorded + noise, recorded)
+    inputs = driven_late(0.15)
+    vehicle = inputs.vehicle
     spreads = {**vehicle.spreads, "thrust_lag": 0.01}
     stated = replace(inputs.vehicle, actuator_lag_s=stated_s, spreads=spreads)
     outputs = synthesise.run(
