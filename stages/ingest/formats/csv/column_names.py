@@ -49,6 +49,12 @@ LEAST_SHARED, SHARE_OF_PREFIX = 3, 0.4
 """Columns that begin with one unknown word: a vehicle or a topic, not what it measures."""
 DIGITS_OF_TYPE = 3
 """A word with such a number, as bno055, is the type of a sensor."""
+MEASURED, OF_NO_USE = "m", {"lat", "lon", "water"}
+"""The first word of what a Slocum glider measured; its latitudes are degrees and minutes in one
+number, its water is the current and the depth of the sea.
+"""
+RATE_LETTERS: Mapping[str, str] = {"r": "roll", "p": "pitch", "y": "yaw"}
+"""Rates of the message RATE of ArduPilot, which the desired ones `RDes`, `PDes`, `YDes` tell."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,8 @@ class NamedColumn:
 
 def named_columns(names: Sequence[str]) -> list[NamedColumn]:
     """Return what every name of a header means."""
-    options = _without_numbers(_without_prefix([readings(name) for name in names]))
+    options = _without_prefix([readings(name) for name in names])
+    options = _without_numbers(_of_rates(options))
     columns = [_named(name, read) for name, read in zip(names, options, strict=True)]
     return _in_header(columns)
 
@@ -125,13 +132,35 @@ def _without_prefix(options: Sequence[list[Reading]]) -> list[list[Reading]]:
 
 def _behind(words: tuple[str, ...], prefixes: set[str]) -> tuple[str, ...]:
     """Return words without a first one that is a prefix or a type of sensor."""
-    if len(words) < 2 or words[0] in vocabulary() or words[0].isdigit():
+    if len(words) < 2 or words[0].isdigit():
+        return words
+    if words[0] == MEASURED and not (words[1].isdigit() or OF_NO_USE & set(words)):
+        return words[1:] if MEASURED in prefixes else words
+    if words[0] in vocabulary():
         return words
     number = words[1] if words[1].isdigit() else ""
     if number and len(words) < 3:
         return words
     is_prefix = words[0] in prefixes or len(number) >= DIGITS_OF_TYPE
     return words[1 + bool(number) :] if is_prefix else words
+
+
+def _of_rates(options: Sequence[list[Reading]]) -> list[list[Reading]]:
+    """Return readings in which R, P and Y beside RDes, PDes and YDes are rates.
+
+    ROut, POut and YOut are outputs of their controller, as the desired ones nothing measured.
+    """
+    names = {read[-1][0] for read in options}
+    result = []
+    for read in options:
+        *upper, letter = read[-1][0]
+        is_output = letter == "out" and bool(upper)
+        if is_output:
+            letter = upper.pop()
+        if letter in RATE_LETTERS and all((*upper, other, "des") in names for other in "rpy"):
+            read = [((*upper, RATE_LETTERS[letter], "des" if is_output else "rate"), "")]
+        result.append(read)
+    return result
 
 
 def _without_numbers(options: Sequence[list[Reading]]) -> list[list[Reading]]:
@@ -200,7 +229,7 @@ def _beside_tow_force(item: NamedColumn, columns: Sequence[NamedColumn]) -> Name
     """Return a speed without an axis as that of the tow, where nothing else is."""
     streams = {other.place[0] for other in columns if other.place}
     fields = {other.place[1] for other in columns if other.place}
-    if item.words == "drag force" and MEASURES.get(item.unit, "force") == "force":
+    if item.words in ("drag force", "drag") and MEASURES.get(item.unit, "force") == "force":
         return replace(item, place=("tow", "tow_force_n"))
     is_speed = item.words in TOWED_SPEEDS and MEASURES.get(item.unit, "speed") == "speed"
     if is_speed and "velocity" not in streams and "tow_speed_m_s" not in fields:

@@ -19,7 +19,7 @@ QUANTITIES: Mapping[str, str] = {
         " beschleunigung sf"
     ),
     "velocity": "velocity velocities vel vels speed spd geschwindigkeit vitesse",
-    "angle": "angle angles euler rpy winkel",
+    "angle": "angle angles euler rpy ypr winkel",
     "attitude": "attitude att",
     "rotation": "rotation rot",
     "position": "position pos translation trans location loc",
@@ -28,11 +28,11 @@ QUANTITIES: Mapping[str, str] = {
     "pressure": "pressure press druck pression",
     "output": (
         "pwm pulse pulses servo motor thruster thrusters output outputs thr rcou esc mot thrust ch"
-        " chan channel"
+        " chan channel channels actuator actuators rcout"
     ),
     "command": "cmd command tau ctrl control input joy demand effort",
     "thrust": "thrust",
-    "propeller": "propeller prop screw shaft engine",
+    "propeller": "propeller prop propulsor screw shaft engine",
     "turns": "rpm revs drehzahl",
     "fin": "fin fins",
     "rudder": "rudder rudders",
@@ -50,8 +50,8 @@ QUANTITIES: Mapping[str, str] = {
     "northing": "northing",
     "easting": "easting",
     "time": (
-        "t time timestamp timestamps stamp times datetime utc elapsed secs seconds sec epoch zeit"
-        " zeitstempel temps clock"
+        "t ts time timestamp timestamps stamp times datetime utc elapsed secs seconds sec epoch"
+        " zeit zeitstempel temps clock"
     ),
 }
 """Quantity -> the words for it; a word may stand for several."""
@@ -107,16 +107,18 @@ ALIASES: Mapping[str, str] = {
 }
 """Words of other languages that other modules look for in English."""
 _SOURCES = """
-data msg msgs message field value val values header vector vec component axis in of from by out rc
-raw filtered filt lpf smooth smoothed measured meas measurement actual act fb feedback deflection
+data msg msgs message field value val values header vector vec xyz component axis in of from by out
+rc raw filtered filt lpf smooth smoothed unwrapped measured meas
+scaled calibrated cal corrected compensated uncomp measurement actual act fb feedback deflection
 est estimated estimate estimates estimator ekf ukf kf true truth gt ground model simulation sim
 sensor sensors sens combined imu imus ins ahrs mru fog ctd dvl bt xsens vectornav microstrain keller
+nortek nucleus waterlinked teledyne sparton sbg phins kvh valeport paroscientific pixhawk
 odom odometry state states pose nu eta mocap qualisys qtm optitrack vicon marker rigid body origin
 frame b frd flu ned local world global inertial earth map nav navigation
 log logged record recording bag ros rosbag mavros mavlink
 vehicle auv rov uuv asv robot bluerov brov remus device system sys host server recv receive
 received unix posix boot since start
-abs absolute relative rel external ext water sea hydrostatic primary main supply bus line
+abs absolute relative rel external ext water sea hydrostatic fluid primary main supply bus line
 """
 SOURCES = frozenset(_SOURCES.split())
 """Words that say where a column comes from, not what it is."""
@@ -148,6 +150,7 @@ WORLD = frozenset({"local", "ned", "world", "global", "inertial", "earth", "map"
 """Frames in which a velocity is none of the axes of the body, and a position is one."""
 PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("set", "point"): ("setpoint",),
+    ("vehicle", "odometry"): ("ned",),
     ("position", "estimate"): ("state",),
     ("pose", "estimate"): ("state",),
     ("magnetic", "heading"): ("heading",),
@@ -167,6 +170,10 @@ PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("cmd", "vel"): ("setpoint",),
     ("command", "vel"): ("setpoint",),
     ("rc", "in"): ("rcin",),
+    ("rc", "channels"): ("rcin",),
+    ("turn", "rate"): ("rate",),
+    ("below", "surface"): (),
+    ("gauge", "pressure"): ("pressure",),
     ("raw", "count"): ("count",),
     ("time", "of", "flight"): ("delta",),
     ("water", "depth"): ("seabed",),

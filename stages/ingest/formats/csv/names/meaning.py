@@ -52,6 +52,7 @@ class Fields:
 
 NO_UNIT = ""
 TIME = "time"
+WAYS, TURNS = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 MARK = "."
 """Before the quantity that a letter stands for."""
 VELOCITY = Fields("velocity", ("u_m_s", "v_m_s", "w_m_s"), frozenset({NO_UNIT, "speed"}))
@@ -113,6 +114,7 @@ RULES: Mapping[tuple[str, str], tuple[Fields, ...]] = {
     ("rate", "turn"): (GYRO,),
     ("rate", "heading"): (GYRO,),
     ("dot", "turn"): (GYRO,),
+    ("dot", "heading"): (GYRO,),
     ("acceleration", "xyz"): (ACCELERATION,),
     ("angle", "turn"): (ATTITUDE,),
     ("angle", "heading"): (ATTITUDE,),
@@ -135,7 +137,7 @@ SINGLE: tuple[tuple[tuple[str, ...], str, str, tuple[str, ...]], ...] = (
     (("voltage", "battery voltage"), "battery", "voltage_v", (NO_UNIT, "voltage")),
     (("battery", "tension", "battery tension"), "battery", "voltage_v", ("voltage",)),
     (("battery current",), "battery", "current_a", (NO_UNIT, "current")),
-    (("current",), "battery", "current_a", ("current",)),
+    (("current", "battery"), "battery", "current_a", ("current",)),
     (
         ("turns", "propeller turns", "output turns", "propeller velocity"),
         *("actuators", "propeller_rev_s", (NO_UNIT, "turns")),
@@ -269,8 +271,10 @@ def _with_letters(words: Sequence[str]) -> list[str]:
             word = f"{MARK}output"
         elif word in LETTERS and (after in ("x", "y", "z") or (word, after) == ("q", "w")):
             word = MARK + LETTERS[word]
-        elif word == "u" and after in ("surge", "sway", "heave", "roll", "pitch", "yaw"):
+        elif word == "u" and after in (*WAYS, *TURNS):
             word = f"{MARK}command"
+        elif (word == "v" and after in WAYS) or (word == "w" and after in TURNS):
+            word = MARK + LETTERS[word]
         result.append(word)
     return result
 
@@ -290,6 +294,7 @@ def _output(
         and not axes
         and len(numbers) == 1
         and quantities <= {"output", "command", "thrust"}
+        and quantities != {"output", "thrust"}  # the newtons of a thruster
         and (unit == "us" or measure in (NO_UNIT, "ratio"))
     ):
         return Meaning("actuators", f"pwm_{numbers[0]}_us")

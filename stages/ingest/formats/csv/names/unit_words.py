@@ -43,13 +43,13 @@ TABLE = """
 m/s^2   m s 2; mps 2; ms 2; m per s 2; mps2; m s s; mss; m ss
 g0      g; gs; gee
 mg_n    mg
-rad/s   rad s; radps; rads; rad per s; rad sec; radians per second; rps
+rad/s   rad s; rad s 1; rads 1; radps; rads; rad per s; rad sec; radians per second; rps
 mrad/s  mrad s; mradps
-deg/s   deg s; degps; dps; degs; deg per s; deg sec; degrees per second; grad s
+deg/s   deg s; deg s 1; degs 1; degps; dps; degs; deg per s; deg sec; degrees per second; grad s
 mdeg/s  mdps; mdeg s
 cm/s    cm s; cmps; cms
 mm/s    mm s; mmps; mms
-m/s     m s; mps; m per s; meters per second; metres per second; ms
+m/s     m s; m s 1; ms 1; mps; m per s; meters per second; metres per second; ms
 knot    kn; knot; knots; kt; kts
 rad     rad; rads; radian; radians
 deg     deg; degs; degree; degrees; grad

@@ -116,7 +116,11 @@ def readings(name: str) -> list[Reading]:
         units = UNITS.get(words, ())  # millivolt, rpm
     if units:
         return [(words, unit) for unit in units]
-    return [*units_at_end(words), (words, "")]
+    behind = len(words)
+    while behind > 1 and words[behind - 1] in SOURCES:
+        behind -= 1  # depth_m_filtered
+    before_sources = units_at_end(words[:behind]) if behind < len(words) else []
+    return [*units_at_end(words), *before_sources, (words, "")]
 
 
 def _words_of_levels(name: str) -> tuple[str, ...]:

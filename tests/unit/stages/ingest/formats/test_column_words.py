@@ -38,7 +38,7 @@ def test_names_are_taken_for_what_they_are_and_no_other_for_anything() -> None:
             field_fits = item.may_be_time if field == "t" else taken_for(item) == field
             if not field_fits or (unit and unit != item.unit):
                 wrong.append(f"{name}: {taken_for(item)}@{item.unit}, not {field}@{unit}")
-    assert count > 950
+    assert count > 1400
     assert wrong == []
 
 
