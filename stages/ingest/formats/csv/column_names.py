@@ -153,7 +153,7 @@ def _of_rates(options: Sequence[list[Reading]]) -> list[list[Reading]]:
     names = {read[-1][0] for read in options}
     result = []
     for read in options:
-        *upper, letter = read[-1][0]
+        *upper, letter = read[-1][0] or ("",)
         is_output = letter == "out" and bool(upper)
         if is_output:
             letter = upper.pop()
