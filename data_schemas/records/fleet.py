@@ -149,6 +149,6 @@ class FleetRun(Model):
     speeds: dict[str, float]
     """Velocity u v w p q r -> its RMS on the training legs, in SI."""
     report: str
-    """Path of the report, from the folder of the fleet; empty for none."""
+    """Path of the report, from the folder of the fleet, once it is drawn; empty for none."""
     recording: str
     """Path of the recording, likewise."""

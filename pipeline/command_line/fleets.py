@@ -71,12 +71,18 @@ def fleet_run(
     jobs: JobCount = None,
     scheduler: Scheduler = None,
     memory: WorkerMemory = None,
+    reports: Annotated[
+        bool,
+        typer.Option(
+            "--reports", help="Draw page and recording of each dive now, not when asked for."
+        ),
+    ] = False,
     force: Force = False,
 ) -> None:
     """Run every log of a disk as far as it goes; only new and changed ones run again.
 
     Each log ends as done, partly or refused, with the reason. Nothing is written beside
-    the logs.
+    the logs. auvid report, inspect and catalog draw a dive when they are asked for it.
 
     Exit codes: 0 all done; 1 none is done, or the call cannot be followed; 2 wrong use;
     3 some logs are not done; 130 interrupted, what was finished is kept.
@@ -86,7 +92,9 @@ def fleet_run(
 
     workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory)
     raise typer.Exit(
-        print_fleet_run(disk, out, vehicles=vehicle or (), engine=workers, force=force)
+        print_fleet_run(
+            disk, out, vehicles=vehicle or (), engine=workers, reports=reports, force=force
+        )
     )
 
 

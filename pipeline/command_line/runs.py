@@ -127,14 +127,20 @@ def catalog(
         ),
     ] = "",
     port: Annotated[int, typer.Option(metavar="N", help="Port. (default: a free one)")] = 0,
+    jobs: Annotated[
+        int,
+        typer.Option(metavar="N", help="Processes that draw recordings which are not there yet."),
+    ] = 1,
 ) -> None:
     """Serve the recordings of all runs to the Rerun viewer of this machine.
 
-    Each has typed properties: vehicle, best model, J/J0, verdicts by axis.
+    Those of a fleet are drawn first, where none has asked for them before. Each has typed
+    properties: vehicle, best model, J/J0, verdicts by axis.
     """
     from auvid.pipeline.commands.fleet.catalog_command import serve_catalog
+    from auvid.pipeline.execution.engines import make_engine
 
-    serve_catalog(folder, where=where, port=port)
+    serve_catalog(folder, where=where, port=port, engine=make_engine(None, jobs))
 
 
 @app.command(

@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.pipeline.commands.fleet.dive_reports import draw_reports
 from auvid.pipeline.commands.fleet.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder, open_fleet
 from auvid.pipeline.commands.look.inspect.rerun_viewer import require_rerun
+from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.output import answer, note
 from auvid.pipeline.terminal import path_from_here
 
@@ -45,7 +47,8 @@ def recordings_of(folder: Path, where: str = "") -> list[Path]:
                 remedy="auvid fleet run DIR --out FLEETDIR makes one of many logs.",
             )
         rows = find(open_fleet(place), where)
-        paths = [place / row["recording"] for row in rows if row["recording"]]
+        named = [place / row["recording"] for row in rows if row["recording"]]
+        paths = [path for path in named if path.is_file()]
     else:
         paths = sorted(path for path in place.rglob(f"*{SUFFIX}") if path.is_file())
     if not paths:
@@ -103,8 +106,30 @@ def _blueprint(path: Path) -> Path:
     return path
 
 
-def serve_catalog(folder: Path, *, where: str = "", port: int = 0) -> None:
-    """Serve the recordings below a folder until interrupted."""
+def draw_lacking(folder: Path, where: str, engine: Engine) -> None:
+    """Draw the recordings of a fleet that nobody has asked for before.
+
+    `where` holds of them. Nothing is done for another folder.
+    """
+    fleet = FleetFolder(folder.expanduser().resolve())
+    if fleet.index.is_file():
+        logs = [row["log"] for row in find(fleet, where)] if where else None
+        try:
+            for fault in draw_reports(fleet, logs, engine):
+                note(fault)
+        finally:
+            engine.close()
+
+
+def serve_catalog(
+    folder: Path, *, where: str = "", port: int = 0, engine: Engine | None = None
+) -> None:
+    """Serve the recordings below a folder until interrupted; a fleet's are drawn first.
+
+    `engine`: closed at the end; None draws here, one after another.
+    """
+    require_rerun()
+    draw_lacking(folder, where, engine or make_engine())
     paths = recordings_of(folder, where)
     name = folder.expanduser().resolve().name or "runs"
     with served(paths, name, port) as server:

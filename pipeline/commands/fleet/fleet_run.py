@@ -14,6 +14,7 @@ from typing import TypeVar
 
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.pipeline.commands.fleet.discovery import Discovery, FleetLog, discover
+from auvid.pipeline.commands.fleet.dive_reports import draw_reports
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.fleet_tables import FleetRow, GrowingTables
 from auvid.pipeline.commands.fleet.log_work import (
@@ -37,7 +38,7 @@ from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.lock import locked
 from auvid.pipeline.execution.progress import Progress
 from auvid.pipeline.execution.task import Outcome, Task, execute
-from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
+from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer, note
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, FileHashes
@@ -71,17 +72,22 @@ def run_fleet(
     *,
     vehicles: Sequence[str] = (),
     engine: Engine | None = None,
+    reports: bool = False,
     force: bool = False,
 ) -> FleetOutcome:
     """Bring the fleet in folder `out` up to date with the logs of a disk.
 
-    `engine`: closed at the end; None works here, one log after another. Raises
-    `PipelineError` for what concerns the call itself; whatever a log does ends as the
-    state of that log.
+    `engine`: closed at the end; None works here, one log after another. `reports`: draw
+    page and recording of each dive too. Raises `PipelineError` for what concerns the call
+    itself; whatever a log does ends as the state of that log.
     """
     engine = engine or make_engine()
     try:
-        return _run_fleet(target, out, vehicles, engine, force=force)
+        outcome = _run_fleet(target, out, vehicles, engine, force=force)
+        if reports:
+            for fault in draw_reports(FleetFolder(out.expanduser().resolve()), None, engine):
+                note(fault)
+        return outcome
     finally:
         engine.close()
 
@@ -265,13 +271,14 @@ def print_fleet_run(
     *,
     vehicles: Sequence[str] = (),
     engine: Engine | None = None,
+    reports: bool = False,
     force: bool = False,
 ) -> int:
     """Bring a fleet up to date, print the states, and return the exit code.
 
     The code is 0 where every log is done, 3 where some are not, 1 where none is.
     """
-    outcome = run_fleet(target, out, vehicles=vehicles, engine=engine, force=force)
+    outcome = run_fleet(target, out, vehicles=vehicles, engine=engine, reports=reports, force=force)
     counts = Counter(row.state for row in outcome.rows)
     answer(
         {

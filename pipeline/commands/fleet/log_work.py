@@ -33,11 +33,12 @@ from auvid.pipeline.commands.new.campaign_command import WrittenCampaign, write_
 from auvid.pipeline.commands.new.log_survey import survey
 from auvid.pipeline.commands.new.refusal import NoCampaignError, unreadable
 from auvid.pipeline.commands.open_run import open_run
-from auvid.pipeline.commands.run.run_command import execute
+from auvid.pipeline.commands.run.run_command import discard_stale_report, execute
 from auvid.pipeline.execution.code_stamp import source_hash
+from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task import Task
 from auvid.pipeline.execution.task_inputs import Value
-from auvid.pipeline.graph import Port
+from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.atomic_files import SYSTEM_REFUSALS, writable, write_atomically
 from auvid.pipeline.store.file_hashes import hash_file, hash_value
 from auvid.stages.base import Stage
@@ -286,13 +287,19 @@ def _run(inputs: Inputs, _: Params) -> RunOutputs:
         except PipelineError as fault:
             return RunOutputs(unfinished(log.id, _kept(inputs, before), str(fault)))
         try:
-            execute(opened, opened.graph.stages, quiet=True)
+            execute(opened, _but_report(opened), quiet=True)
         except PipelineError as fault:
             reason = one_line(str(fault).partition("\nauvid check")[0])
         if not log.unchanged:
             return RunOutputs(unfinished(log.id, AGAIN, GROWING))
+        discard_stale_report(opened)
         key = _kept(inputs, before)
         return RunOutputs(results_of(opened, inputs.fleet.root, key, reason))
+
+
+def _but_report(run: Run) -> list[AnyStage]:
+    """Return the stages of a dive that a fleet runs: pages are drawn when asked for."""
+    return [stage for stage in run.graph.stages if stage.name != "report"]
 
 
 def _kept(inputs: Inputs, before: int) -> str:

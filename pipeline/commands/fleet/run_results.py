@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetCoefficient, FleetRun, FleetVerdict
 from auvid.data_schemas.records.models import AxisCard, ModelCard, RankingRecord, VelocityRange
 from auvid.data_schemas.records.motion import InstallationRecord
@@ -15,10 +16,12 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.fleet.drag import drag_terms
 from auvid.hydro.identification.fleet.figures import covariance_of, figures_of_installation
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterStrength
-from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
+from auvid.stages import report
 from auvid.stages.model_use import damping_verdict
 from auvid.stages.page.first_screen import ALL
+from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.synthesise.wiring import strengths, thruster_legs
 
 DETERMINED = ("identified", "weak", "persistently exciting")
@@ -41,7 +44,7 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
     ]
     choice = "" if ranking is None else ranking.choice or ""
     reached = [stage.name for stage in run.graph.stages if run.manifests[stage.name].records]
-    answer = next((text.decode("utf-8") for text in _artefacts(run, "answer")), "")
+    answer = _answer(run)
     usable = bool(choice) or any(row.get("verdict") in DETERMINED for _, row in figures)
     headline = answer.partition("\n")[0]
     if not reason and not usable:
@@ -65,9 +68,19 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
             *_thrusters(run),
         ],
         speeds={name: item.rms for name, item in speeds.items()},
-        report=_path(run, "report_html", root),
-        recording=_path(run, "recording", root),
+        report=_path(run, "report_html", root) if answer else "",
+        recording=_path(run, "recording", root) if answer else "",
     )
+
+
+def _answer(run: Run) -> str:
+    """Return what the report says in words; empty where a stage before it lacks."""
+    try:
+        task = run.task(run.graph.stage("report"), Place(ONCE))
+    except PipelineError:
+        return ""
+    inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
+    return answer_text(report.collect(inputs).summary)
 
 
 def _artefacts(run: Run, schema: str) -> Iterator[Any]:
@@ -86,10 +99,8 @@ def _strengths(run: Run) -> Iterator[ThrusterStrength]:
 
 
 def _path(run: Run, schema: str, root: Path) -> str:
-    for port in run.graph.producers(schema):
-        for artefact in run.artefacts_of(port, ONCE).values():
-            return str(artefact.path.relative_to(root))
-    return ""
+    (port,) = run.graph.producers(schema)
+    return str((run.manifests[port.stage.name].folder / port.path(ONCE)).relative_to(root))
 
 
 def _verdicts(ranking: RankingRecord, cards: list[ModelCard]) -> Iterator[FleetVerdict]:

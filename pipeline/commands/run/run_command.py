@@ -22,9 +22,10 @@ from auvid.pipeline.commands.run.run_summary import (
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
 from auvid.pipeline.execution.memory import available_bytes, shortage
-from auvid.pipeline.execution.runner import Run
+from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE, AnyStage, select
 from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
+from auvid.pipeline.store.atomic_files import remove_stale_files
 
 NOTHING = "nothing to do: everything is up to date"
 
@@ -149,6 +150,8 @@ def report_file(
     run = open_run(campaign)
     if rebuild:
         execute(run, select(run.graph, only="report"), force=True)
+    else:
+        write_deferred_report(run)
     pages = [
         artefact
         for port in run.graph.producers("report_html")
@@ -162,3 +165,29 @@ def report_file(
     if compare or against is not None:
         return history_page.write_compared(run, against)
     return page.path
+
+
+def discard_stale_report(run: Run) -> None:
+    """Remove page and recording of a run that show other results than it has."""
+    manifest = run.manifests["report"]
+    try:
+        fresh = run.is_fresh(run.task(run.graph.stage("report"), Place(ONCE)))
+    except PipelineError:
+        fresh = False
+    if manifest.records and not fresh:
+        names = {name for record in manifest.records.values() for name in record.outputs}
+        manifest.write({}, [])
+        remove_stale_files(manifest.folder, {manifest.path}, names)
+
+
+def write_deferred_report(run: Run, *, quiet: bool = False) -> None:
+    """Write page and recording of a run that was left without: a dive of a fleet.
+
+    Nothing is done where it has a report, or where a stage before it has not been run.
+    """
+    if "report" in run.manifests and not run.manifests["report"].records:
+        try:
+            run.task(run.graph.stage("report"), Place(ONCE))
+        except PipelineError:
+            return
+        execute(run, select(run.graph, only="report"), quiet=quiet)

@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import LogError, PipelineError, UsageError, neare
 from auvid.pipeline.commands.check.log_page import LogPage, log_pages, names_campaign
 from auvid.pipeline.commands.look.inspect import rerun_viewer as viewer
 from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.run.run_command import write_deferred_report
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
 from auvid.pipeline.output import note
@@ -105,6 +106,7 @@ def campaign_subject(run: Run, tab: str = "") -> Subject:
         f"auvid run {run.campaign.name}; or look at a raw log: auvid inspect {run.campaign.name}"
         " --log ID."
     )
+    write_deferred_report(run)
     producer = run.graph.producers("recording")[0]
     artefact = run.artefacts_of(producer, ONCE).get(None)
     if artefact is None or not artefact.path.is_file():

@@ -14,11 +14,14 @@ import pytest
 import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.fleet import fleet_run, log_work
+from auvid.pipeline.commands.fleet.dive_reports import draw_reports
 from auvid.pipeline.commands.fleet.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
 from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 from auvid.pipeline.commands.new import log_survey
+from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.run.run_command import discard_stale_report, report_file
 from auvid.pipeline.execution.engines import Serial
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task import Outcome, Task, execute
@@ -75,6 +78,34 @@ def test_only_what_is_new_or_changed_runs_again(disk: Path, first: FleetOutcome)
 def test_nothing_is_written_beside_the_logs(disk: Path, first: FleetOutcome) -> None:
     files = {str(path.relative_to(disk)) for path in disk.rglob("*") if path.is_file()}
     assert files == {"rov/dive.csv", "again.csv", "noise.BIN", "empty.tlog"}
+
+
+def test_a_dive_is_drawn_when_it_is_asked_for(
+    disk: Path, first: FleetOutcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fleet = open_fleet(disk.parent / "fleet")
+    monkeypatch.chdir(fleet.root)
+    (row,) = (row for row in first.rows if row.result.report)
+    page, run = fleet.root / row.result.report, open_run(str(fleet.campaign(row.log)))
+    assert row.result.headline
+    assert not page.exists()
+    recording = fleet.root / row.result.recording
+    assert report_file(str(fleet.campaign(row.log))) == page
+    answer = page.with_name("answer.txt").read_text(encoding="utf-8")
+    assert answer.partition("\n")[0] == row.result.headline
+    assert draw_reports(fleet, None, Serial()) == []  # nothing is left to draw
+    page.write_text("an older page")
+    discard_stale_report(open_run(str(fleet.campaign(row.log))))
+    assert not page.exists()
+    assert not recording.exists()
+    assert draw_reports(fleet, [row.log], Serial()) == []
+    assert page.is_file()
+    run.manifests["report"].path.unlink()
+    page.unlink()
+    next(run.folder.glob("ingest/*.json")).unlink()
+    (words,) = draw_reports(fleet, None, Serial())
+    assert row.log in words
+    assert "auvid fleet run" in words
 
 
 def test_tables_page_and_python_agree(disk: Path, first: FleetOutcome) -> None:
