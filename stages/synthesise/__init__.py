@@ -59,7 +59,12 @@ from auvid.stages.synthesise.error_choice import (
     check_choice,
 )
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
-from auvid.stages.synthesise.presentation import lag_words, stated_lag_words, synthesise_section
+from auvid.stages.synthesise.presentation import (
+    lag_words,
+    low_pass_words,
+    stated_lag_words,
+    synthesise_section,
+)
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
@@ -69,6 +74,7 @@ from auvid.stages.synthesise.training import (
     TrainingSegment,
     coloured_errors,
     driven_leg,
+    leaning_terms,
     leg_factor,
     merged_figures,
     motion_factor,
@@ -333,8 +339,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         samples=data.factor.n_samples,
         factor=data.factor.R.tolist(),
     )
+    low_pass = _low_pass_blocks(
+        inputs,
+        {
+            cards[name].title: terms
+            for name, terms in leaning_terms(fits, coloured, data.errors.low_pass).items()
+        },
+    )
     wiring = wiring_blocks((_tables(inputs, key) for key in training), vehicle)
-    warnings = [*lag_blocks, *wiring, *(remark(words, "warning") for words in conflicts)]
+    warnings = [*lag_blocks, *low_pass, *wiring, *(remark(words, "warning") for words in conflicts)]
     return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
 
 
@@ -371,6 +384,14 @@ def _lag(
         return None, []
     fit = LagFit(value_s=lag.value_s, standard_error_s=lag.sd_s, verdict="identified")
     return fit, [remark(lag_words(lag, spread))]
+
+
+def _low_pass_blocks(inputs: Inputs, leaning: Mapping[str, Sequence[str]]) -> list[Block]:
+    """Return a warning on a low-pass that leans coefficients, by title of the model."""
+    if not leaning or inputs.fusion is None:
+        return []
+    cutoffs = [item.cutoff_hz for item in inputs.fusion.values() if item.cutoff_hz is not None]
+    return [remark(low_pass_words(min(cutoffs), leaning), "warning")]
 
 
 def _chosen(params: Params) -> list[ViscousModel]:

@@ -73,7 +73,10 @@ def model_card(
         errors = data.errors
         covariance = widened(
             coloured.covariance,
-            [change.shift(fit) for change in (*(errors.velocities or ()), *errors.smoothing)],
+            [
+                change.shift(fit)
+                for change in (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
+            ],
         )
         figures = {
             name: np.array([change.shift(fit) for change in changes])

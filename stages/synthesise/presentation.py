@@ -278,6 +278,18 @@ def stated_lag_words(stated_s: float, spread_s: float | None, measured: Actuator
     return f"{words}{of_legs}."
 
 
+def low_pass_words(cutoff_hz: float, leaning: Mapping[str, Sequence[str]]) -> str:
+    """Return that a low-pass is too low; leaning: title of a model -> coefficients."""
+    models = "; ".join(f"{title} {', '.join(names)}" for title, names in leaning.items())
+    return (
+        f"The low-pass of {cutoff_hz:g} Hz is too low for this motion. Drag goes with products of"
+        " velocities, which reach twice the band in which the vehicle moves; what the low-pass took"
+        f" leans these coefficients by more than their noise: {models}. Their intervals count it."
+        " Raise stages.fuse.cutoff_hz: auvid new campaign lays it at twice that band. Where the"
+        " slowest sensor does not allow that, trust the refined model, which needs no low-pass."
+    )
+
+
 def _lag_blocks(card: ModelCard) -> list[dict[str, Any]]:
     """Return how far the lag of the actuators moved damping."""
     values = {(axis, item.term): item for axis, part in card.axes.items() for item in part.terms}

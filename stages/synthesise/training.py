@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from typing import NamedTuple, TypeVar
 
@@ -13,6 +13,7 @@ import pyarrow as pa
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
@@ -21,6 +22,7 @@ from auvid.hydro.identification.constrained.actuator_lag import DrivenLeg
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ACTUATOR_RATES,
+    Unknown,
     extra_rows,
 )
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, figure_errors
@@ -35,6 +37,7 @@ from auvid.hydro.identification.regression.least_squares import (
     TriangularFactor,
     solve_axis,
 )
+from auvid.hydro.identification.regression.lost_motion import lost_motion
 from auvid.hydro.identification.regression.normal_changes import (
     STRIDE,
     NormalChange,
@@ -75,6 +78,8 @@ SPLINES = {
     "thesis": (*ACCELEROMETER, *VELOCITY[3:]),
 }
 """Splines that bound how fast each acceleration can be, by the method of fuse."""
+FEWEST_LEANING = 2
+"""Coefficients of a model that a low-pass leans before it is called too low."""
 Fits = Mapping[tuple[str, str], AxisFit]
 """Least-squares fits by model and axis."""
 T = TypeVar("T")
@@ -97,7 +102,8 @@ class TrainingSegment:
 
     nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
     actuators; thrust (n, 6) is what thrusters and propeller have in it, actuators (n, 6)
-    all of them with fins. cutoffs_hz: of the splines behind the six accelerations.
+    all of them with fins. cutoffs_hz: of the splines behind the six accelerations;
+    low_pass_hz: of the low-pass that all channels passed.
     """
 
     nu: Array
@@ -108,6 +114,7 @@ class TrainingSegment:
     actuators: Array
     measured: MeasuredLeg | None = None
     cutoffs_hz: tuple[float | None, ...] = ()
+    low_pass_hz: float | None = None
 
     @classmethod
     def of(cls, tables: LegTables, *, with_ratio: bool, lag_s: float = 0.0) -> TrainingSegment:
@@ -137,6 +144,7 @@ class TrainingSegment:
             acting(residual, ACTUATORS, lag_s),
             measured,
             tuple(cutoffs),
+            None if tables.fusion is None else tables.fusion.cutoff_hz,
         )
 
     def figure_errors(
@@ -163,18 +171,20 @@ class DataErrors:
     """What known errors of the data do to the normal equations.
 
     velocities: of each velocity, None where a leg has no standard deviations of them;
-    smoothing: of each acceleration's spline; figures: assumed figure of the vehicle ->
-    its independent numbers.
+    smoothing: of each acceleration's spline; low_pass: of that of all channels, one or
+    none; figures: assumed figure of the vehicle -> its independent numbers.
     """
 
     velocities: tuple[NormalChange, ...] | None
     smoothing: tuple[NormalChange, ...]
+    low_pass: tuple[NormalChange, ...]
     figures: Mapping[str, tuple[NormalChange, ...]]
 
     @classmethod
     def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> DataErrors:
         """Return the errors of one leg."""
         slopes, smoothing, figures = np.zeros((len(leg.nu[::STRIDE]), 6, 6)), [], []
+        low_pass: tuple[NormalChange, ...] = ()
         if leg.measured is not None:
             every = leg.measured.every(STRIDE)
             if leg.sd is not None:
@@ -184,6 +194,12 @@ class DataErrors:
                 for index, cutoff in enumerate(leg.cutoffs_hz)
             ]
             figures = leg.figure_errors(every, vehicle)
+            if leg.low_pass_hz is not None:
+                low_pass = (
+                    lost_motion(
+                        leg.measured, vehicle, terms, ratio=leg.ratio, cutoff_hz=leg.low_pass_hz
+                    ),
+                )
         parts = []
         for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
             at = slice(place.start // STRIDE, place.stop // STRIDE)
@@ -195,10 +211,11 @@ class DataErrors:
                 cls(
                     None if leg.sd is None else part.random(leg.sd[place], slopes[at]),
                     tuple(part.definite(force[at]) for force in smoothing),
+                    (),
                     changes,
                 )
             )
-        return reduce(cls.merge, parts)
+        return replace(reduce(cls.merge, parts), low_pass=low_pass)
 
     @staticmethod
     def of_motion(
@@ -232,6 +249,7 @@ class DataErrors:
         return DataErrors(
             velocities,
             _merged(self.smoothing, other.smoothing),
+            _merged(self.low_pass, other.low_pass),
             merged_figures(self.figures, other.figures),
         )
 
@@ -291,6 +309,16 @@ class TrainingData:
         )
 
 
+class Coloured(NamedTuple):
+    """Covariance (k, k) of a fit for autocorrelated residuals, and samples per one.
+
+    The latter is at most what leaves each block of time as one independent sample.
+    """
+
+    covariance: Array
+    samples_per_one: float
+
+
 def leg_factor(leg: TrainingSegment, terms: Sequence[str]) -> TriangularFactor:
     """Return the triangular factor of one leg."""
     factor = TriangularFactor.empty(terms)
@@ -318,6 +346,25 @@ def moved_by_lag(
         if kept:
             moved[axis] = kept
     return moved
+
+
+def leaning_terms(
+    fits: Fits, coloured: Mapping[tuple[str, str], Coloured], low_pass: Sequence[NormalChange]
+) -> dict[str, list[str]]:
+    """Return model -> terms clear of zero that a low-pass leans by more than their noise.
+
+    Models with fewer than `FEWEST_LEANING` of them are left out.
+    """
+    leaning: dict[str, list[str]] = {}
+    for (model, axis), fit in fits.items():
+        noise = np.sqrt(np.maximum(np.diag(coloured[model, axis].covariance), 0.0))
+        for shift in (change.shift(fit) for change in low_pass):
+            clear = np.abs(fit.coefficients) > NORMAL_95 * noise
+            leaning.setdefault(model, []).extend(
+                str(Unknown(axis, fit.terms[i]))
+                for i in np.flatnonzero(clear & (np.abs(shift) > noise))
+            )
+    return {model: names for model, names in leaning.items() if len(names) >= FEWEST_LEANING}
 
 
 def others_of(parts: Mapping[str, TriangularFactor]) -> dict[str, TriangularFactor]:
@@ -375,16 +422,6 @@ def motion_factor(
     rows = basis_rows(matrix(residual, VELOCITY).T, ratio, terms)
     empty = TriangularFactor.empty((*terms, *ACCELERATIONS, *ACTUATOR_RATES))
     return empty.update(np.vstack([rows, extra]), force)
-
-
-class Coloured(NamedTuple):
-    """Covariance (k, k) of a fit for autocorrelated residuals, and samples per one.
-
-    The latter is at most what leaves each block of time as one independent sample.
-    """
-
-    covariance: Array
-    samples_per_one: float
 
 
 def coloured_errors(

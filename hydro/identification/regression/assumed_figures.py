@@ -9,7 +9,7 @@ from noise, since no longer dive makes it smaller.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,16 +57,16 @@ class MeasuredLeg:
 
     def every(self, stride: int) -> MeasuredLeg:
         """Return every so-many-th sample."""
+        return replace(self.rows(slice(None, None, stride)), step_s=self.step_s * stride)
+
+    def rows(self, place: slice) -> MeasuredLeg:
+        """Return the samples at a place, on the same clock."""
         parts = {
-            name: None if part is None else np.asarray(part)[::stride]
+            name: None if part is None else np.asarray(part)[place]
             for name, part in vars(self.control).items()
         }
         return MeasuredLeg(
-            self.eta[::stride],
-            self.nu[::stride],
-            self.nu_dot[::stride],
-            Control(**parts),
-            self.step_s * stride,
+            self.eta[place], self.nu[place], self.nu_dot[place], Control(**parts), self.step_s
         )
 
     def force_slopes(self, vehicle: Vehicle) -> Array:

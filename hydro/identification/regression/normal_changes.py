@@ -2,13 +2,14 @@
 
 Least squares solves S K = q with S = X'X and q = X'y. An error changes both, by dS and
 dq, and to first order it moves K by S^-1 (dq - dS K). More data do not cure it, and the
-scatter of the residuals does not show it. Three kinds of errors stand here alike:
+scatter of the residuals does not show it. Four kinds of errors stand here alike:
 
 - errors of the velocities (Fuller 1987, Measurement Error Models, 1.1 and 2.2). They
   are in the regressors, and through Coriolis and fin forces in the force, too: the
   Coriolis force of u and r takes as much from N_v as noise in v does.
 - what smoothing splines took from the acceleration: S is that of the whole motion, q
   lacks the fast part of M nu_dot.
+- what a low-pass took from the motion (`lost_motion`).
 - assumed figures of the vehicle (`assumed_figures`).
 
 Limits: first order; errors of the velocities are independent of one another and of the

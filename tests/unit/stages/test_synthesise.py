@@ -42,6 +42,7 @@ from auvid.hydro.identification.regression.excitation import axis_excitation
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
 from auvid.hydro.identification.selection import folds
+from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import synthesise
 from auvid.stages.base import Collection, collection
 from auvid.stages.columns import (
@@ -57,6 +58,7 @@ from auvid.stages.synthesise import error_choice, training
 from auvid.stages.synthesise.presentation import sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from tests.support.motions import (
+    fusion_document,
     ratio_of,
     residual_table,
     rich_motion,
@@ -829,6 +831,40 @@ def test_a_stated_lag_counts_and_is_held_against_that_of_the_legs(
     (block,) = (b for b in outputs.section["blocks"] if words in str(b.get("text")))
     assert block["level"] == ("warning" if warns else "note")
     assert "The training legs show 0.15" in block["text"]
+
+
+def passed_leg(cutoff_hz: float) -> synthesise.Inputs:
+    """Return a leg with quadratic drag whose channels passed a low-pass."""
+    vehicle, step_s = shipped_vehicle("bluerov2_heavy"), 0.02
+    nu = np.random.default_rng(4).standard_normal((4000, 6))
+    t_s = np.arange(len(nu)) * step_s
+    nu = 3.0 * zero_phase_lowpass(t_s, nu, cutoff_hz=0.8)
+    drag = nu * (np.abs(nu) * -np.array([60.0, 90.0, 100.0, 1.5, 2.0, 3.0]) - 1.0)
+    nu_dot = np.gradient(nu, step_s, axis=0)
+    acting = nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, nu) - drag
+    nu, nu_dot, acting = (
+        zero_phase_lowpass(t_s, part, cutoff_hz=cutoff_hz) for part in (nu, nu_dot, acting)
+    )
+    force = nu_dot @ vehicle.mass_matrix + coriolis_force(vehicle.mass_matrix, nu) - acting
+    force += 0.3 * np.random.default_rng(5).standard_normal(force.shape)
+    inputs = driven(t_s, nu, nu_dot, force, acting)
+    fusion = fusion_document(segment="one", method="kinematic", cutoff_hz=cutoff_hz)
+    return replace(inputs, fusion=collection({"one": fusion}))
+
+
+def test_a_low_pass_that_is_too_low_widens_intervals_and_is_named() -> None:
+    """Surge drag at a low-pass of .8 Hz for a motion up to .8, and at 3 Hz."""
+    errors, warned = [], []
+    for cutoff_hz in (0.8, 3.0):
+        outputs = synthesise.run(passed_leg(cutoff_hz), synthesise.Params(models=("fossen",)))
+        quadratic = outputs.model_card["fossen"].axes["X"].terms[1]
+        assert quadratic.value is not None
+        assert quadratic.standard_error is not None
+        errors.append(quadratic.standard_error)
+        assert abs(quadratic.value + 60.0) < NORMAL_95 * quadratic.standard_error
+        warned.append(f"The low-pass of {cutoff_hz:g} Hz is too low" in str(outputs.section))
+    assert errors[0] > 5.0 * errors[1]
+    assert warned == [True, False]
 
 
 def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
