@@ -351,7 +351,7 @@ def moved_by_lag(
 def leaning_terms(
     fits: Fits, coloured: Mapping[tuple[str, str], Coloured], low_pass: Sequence[NormalChange]
 ) -> dict[str, list[str]]:
-    """Return model -> terms clear of zero that a low-pass leans by more than their noise.
+    """Return model -> terms clear of zero that a low-pass leans beyond noise.
 
     Models with fewer than `FEWEST_LEANING` of them are left out.
     """

@@ -55,9 +55,9 @@ def lean(cutoff_hz: float) -> dict[str, tuple[Array, Array]]:
         return zero_phase_lowpass(t_s, values, cutoff_hz=cutoff_hz)
 
     after = replace(leg, eta=passed(leg.eta), nu=passed(leg.nu), nu_dot=passed(leg.nu_dot))
-    seen = passed(force - known_force(leg)) + known_force(after)
+    measured = passed(force - known_force(leg)) + known_force(after)
     change = lost_motion(after, HEAVY, TERMS, ratio=None, cutoff_hz=cutoff_hz)
-    factor = TriangularFactor.empty(TERMS).update(basis_rows(after.nu.T, None, TERMS), seen)
+    factor = TriangularFactor.empty(TERMS).update(basis_rows(after.nu.T, None, TERMS), measured)
     fits = {axis: solve_axis(factor, axis, OWN[axis]) for axis in OWN}
     return {axis: (fit.solution - TRUTH[axis], change.shift(fit)) for axis, fit in fits.items()}
 
@@ -81,7 +81,7 @@ def test_pieces_add_up_and_a_short_leg_says_nothing() -> None:
     """A leg of two pieces has twice the sums of one that repeats; edges are left out."""
     leg, cutoff_hz = flown(), 6.0
     assert 2 * len(leg.nu) > PIECE
-    whole = lost_motion(leg, HEAVY, TERMS, ratio=None, cutoff_hz=cutoff_hz)
+    once = lost_motion(leg, HEAVY, TERMS, ratio=None, cutoff_hz=cutoff_hz)
     twice = MeasuredLeg(
         np.concatenate([leg.eta, leg.eta]),
         np.concatenate([leg.nu, leg.nu[::-1]]),
@@ -89,8 +89,8 @@ def test_pieces_add_up_and_a_short_leg_says_nothing() -> None:
         Control(thruster_force_N=np.zeros((2 * len(leg.nu), 8))),
         STEP_S,
     )
-    both = lost_motion(twice, HEAVY, TERMS, ratio=None, cutoff_hz=cutoff_hz)
-    np.testing.assert_allclose(both.moment, 2.0 * whole.moment, rtol=0.05, atol=1e-6)
+    twofold = lost_motion(twice, HEAVY, TERMS, ratio=None, cutoff_hz=cutoff_hz)
+    np.testing.assert_allclose(twofold.moment, 2.0 * once.moment, rtol=0.05, atol=1e-6)
     short = lost_motion(leg.rows(slice(0, 40)), HEAVY, TERMS, ratio=None, cutoff_hz=1.0)
     assert not short.moment.any()
     assert not short.target.any()
