@@ -37,7 +37,6 @@ from auvid.hydro.identification.regression.least_squares import (
     TriangularFactor,
     solve_axis,
 )
-from auvid.hydro.identification.regression.lost_motion import lost_motion
 from auvid.hydro.identification.regression.normal_changes import (
     STRIDE,
     NormalChange,
@@ -47,6 +46,7 @@ from auvid.hydro.identification.regression.normal_changes import (
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
 from auvid.hydro.identification.signals.filters import spline_lowpass
+from auvid.hydro.identification.signals.lost_motion import lost_motion
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,

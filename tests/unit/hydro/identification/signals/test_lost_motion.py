@@ -13,8 +13,8 @@ from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
-from auvid.hydro.identification.regression.lost_motion import PIECE, lost_motion
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
+from auvid.hydro.identification.signals.lost_motion import PIECE, lost_motion
 from tests.support.motions import shipped_vehicle
 
 HEAVY = shipped_vehicle("bluerov2_heavy")
