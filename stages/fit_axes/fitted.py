@@ -112,7 +112,7 @@ class FittedAxis:
     lag_verdict: LagVerdict
     shape: ShapeVerdict = STRAIGHT
     inertia: str = "determined"
-    """What the fit says of 1 / c: given, determined, from the prior, not determined."""
+    """What the fit says of 1 / c: given, determined, weak, from the prior, not determined."""
     quantities: tuple[FitQuantity, ...] = ()
     """What needs no newtons."""
     warnings: tuple[str, ...] = ()

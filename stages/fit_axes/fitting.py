@@ -123,18 +123,29 @@ def _using(legs: Mapping[str, LegData], axis: str) -> dict[str, LegData]:
     }
 
 
+def telling_lag(fitted: Sequence[FittedAxis]) -> list[FittedAxis]:
+    """Return the axes that show how late thrusters are.
+
+    Depth shows it worst, since what a tilted hull climbs is in it: beside a rate that shows
+    a lag, that of depth counts for nothing.
+    """
+    telling = [item for item in fitted if item.lag_verdict == "identified"]
+    rates = [item for item in telling if item.measured_by != "depth"]
+    return rates or telling
+
+
 def shared_lag(fitted: Sequence[FittedAxis]) -> tuple[float, float] | None:
     """Return the lag [s] that some axes show, and its deviation; None where none does.
 
     Nor where all do. Thrusters of one vehicle are late alike.
     """
-    telling = [item for item in fitted if item.lag_verdict == "identified"]
+    telling = telling_lag(fitted)
     if not telling or all(item in telling or item.axis in TILTS for item in fitted):
         return None
     lags = np.array([item.lag_s for item in telling])
-    weights = np.array([item.lag_error_s for item in telling]) ** -2.0
-    error = float(np.hypot(weights.sum() ** -0.5, lags.std()))
-    return float(weights @ lags / weights.sum()), max(error, LAG_FLOOR_S)
+    errors = np.array([item.lag_error_s for item in telling])
+    error = float(np.hypot(errors.min(), lags.std()))
+    return float(np.average(lags, weights=errors**-2.0)), max(error, LAG_FLOOR_S)
 
 
 def _with_shared_lag(
@@ -145,15 +156,16 @@ def _with_shared_lag(
     options: FitOptions,
     hull: HullSpeeds,
 ) -> tuple[list[FittedAxis], Mapping[str, LegData]]:
-    """Return axes that tell no lag with the one that others show, and their legs.
+    """Return axes that tell no lag, or tell it worse, with that of others, and their legs.
 
     Where that flies what is held out as well, within `AS_WELL`. levelled: legs whose depth
     goes with that lag.
     """
-    names = axes_listed([item.axis for item in fitted if item.lag_verdict == "identified"])
+    telling = [item.axis for item in telling_lag(fitted)]
+    names = axes_listed(telling)
     out, used = [], legs
     for item in fitted:
-        if item.lag_verdict == "identified" or item.axis in TILTS:
+        if item.axis in telling or item.axis in TILTS:
             out.append(item)
             continue
         other = _fit(item.axis, _using(levelled, item.axis), levelled, vehicle, options, hull)

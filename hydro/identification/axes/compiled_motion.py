@@ -112,15 +112,16 @@ def _slope(
                 by[i, j] += weight * nu[b]
             if axes[j] == b:
                 by[i, j] += weight * nu[a]
-    # The chain rule, and the integrals.
+    # The chain rule, by the states that a slope depends on, and the integrals.
     for i in range(k):
-        for c in range(1, width):
-            total = by[i, k] * y[k + i, c]
-            for j in range(k):
-                total += by[i, j] * y[j, c]
-            out[i, c] += total
+        for j in range(k + 1):
+            slope, source = by[i, j], j if j < k else k + i
+            if slope != 0.0:
+                for c in range(1, width):
+                    out[i, c] += slope * y[source, c]
+        slope = row[6 + i]
         for c in range(width):
-            out[k + i, c] = row[6 + i] * y[i, c]
+            out[k + i, c] = slope * y[i, c]
 
 
 @_compiled
@@ -160,22 +161,27 @@ def simulate_axes(
     for step in range((out.shape[0] - 1) * parts):
         for stage in range(4):
             ahead = (stage + 1) // 2
+            reach = 0.5 * ahead * h if stage < 3 else h
+            weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
             for i in range(states):
                 for c in range(width):
-                    trial[i, c] = y[i, c] + (0.5 * ahead * h if stage < 3 else h) * slope[i, c]
+                    trial[i, c] = y[i, c] + reach * slope[i, c]
             _slope(
                 trial, rows[2 * step + ahead], axes, terms, products, weights, theta, constant,
                 nu, by, slope,
             )  # fmt: skip
             for i in range(states):
                 for c in range(width):
-                    weight = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
                     total[i, c] += weight * slope[i, c]
-        node = step // parts + 1
         for i in range(states):
             for c in range(width):
                 y[i, c] += total[i, c]
                 total[i, c] = 0.0
-                if not abs(y[i, 0]) < DIVERGED:
+            if not abs(y[i, 0]) < DIVERGED:
+                for c in range(width):
                     y[i, c] = 0.0 if c else DIVERGED
-                out[node, i, c] = y[i, c]
+        if (step + 1) % parts == 0:
+            node = (step + 1) // parts
+            for i in range(states):
+                for c in range(width):
+                    out[node, i, c] = y[i, c]

@@ -233,7 +233,8 @@ def hull_words(
 class LagVerdict:
     """Thrust lag [s] of a fit; `standard_error` nan where it is fixed.
 
-    `deviation_s`: what an assumed one may be off by; 0 where it is given or determined.
+    `deviation_s`: what an assumed one, or a determined one beside speeds that nothing
+    measures, may be off by; 0 where it is given.
     """
 
     value_s: float
@@ -263,7 +264,8 @@ STRAIGHT = ShapeVerdict()
 class InertiaVerdict:
     """What a fit says of the apparent inertia 1 / c.
 
-    `word`: `given`, `from the prior`, `determined`, `not determined`.
+    `word`: `given`, `from the prior`, `determined`, `weak` (its lag is assumed),
+    `not determined`.
     `value` with its 95 % interval in kg or kg m^2; nan for commands.
     """
 
@@ -334,7 +336,8 @@ def notes_of(
     if inertia.word == "not determined" and np.isfinite(inertia.value):
         notes.append(f"inertia not determined: {inertia.value:.3g} comes out; give it")
     if not lag.determined:
-        notes.append(f"thrust lag not determined: {lag.value_s:g} s is assumed")
+        words = f"thrust lag not determined: {lag.value_s:g} s is assumed"
+        notes.append(words + "; inertia trades with it" * (inertia.word == "weak"))
     return tuple(notes)
 
 

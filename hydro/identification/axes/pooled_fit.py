@@ -216,29 +216,27 @@ def parts_of(step_s: float) -> int:
     return max(1, int(np.ceil(step_s / LONGEST_STEP_S - 1e-9)))
 
 
-def loop_rows(pool: Pool, drive: ForceDrive) -> list[Array]:
+def loop_rows(pool: Pool, drive: ForceDrive, last: Sequence[Array] | None = None) -> list[Array]:
     """Return what drives the loop at every half step, record by record.
 
     Columns: measured velocities (6), turn (k), inputs (m), their derivatives by the
-    free parameters of the drive (m e).
+    free parameters of the drive (m e). last: rows of this pool at another drive, whose
+    velocities and turn are taken.
     """
     out = []
-    for record, data, extra in zip(pool.records, pool.prepared, pool.extra, strict=True):
+    at = 6 + len(pool.structure.velocities)
+    for leg, (record, data) in enumerate(zip(pool.records, pool.prepared, strict=True)):
         node = np.arange(len(record.t_s), dtype=np.float64)
         fine = np.linspace(0.0, node[-1], 2 * parts_of(data.step_s) * (len(node) - 1) + 1)
-
-        def between(column: Array, fine: Array = fine, node: Array = node) -> Array:
-            return np.asarray(np.interp(fine, node, column))
-
-        more = {name: between(values) for name, values in extra.items()}
+        more = {name: np.interp(fine, node, values) for name, values in pool.extra[leg].items()}
         inputs = inputs_of(record, pool.structure.inputs, drive, fine, extra=more)
         slopes = input_derivatives(record, pool.structure.inputs, drive, fine, pool.free)
-        motion_rows = [between(column) for column in (*data.nu.T, *data.turn.T)]
-        out.append(
-            np.ascontiguousarray(
-                np.hstack([np.array(motion_rows).T, inputs, slopes.reshape(len(fine), -1)])
-            )
-        )
+        if last is None:
+            columns = (*data.nu.T, *data.turn.T)
+            fixed = np.column_stack([np.interp(fine, node, column) for column in columns])
+        else:
+            fixed = last[leg][:, :at]
+        out.append(np.ascontiguousarray(np.hstack([fixed, inputs, slopes.reshape(len(fine), -1)])))
     return out
 
 
@@ -320,7 +318,7 @@ class PoolWork:
         if not self.rows or drive_values.tobytes() != self.at:
             pool = self.pool
             drive = changed(pool.drive, dict(zip(pool.free, drive_values.tolist(), strict=True)))
-            self.rows = tuple(loop_rows(pool, drive))
+            self.rows = tuple(loop_rows(pool, drive, self.rows or None))
             self.at = drive_values.tobytes()
         window = self.pool.windows[number]
         return motion(self.pool, self.rows[window.leg], common[: self.count], window, local[number])
