@@ -156,7 +156,7 @@ def _with_shared_lag(
     options: FitOptions,
     hull: HullSpeeds,
 ) -> tuple[list[FittedAxis], Mapping[str, LegData]]:
-    """Return axes that tell no lag, or tell it worse, with that of others, and their legs.
+    """Return axes that tell no lag, or a worse one, with that of others, and legs.
 
     Where that flies what is held out as well, within `AS_WELL`. levelled: legs whose depth
     goes with that lag.

@@ -399,8 +399,8 @@ def _widened(pool: Pool, fit: PoolFit, lag_sd_s: float, depth: Sequence[Array]) 
     others = []
     if lag_sd_s > 0.0:
         drive = changed(fit.drive, {LAG: fit.drive.lag_s + lag_sd_s})
-        held = tuple(name for name in pool.free if name != LAG)
-        others.append(replace(pool, drive=drive, free=held))
+        free = tuple(name for name in pool.free if name != LAG)
+        others.append(replace(pool, drive=drive, free=free))
     if depth:
         records = tuple(without_climb(r, x, 1.0) for r, x in zip(pool.records, depth, strict=True))
         others.append(_with_records(pool, records))
@@ -459,7 +459,7 @@ def _inertia_verdict(
     commands: bool,
     lag_known: bool,
 ) -> InertiaVerdict:
-    """Return what is known of 1 / c; weak beside a lag that nothing tells: they trade."""
+    """Return what is known of 1 / c: weak beside an unknown lag, as they trade."""
     nan = float("nan")
     if commands:
         return InertiaVerdict("not determined", nan, nan, nan)

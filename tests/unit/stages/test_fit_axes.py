@@ -352,11 +352,11 @@ def test_an_axis_that_tells_no_lag_has_that_of_the_others() -> None:
 
 def test_the_lag_of_a_rate_counts_before_that_of_depth() -> None:
     """What a tilted hull climbs is in depth: of twins its lag came out a third short."""
-    late, told = {"lag_verdict": "identified"}, []
+    late, both = {"lag_verdict": "identified"}, []
     for lag_s, error_s in ((0.16, 0.005), (0.24, 0.03)):
-        item = fits(False).fitted[len(told)]
-        told.append(replace(item, lag_s=lag_s, lag_error_s=error_s, **late))
-    heave, yaw = told
+        item = fits(False).fitted[len(both)]
+        both.append(replace(item, lag_s=lag_s, lag_error_s=error_s, **late))
+    heave, yaw = both
     assert (heave.measured_by, yaw.measured_by) == ("depth", "gyro")
     assert shared_lag([heave, yaw]) == pytest.approx((0.24, 0.03))
     assert shared_lag([replace(heave, measured_by="velocity log"), yaw]) is None

@@ -377,25 +377,31 @@ def test_a_lag_beside_speeds_that_nothing_measures_has_a_tenth_of_itself_for_its
     """The inertia trades with it: its interval has what the lag may be off by."""
     plain = axis_leg(5, YAW, lag_s=0.4)
     pushed = replace(plain, force={**plain.force, "X": plain.force["N"]})
-    known, off = fit_axis([plain], "N"), fit_axis([pushed], "N")
-    assert known.lag.determined
-    assert known.lag.deviation_s == 0.0
-    assert off.values == pytest.approx(known.values)
-    tenth = 0.1 * off.lag.value_s
-    assert off.lag.deviation_s == pytest.approx(tenth)
-    assert off.lag.standard_error == pytest.approx(np.hypot(known.lag.standard_error, tenth))
-    later = fit_axis([plain], "N", drive=ForceDrive(lag_s=off.lag.value_s + tenth), try_lag=False)
-    change = later.values[2] - off.values[2]
-    assert abs(change) > 3.0 * np.sqrt(known.covariance[2, 2])
-    assert off.covariance[2, 2] == pytest.approx(known.covariance[2, 2] + change**2, rel=0.05)
-    assert off.inertia.word == "determined"
+    measured, unmeasured = fit_axis([plain], "N"), fit_axis([pushed], "N")
+    assert measured.lag.determined
+    assert measured.lag.deviation_s == 0.0
+    assert unmeasured.values == pytest.approx(measured.values)
+    tenth = 0.1 * unmeasured.lag.value_s
+    assert unmeasured.lag.deviation_s == pytest.approx(tenth)
+    assert unmeasured.lag.standard_error == pytest.approx(
+        np.hypot(measured.lag.standard_error, tenth)
+    )
+    later = fit_axis(
+        [plain], "N", drive=ForceDrive(lag_s=unmeasured.lag.value_s + tenth), try_lag=False
+    )
+    change = later.values[2] - unmeasured.values[2]
+    assert abs(change) > 3.0 * np.sqrt(measured.covariance[2, 2])
+    assert unmeasured.covariance[2, 2] == pytest.approx(
+        measured.covariance[2, 2] + change**2, rel=0.05
+    )
+    assert unmeasured.inertia.word == "determined"
 
 
 def test_an_inertia_is_weak_beside_a_lag_that_is_assumed() -> None:
     leg = axis_leg(5, YAW)
-    assumed, given = fit_axis([leg], "N"), fit_axis([leg], "N", try_lag=False)
+    assumed, by_hand = fit_axis([leg], "N"), fit_axis([leg], "N", try_lag=False)
     assert not assumed.lag.determined
-    assert (assumed.inertia.word, given.inertia.word) == ("weak", "determined")
+    assert (assumed.inertia.word, by_hand.inertia.word) == ("weak", "determined")
     assert any("inertia trades with it" in note for note in assumed.notes)
 
 
