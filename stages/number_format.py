@@ -13,9 +13,11 @@ from markupsafe import Markup, escape
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 HIDDEN = {"Cc", "Cf", "Co", "Cs"}
 POWER = re.compile(r"\^(-?\d+)")
-SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyz]|dot|\||0)+)(?![A-Za-z0-9_])")
+SYMBOL = re.compile(r"(?<![A-Za-z0-9_])([XYZKMNI])_((?:[uvwpqrxyzV]|dot|\||0)+)(?![A-Za-z0-9_])")
 WING = re.compile(r"(?<![A-Za-z0-9_])(?:C_([DL])(\d?)(_alpha)?|alpha(?:_(0))?)(?![A-Za-z0-9_])")
 NUMERIC = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+BETWEEN_WORDS = re.compile(r"(?<=[a-z]{3})_(?=[a-z]{3})|(?<=\bas)_")
+"""No mark of an index, which follows one letter: X_udot."""
 DOT = "\u0307"
 
 
@@ -111,6 +113,15 @@ def part_of(half_width: float, part: float) -> str:
     """
     words = fixed(part, places_of_error(half_width))
     return f"± {significant(part, 1) if part and not float(words) else words}"
+
+
+def in_words(name: str) -> str:
+    """Return the name of a figure for people.
+
+    >>> in_words("rms cross-track, helix, side_force"), in_words("m - X_udot")
+    ('RMS cross-track, helix, side force', 'm - X_udot')
+    """
+    return BETWEEN_WORDS.sub(" ", name.replace("rms ", "RMS "))
 
 
 def true_minus(words: str) -> str:

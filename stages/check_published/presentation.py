@@ -261,5 +261,5 @@ def published_section(
         "Printed tables beside ours",
         blocks,
         order=2,
-        look_for="Every bound is met; an erratum explains where the print cannot be.",
+        look_for="Which bounds are missed; an erratum explains where the print cannot be met.",
     )

@@ -37,7 +37,9 @@ def trust_section(
         rows = check_rows((), [((), check) for check in check_results], JUDGED)
         blocks.append(table("Bounds of this campaign", *rows))
     blocks += [*_states(errors), *_models(errors, titles), *plots]
-    words = "The truth lies under the estimate; what is left is the error of sensors and method."
+    words = (
+        "Whether the truth lies under the estimate; the rest is the error of sensors and method."
+    )
     return section("Estimate against truth", blocks, order=12, look_for=words)
 
 

@@ -138,7 +138,7 @@ def coast_section(
         "Coasting: drag without the thrust curve",
         blocks,
         order=45,
-        look_for="Where the scale is far from 1, thrust curve or mass are wrong, and all forces.",
+        look_for="A scale far from 1: the thrust curve or the mass is wrong, and so each force.",
     )
 
 

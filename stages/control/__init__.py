@@ -116,7 +116,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         blocks,
         order=20,
         look_for=(
-            "Flown paths on the desired ones; inputs within their limits; errors with and without"
+            "Whether the vehicle keeps to its path and the inputs to their limits, with and without"
             " observer."
         ),
     )

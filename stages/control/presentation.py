@@ -19,6 +19,7 @@ from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import ControlledPlant, InputLimits
 from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
+from auvid.stages.number_format import in_words, significant
 from auvid.stages.presentation import Block, fold, panel, plot, remark, series, table, text
 
 COLUMNS = {
@@ -264,7 +265,7 @@ def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
         " clock: there only the distance to the path counts. Steady: largest distance over the last"
         " fifth."
     )
-    blocks = [table("Tracking errors", heads, rows, note=note)]
+    blocks = [table("Tracking errors", heads, rows, note=note), *_designs_compared(flown)]
     for item in flown:
         if not np.isfinite(item.flown.chi).all():
             blocks.append(
@@ -280,6 +281,28 @@ def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
     return blocks
 
 
+def _designs_compared(flown: Sequence[Flown]) -> list[Block]:
+    """Return the error of the first flight by each model that controllers were designed on."""
+    first = flown[0]
+    of_model = {
+        item.designed_on: float(item.errors.cross_track_rms_m)
+        for item in flown
+        if (item.case.name, item.flight.name) == (first.case.name, first.flight.name)
+    }
+    if len(of_model) < 2:
+        return []
+    errors = ", ".join(
+        f"{in_words(name)} {significant(error, 2)} m"
+        for name, error in of_model.items()
+        if np.isfinite(error)
+    )
+    words = (
+        f"RMS distance from the path ({first.case.title}, {first.flight.title}) by the model that"
+        f" the controller is designed on: {errors}."
+    )
+    return [remark(words, "finding")]
+
+
 def _rounded(value: Any) -> float | None:
     return float(f"{float(value):.4g}") if np.isfinite(value) else None
 
@@ -292,8 +315,12 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
     depth = [series("desired", desired[kept, 0], desired[kept, 2], "desired")]
     for item in flown:
         position = item.flown.chi[:, 6:9]
-        plan.append(series(item.flight.name, position[:, 1], position[:, 0], item.flight.name))
-        depth.append(series(item.flight.name, position[:, 0], position[:, 2], item.flight.name))
+        plan.append(
+            series(in_words(item.flight.name), position[:, 1], position[:, 0], item.flight.name)
+        )
+        depth.append(
+            series(in_words(item.flight.name), position[:, 0], position[:, 2], item.flight.name)
+        )
     blocks = [
         plot(
             f"{case.title}: path in plan",
@@ -316,7 +343,7 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
                     "m",
                     [
                         series(
-                            item.flight.name,
+                            in_words(item.flight.name),
                             item.flown.t_s,
                             item.errors.cross_track_m,
                             item.flight.name,
@@ -333,7 +360,9 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
             name,
             unit,
             [
-                series(item.flight.name, item.flown.t_s, item.flown.U[:, i], item.flight.name)
+                series(
+                    in_words(item.flight.name), item.flown.t_s, item.flown.U[:, i], item.flight.name
+                )
                 for item in flown
             ],
         )
@@ -349,7 +378,12 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
             name.split("_")[0],
             "rad",
             [
-                series(item.flight.name, item.flown.t_s, item.flown.chi[:, 9 + i], item.flight.name)
+                series(
+                    in_words(item.flight.name),
+                    item.flown.t_s,
+                    item.flown.chi[:, 9 + i],
+                    item.flight.name,
+                )
                 for item in flown
             ],
         )
@@ -421,8 +455,9 @@ def monte_carlo_part(
         low, middle, high = (float(value) for value in np.percentile(finite, [2.5, 50.0, 97.5]))
         blocks.append(
             remark(
-                f"Of {len(rms)} drawn vehicles the median flies {middle:.3g} m (RMS) beside its"
-                f" path, 95 % of them {low:.3g} to {high:.3g} m; {lost} lost.",
+                f"Half of {len(rms)} drawn vehicles stay within {middle:.2g} m (RMS) of their path,"
+                f" 95 % of them between {low:.2g} and {high:.2g} m;"
+                f" {'none is' if not lost else f'{lost} are'} lost.",
                 "finding",
             )
         )

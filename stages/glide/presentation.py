@@ -61,8 +61,8 @@ def glide_section(
     if np.isfinite(glides.rows.speed_m_s).any():
         blocks.append(_speed_plot(comparison, glides))
     look = (
-        "Fitted depth rates follow dives and climbs alike; a step between the two is trim or the"
-        " pitch sensor, a slope along each glide is water layers or the hull's compressibility."
+        "Whether fitted depth rates follow dives and climbs alike: a step between the two is trim"
+        " or the pitch sensor, a slope along each glide water layers or the hull's compressibility."
     )
     return section("Settled glides", blocks, order=20, look_for=look, is_open=True)
 

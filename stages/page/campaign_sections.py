@@ -81,7 +81,7 @@ def legs_section(
         "Logs and legs",
         blocks,
         order=LEGS,
-        look_for="Every file whole, training and validation on different stretches of data.",
+        look_for="Whether each file is whole, and how training and validation are parted.",
     )
 
 

@@ -49,7 +49,7 @@ from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Summary, anchor
 from auvid.stages.page.pictures.svg_plots import lay_out, samples_of
 from auvid.stages.presentation import degrees, thin
 
-PLOTTED_SAMPLES, FEWEST_SAMPLES = 85_000, 100
+PLOTTED_SAMPLES, FEWEST_SAMPLES = 82_000, 100
 """Most samples in the plots of a page together (6 to 9 bytes each), and least of a line."""
 ROWS_SHOWN = 8
 """Of a longer table of the first screen so many rows stand open."""

@@ -50,8 +50,8 @@ def bench_section(
     if decays:
         blocks += _decay_blocks(decays)
     look = (
-        "Measured and fitted swings lie on each other; the chosen damping model also on the swings"
-        " that it was not fitted to."
+        "Whether fitted swings lie on the measured ones, those of the chosen damping model also"
+        " where it was not fitted."
     )
     return section("Pendulums", blocks, order=18, look_for=look)
 

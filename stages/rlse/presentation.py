@@ -95,8 +95,8 @@ def channel_section(
         _excitation_plot(leg_run, estimate),
     ]
     look = (
-        "The chosen model follows the run on its last third too; the histories stand still long"
-        " before the end; C_n keeps its height."
+        "Whether the chosen model follows the last third of the run too, the estimates stand still"
+        " long before the end, and the information (C_n) does not fall."
     )
     return section(_title(leg, leg_run), blocks, order=20, look_for=look, chapter=CHAPTER)
 

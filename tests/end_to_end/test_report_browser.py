@@ -20,6 +20,8 @@ from tests.support.example_run import example_run
 PICTURES = Path(__file__).parents[2] / "build" / "screenshots"
 PROGRAM = chromium()
 DEMO = "bluerov2_dvl"
+PAPER_PX = (688, 990)
+"""Width and height of a sheet of A4 between its margins, in pixels of 1/96 inch."""
 FIRST_FRAME = "document.querySelector('.frame')"
 FIRST_AREA = "document.querySelector('.area')"
 BOX = "(({left, top, width, height}) => [left, top, width, height])"
@@ -129,6 +131,21 @@ def test_print_has_what_is_open(browser: Browser, report: Path) -> None:
     few = len(re.findall(rb"/Type\s*/Page\b", browser.pdf()))
     browser.evaluate("document.getElementById('unfold').click()")
     assert len(re.findall(rb"/Type\s*/Page\b", browser.pdf())) > few
+
+
+def test_no_plot_is_parted_by_the_end_of_a_printed_page(browser: Browser, report: Path) -> None:
+    browser.open(report, width=PAPER_PX[0])
+    browser.call("Emulation.setEmulatedMedia", media="print")
+    browser.evaluate("document.getElementById('unfold').click()")
+    plots = browser.evaluate(
+        "[...document.querySelectorAll('figure.plot')].map(plot => [plot.offsetHeight,"
+        " plot.querySelectorAll('.panel').length, getComputedStyle(plot).breakInside])"
+    )
+    assert {rule for _, _, rule in plots} == {"avoid"}
+    assert max(height for height, _, _ in plots) < PAPER_PX[1]
+    of_six = [height for height, panels, _ in plots if panels == 6]
+    assert of_six, "panels of a free run with nine states are as low as those of six"
+    assert max(of_six) / 6 * 9 < PAPER_PX[1]
 
 
 def test_an_alert_leads_to_its_place_through_folds(browser: Browser, report: Path) -> None:

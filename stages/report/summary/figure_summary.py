@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
@@ -13,6 +14,7 @@ from auvid.stages.base import Document
 from auvid.stages.model_use import listed
 from auvid.stages.number_format import (
     fixed,
+    in_words,
     places_of_error,
     printed_number,
     printed_unit,
@@ -29,7 +31,7 @@ from auvid.stages.page.first_screen import (
     Summary,
     anchor,
 )
-from auvid.stages.reference_check import SHOWS
+from auvid.stages.reference_check import EACH, SHOWS
 from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks, warned
 
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
@@ -39,6 +41,8 @@ BOUNDS_OF = ": bounds met of "
 """Between the name of a printed table and how many bounds are asked of it, in the
 figures of the stage that compares.
 """
+BOUNDS_OF_TABLES = "Bounds on the printed tables"
+"""Begins a remark on all of them, which headline and facts say already."""
 OF_LEG = " of leg "
 """Between channel and leg in the title of the figures of a leg."""
 FEW = 6
@@ -55,6 +59,7 @@ SUBJECTS = (
     (r"trim", "trim"),
 )
 """Beginning of the name of a value -> what it is of, and whose axis."""
+NOT_DETERMINED = "not determined"
 NO_LEGS: Mapping[str, str] = {}
 
 
@@ -85,7 +90,7 @@ def summarise_results(
     judged = [row for _, row in figures if row.get("verdict")]
     missed = [row for row in bounds if row["verdict"] == MISSED]
     doubtful = [(part, row) for part, row in figures if row.get("verdict") and row not in good]
-    warnings = warned(sections)
+    warnings = tuple(words for words in warned(sections) if not words.startswith(BOUNDS_OF_TABLES))
     has_verdicts = bool(judged or bounds)
     met, of = _counted(bounds)
     some = bool(good) or 2 * met > of or not has_verdicts
@@ -97,7 +102,11 @@ def summarise_results(
         else "poor"
     )
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
-    findings = tuple(dict.fromkeys(remarks(in_order, "finding")))
+    findings = tuple(
+        _capitalised(words)
+        for words in dict.fromkeys(remarks(in_order, "finding"))
+        if not words.startswith(BOUNDS_OF_TABLES)
+    )
     unjudged = f"{plural(len(rows), 'value')} found"
     if not has_verdicts and findings:
         unjudged, findings = findings[0].rstrip("."), findings[1:]
@@ -116,7 +125,7 @@ def summarise_results(
         missing=(
             *(
                 Alert(
-                    f"Bound on printed values missed: {_bound(row)}.",
+                    f"A bound is missed: {_bound(row)}.",
                     anchor("check_published"),
                     "poor",
                 )
@@ -142,8 +151,11 @@ def _headline(judged: int, good_of: list[tuple[str, Document]], bounds: list[Doc
         bounds_met = ""
     elif not tests:
         bounds_met = "no bound on printed values tests the method"
+    elif others and of == 1:
+        bounds_met = f"the one bound that tests the method is {MET if met else MISSED}"
     elif others:
-        bounds_met = f"{met} of the {of} bounds that test the method met"
+        count = f"all {of}" if met == of else f"{met} of {of}"
+        bounds_met = f"{count} bounds that test the method are met"
     elif met == of:
         bounds_met = "every bound on printed values is met"
     else:
@@ -200,6 +212,8 @@ def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...])
 
     Few determined figures with their intervals; of many, what the stages state first.
     """
+    if not any(row.get("verdict") for _, row in figures):
+        return " ".join((*findings[:2], *_ranges(figures)))
     with_value = [_figure(part, row) for part, row in figures if row["value"] is not None]
     if not with_value or len(with_value) > FEW:
         return " ".join(findings[:2])
@@ -210,6 +224,26 @@ def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...])
     return " ".join(
         f"{part[:1].upper()}{part[1:]}: {', '.join(words)}." for part, words in parts.items()
     )
+
+
+def _ranges(figures: list[tuple[str, Document]]) -> list[str]:
+    """Return the least and the largest of each quantity that stands for several conditions.
+
+    Quantity and condition are parted by the first comma of a name.
+    """
+    several: dict[str, list[Figure]] = {}
+    for part, row in sorted(figures, key=lambda item: float(item[1]["value"] or 0.0)):
+        name, _, condition = str(row["quantity"]).partition(", ")
+        if condition and row["value"] is not None and row.get("low") is None:
+            several.setdefault(in_words(name), []).append(
+                replace(_figure(part, row), quantity=in_words(condition))
+            )
+    return [
+        f"{name}: {items[0].value} ({items[0].quantity}) to {items[-1].value}"
+        f" ({items[-1].quantity})."
+        for name, items in several.items()
+        if len(items) > 1
+    ]
 
 
 def _tests(bounds: list[Document]) -> list[Document]:
@@ -230,8 +264,12 @@ def _counted(bounds: list[Document]) -> tuple[int, int]:
 def _bound(row: Document) -> str:
     """`Table 4: 8 of 8 met, largest error 0.41 % (X_udot)`."""
     title, _, count = str(row["quantity"]).rpartition(BOUNDS_OF)
+    kind = row.get("evidence", "method")
+    if kind in EACH:
+        title = title.removesuffix(f", {EACH[kind]}")
+    bounds = f"{count} bounds" if kind == "method" else f"{count} bounds that {SHOWS[kind]}"
     words = (
-        f"{title}: {row['value']:g} of {count} met"
+        f"{title}: {row['value']:g} of {bounds} met"
         if title
         else f"{row['quantity']}: {row['verdict']}"
     )
@@ -280,10 +318,13 @@ def _facts(
 
 
 def _undetermined(doubtful: list[tuple[str, Document]]) -> list[Alert]:
-    by_reason: dict[str, list[str]] = {}
+    by_reason: dict[tuple[str, str], list[str]] = {}
     for part, row in doubtful:
-        by_reason.setdefault(f"{part}: {row['verdict']}", []).append(str(row["quantity"]))
-    return [Alert(f"{head}: {', '.join(names)}.") for head, names in by_reason.items()]
+        by_reason.setdefault((part, str(row["verdict"])), []).append(str(row["quantity"]))
+    return [
+        Alert(f"{_capitalised(verdict)}: {', '.join(names)} ({part}).")
+        for (part, verdict), names in by_reason.items()
+    ]
 
 
 def _disagreements(
@@ -333,15 +374,15 @@ def _figure(part: str, row: Document) -> Figure:
     unit = printed_unit(str(row["unit"]))
     if unit == "percent":
         unit, text = "%", text if error else partial(fixed, places=0)
-    words = with_unit(text(value), unit)
+    words = with_unit(printed_number(text(value)), unit)
     interval = "" if low is None or high is None else f"{text(low)} to {text(high)}"
     narrow = bool(interval) and text(low) == text(high)
     if (not interval or narrow) and error is not None and value is not None:
         interval = f"± {printed_number(significant(NORMAL_95 * error, 2))}"
     return Figure(
         part,
-        str(row["quantity"]),
-        "not determined" if value is None else true_minus(words),
+        in_words(str(row["quantity"])),
+        NOT_DETERMINED if value is None else true_minus(words),
         true_minus(interval),
         str(row.get("verdict") or ""),
         str(row.get("note") or ""),

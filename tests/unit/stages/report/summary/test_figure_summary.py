@@ -46,7 +46,7 @@ def test_undetermined_figures_are_named_with_their_reason() -> None:
     summary = summarise_results(RESULTS, LOGS, {}, VEHICLE)
     assert summary.level == "fair"
     assert summary.headline == "Mass with added mass of surge determined: 1 of 2 values"
-    assert "Sway, one step: not persistently exciting: m - Y_vdot." in summary.missing
+    assert "Not persistently exciting: m - Y_vdot (Sway, one step)." in summary.missing
     assert "Log tank is damaged." in summary.missing
     assert [item.quantity for item in summary.figures] == ["m - X_udot", "m - Y_vdot"]
     assert summary.figures[0].value == "206.4 kg"
@@ -107,7 +107,7 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     )
     assert summary.level == "good"
     assert [item.quantity for item in summary.figures] == ["m - X_udot"]
-    assert summary.bounds == ("Table 4: 8 of 8 met, largest error 0.4 % (X_udot)",)
+    assert summary.bounds == ("Table 4: 8 of 8 bounds met, largest error 0.4 % (X_udot)",)
     assert (
         summary.headline
         == "Mass with added mass of surge determined: 1 of 1 value; every bound on printed values"
@@ -123,7 +123,7 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
         }
     }
     failed = summarise_results(missed, {}, {}, VEHICLE)
-    assert "Bound on printed values missed: Table 4: missed." in failed.missing
+    assert "A bound is missed: Table 4: missed." in failed.missing
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 
@@ -134,7 +134,8 @@ def test_bounds_that_cannot_fail_are_not_headlined() -> None:
         | {"evidence": "construction"},
     ]
     summary = summarise_results({"check_published": {"title": "P", "rows": rows}}, {}, {}, VEHICLE)
-    assert summary.headline == "8 of the 8 bounds that test the method met"
+    assert summary.headline == "All 8 bounds that test the method are met"
+    assert summary.bounds[1] == "Table 5: 49 of 49 bounds that hold by construction met"
     (fact,) = [fact for fact in summary.facts if "bounds" in fact.label]
     assert (fact.label, fact.value, fact.note) == (
         "bounds that test the method",
@@ -227,3 +228,22 @@ def test_a_long_table_shows_its_first_rows_before_the_alerts(count: int, kept_ba
     assert table.count('<tr class="rest"><th scope="row">') == kept_back
     assert ("show all 30" in table) is (kept_back > 0)
     assert page.index('id="found"') < page.index('id="alerts"') < page.index('id="bounds"')
+
+
+def test_flights_are_summed_up_by_the_least_and_the_largest_in_words() -> None:
+    rows = [
+        row(f"rms cross-track, helix, {name}", value, headline=True)
+        for name, value in (("undisturbed", 4.5731e-5), ("side_force", 0.24754), ("late", 0.1))
+    ]
+    title = "Bounds on the printed tables: 15 of 63 test the method."
+    sections = {
+        "control": section(
+            "Control", [remark("half stay.", "finding"), remark(title, "finding")], order=1
+        )
+    }
+    summary = summarise_results({"control": {"title": "C", "rows": rows}}, {}, sections, VEHICLE)
+    assert summary.headline == "Half stay"
+    assert summary.explanation == (
+        "RMS cross-track: 4.573×10⁻⁵ kg (helix, undisturbed) to 0.2475 kg (helix, side force)."
+    )
+    assert [item.quantity for item in summary.figures][1] == "RMS cross-track, helix, side force"
