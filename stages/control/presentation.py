@@ -282,7 +282,7 @@ def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
 
 
 def _designs_compared(flown: Sequence[Flown]) -> list[Block]:
-    """Return the error of the first flight by each model that controllers were designed on."""
+    """Return the error of the first flight by the models that controllers are of."""
     first = flown[0]
     of_model = {
         item.designed_on: float(item.errors.cross_track_rms_m)

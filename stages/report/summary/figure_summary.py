@@ -227,7 +227,7 @@ def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...])
 
 
 def _ranges(figures: list[tuple[str, Document]]) -> list[str]:
-    """Return the least and the largest of each quantity that stands for several conditions.
+    """Return least and largest value of a quantity that stands for several conditions.
 
     Quantity and condition are parted by the first comma of a name.
     """
