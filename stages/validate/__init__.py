@@ -63,7 +63,7 @@ from auvid.stages.validate.flight import (
     grown_errors,
 )
 from auvid.stages.validate.flight_presentation import flight_blocks
-from auvid.stages.validate.motion_check import motion_check
+from auvid.stages.validate.motion_check import motion_checks
 from auvid.stages.validate.presentation import (
     FAILED_RATIO,
     cause_blocks,
@@ -277,7 +277,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         error_table.to_pylist(),
         free_run.to_pylist(),
         per_one,
-        check=partial(_motion_check, inputs, params, models, cards),
+        check=partial(_motion_checks, inputs, params, models, cards),
         constant=constant_ratios(covered),
     )
     tell("draws of the chosen model", steps - len(segments), steps)
@@ -311,19 +311,25 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _motion_check(
+def _motion_checks(
     inputs: Inputs,
     params: Params,
     models: Mapping[str, Predictor],
     cards: Mapping[str, ModelCard],
-    name: str,
-) -> MotionCheck | None:
-    """Return what a model does by itself; None where nothing flies."""
+    names: Sequence[str],
+) -> dict[str, MotionCheck]:
+    """Return what these models do by themselves, by name; empty where nothing flies."""
     if inputs.vehicle is None or not params.free_run:
-        return None
-    model = models[name]
-    floating = Floating(model.vehicle(inputs.vehicle), model.viscous, model.trim)
-    return motion_check(floating, cards[name], minimum_speed=params.minimum_speed_m_s)
+        return {}
+    floatings = [
+        Floating(models[name].vehicle(inputs.vehicle), models[name].viscous, models[name].trim)
+        for name in names
+    ]
+    checks = motion_checks(
+        list(zip(floatings, (cards[name] for name in names), strict=True)),
+        minimum_speed=params.minimum_speed_m_s,
+    )
+    return dict(zip(names, checks, strict=True))
 
 
 def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -> dict[str, Growth]:

@@ -31,7 +31,7 @@ from auvid.hydro.dynamics.steady_motion import (
     SteadyDrive,
     SteadyMotion,
     overturning,
-    rest_tilt,
+    rest_tilts,
     steady_motions,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -68,20 +68,56 @@ class Tried:
     end: str
 
 
-def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -> MotionCheck:
-    """Return what a model does by itself within the flown velocities of its card."""
-    vehicle = floating.vehicle
-    drives = _drives(vehicle, card.conditions)
+def motion_checks(
+    models: Sequence[tuple[Floating, ModelCard]], *, minimum_speed: float
+) -> list[MotionCheck]:
+    """Return what each model does by itself within the flown velocities of its card.
+
+    Steady motions of all are sought together: models may differ in inertia, not in what
+    else the vehicle file says.
+    """
+    drives = [_drives(floating.vehicle, card.conditions) for floating, card in models]
     tracks = [
-        (drive, SteadyDrive(axis, direction, speeds))
-        for (axis, drive), direction in drives.items()
-        for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
+        [
+            (drive, SteadyDrive(axis, direction, speeds))
+            for (axis, drive), direction in own.items()
+            for speeds in _speeds(card.conditions[OWN_VELOCITY[axis]])
+        ]
+        for (_, card), own in zip(models, drives, strict=True)
     ]
-    outcomes = steady_motions(floating, [track for _, track in tracks], minimum_speed=minimum_speed)
-    tried = [
-        Tried(track.axis, drive, track.direction, track.speeds, *motions)
-        for (drive, track), motions in zip(tracks, outcomes, strict=True)
+    pairs = [
+        (floating, track)
+        for (floating, _), own in zip(models, tracks, strict=True)
+        for _, track in own
     ]
+    outcomes = iter(steady_motions(pairs, minimum_speed=minimum_speed))
+    rests = rest_tilts([floating for floating, _ in models])
+    return [
+        _checked(
+            *models[number],
+            drives[number],
+            [
+                Tried(track.axis, drive, track.direction, track.speeds, *next(outcomes))
+                for drive, track in own
+            ],
+            rests[number],
+            minimum_speed=minimum_speed,
+        )
+        for number, own in enumerate(tracks)
+    ]
+
+
+def _checked(
+    floating: Floating,
+    card: ModelCard,
+    drives: Mapping[tuple[str, str], Array],
+    tried: Sequence[Tried],
+    rest: Array | None,
+    *,
+    minimum_speed: float,
+) -> MotionCheck:
+    """Return what a model does, from its steady motions and its tilt (2,) at rest."""
+    vehicle = floating.vehicle
     upright, lost, decays = _fly(floating, card, tried, minimum_speed=minimum_speed)
     pairs: dict[tuple[str, str], list[tuple[Tried, Mask]]] = {}
     for item, stays in zip(tried, upright, strict=True):
@@ -89,7 +125,6 @@ def motion_check(floating: Floating, card: ModelCard, *, minimum_speed: float) -
     ranges = [
         _range(floating, card, parts, minimum_speed=minimum_speed) for parts in pairs.values()
     ]
-    rest = rest_tilt(floating)
     righting = -restoring_jacobian(
         np.zeros(6),
         weight=vehicle.weight,

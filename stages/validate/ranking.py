@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,13 +41,14 @@ def rank(
     errors: Iterable[Row],
     free_run: Iterable[Row],
     samples_per_one: Mapping[str, float],
-    check: Callable[[str], MotionCheck | None] = lambda _: None,
+    check: Callable[[Sequence[str]], Mapping[str, MotionCheck]] = lambda _: {},
     constant: Mapping[str, float] = NO_CONSTANT,
 ) -> RankingRecord:
     """Return the models by merit, from rows of the error table and of free runs.
 
-    samples_per_one: axis -> how many training samples count as one. check: what a model
-    without other faults does by itself. constant: axis -> J/J0 of the mean training force.
+    samples_per_one: axis -> how many training samples count as one. check: what models
+    without other faults do by themselves, by name. constant: axis -> J/J0 of the mean
+    training force.
     """
     of = {(row["use"], row["model"], row["axis"]): row for row in errors if row["leg"] == ALL}
     runs = [row for row in free_run if not row["as_measured"]]
@@ -60,10 +61,14 @@ def rank(
         for axis in (ALL, *AXES)
     }
     better = _better_forms(cards, of, information)
+    faults_of = {
+        name: _faults(card, *_losses(runs, name)) + _tipped(runs, name)
+        for name, card in cards.items()
+    }
+    motions = check([name for name, faults in faults_of.items() if not faults])
     models = []
     for name, card in cards.items():
         count, lost = _losses(runs, name)
-        faults = _faults(card, count, lost) + _tipped(runs, name)
         total = of.get((judge, name, ALL), {})
         models.append(
             MeritRecord(
@@ -87,8 +92,8 @@ def rank(
                 },
                 runs=count,
                 lost=lost,
-                faults=faults,
-                motion=None if faults else check(name),
+                faults=faults_of[name],
+                motion=motions.get(name),
             )
         )
     models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))

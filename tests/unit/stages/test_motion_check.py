@@ -8,7 +8,7 @@ import pytest
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
 from auvid.hydro.dynamics.steady_motion import Floating, SteadyDrive, steady_motions
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, decay_starts, motion_check
+from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, decay_starts, motion_checks
 from tests.support.example_run import example_run
 from tests.support.motions import shipped_vehicle
 
@@ -35,7 +35,7 @@ def card(fastest: float = 0.3) -> ModelCard:
 def checked(fastest: float = 0.3, **rows: dict[str, float]) -> MotionCheck:
     coefficients = {axis: {**row, **rows.get(axis, {})} for axis, row in DAMPED.items()}
     floating = Floating(VEHICLE, IdentifiedModel("coe", coefficients), np.zeros(6))
-    return motion_check(floating, card(fastest), minimum_speed=0.05)
+    return motion_checks([(floating, card(fastest))], minimum_speed=0.05)[0]
 
 
 @pytest.mark.parametrize(("slowest", "nearest"), [(0.1, 0.1), (-0.1, 0.0)])
@@ -84,7 +84,7 @@ def test_an_unstable_equilibrium_is_said_with_its_growth() -> None:
 def test_a_vehicle_that_floats_askew_is_said_to() -> None:
     constant = np.array([0.0, 0.0, 0.0, 0.0, -0.45, 0.0])
     floating = Floating(VEHICLE, IdentifiedModel("coe", DAMPED), constant)
-    check = motion_check(floating, card(0.01), minimum_speed=0.05)
+    check = motion_checks([(floating, card(0.01))], minimum_speed=0.05)[0]
     assert check.verdict == "holds"
     assert check.rest_rad is not None
     assert check.rest_rad[1] == pytest.approx(-np.arcsin(0.45 / check.righting_N_m[1]), rel=1e-6)
@@ -99,7 +99,7 @@ def checked_model(
         IdentifiedModel("coe", coefficients),
         np.zeros(6) if constant is None else constant,
     )
-    return motion_check(floating, card(), minimum_speed=0.05)
+    return motion_checks([(floating, card())], minimum_speed=0.05)[0]
 
 
 def test_a_constant_moment_that_tips_it_over_has_its_name_in_the_table_of_coefficients() -> None:
@@ -131,7 +131,7 @@ def test_rest_is_without_drive_and_slowest_speed() -> None:
     conditions = dict(flown.conditions) | {"u": VelocityRange(rms=0.1, low=0.12, high=0.2)}
     floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
     flown = flown.model_copy(update={"conditions": conditions})
-    check = motion_check(floating, flown, minimum_speed=0.05)
+    check = motion_checks([(floating, flown)], minimum_speed=0.05)[0]
     assert check.rest_rad == pytest.approx([0.0, 0.0], abs=1e-9)
     assert "at rest" not in check.words
 
@@ -140,7 +140,7 @@ def test_nothing_flown_is_not_tried() -> None:
     spans = {n: VelocityRange(rms=0.0, low=0.0, high=0.0) for n in "uvwpqr"}
     flown = card().model_copy(update={"conditions": spans})
     floating = Floating(VEHICLE, IdentifiedModel("coe", DAMPED), np.zeros(6))
-    check = motion_check(floating, flown, minimum_speed=0.05)
+    check = motion_checks([(floating, flown)], minimum_speed=0.05)[0]
     assert check.verdict == "not tried"
     assert "no drive was tried" in check.words
 
@@ -157,7 +157,9 @@ def test_the_worse_of_both_directions_ends_a_range() -> None:
     rows = DAMPED | {"M": {"q": -1.0, "u": -20.0}}
     floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
     drive, back = np.eye(6)[0], np.linspace(0.0, -0.3, 8)
-    motions, end = steady_motions(floating, [SteadyDrive("X", drive, back)], minimum_speed=0.05)[0]
+    motions, end = steady_motions([(floating, SteadyDrive("X", drive, back))], minimum_speed=0.05)[
+        0
+    ]
     tilted = Tried("X", ORIGIN, drive, back, motions, end)
     lost = Tried("X", ORIGIN, drive, -back, [], "no steady motion")
     flights = [(tilted, np.ones(len(motions), dtype=bool)), (lost, np.zeros(0, dtype=bool))]

@@ -185,7 +185,13 @@ def test_roll_and_pitch_are_simulated_with_known_damping_and_no_tipping(
     assert usable is not None
     assert usable.simulation == list(AXES)
     assert usable.under_attitude_hold == []
-    record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, check=lambda _: tipping("Y"))
+    record = rank(
+        run.cards,
+        run.errors,
+        rows("coe", ALWAYS),
+        {},
+        check=lambda names: dict.fromkeys(names, tipping("Y")),
+    )
     assert record.choice == "coe"
     assert record.usable is not None
     assert record.usable.simulation == ["X", "Z", "N"], "it tips over in sway"
@@ -240,7 +246,13 @@ def test_no_controller_for_an_axis_that_is_unstable_by_itself(
         if row["model"] == "coe" and row["use"] == "validation":
             row["ratio"] = 0.3
     run.cards["coe"] = with_own_damping(run.cards["coe"], "identified", "YZN")
-    record = rank(run.cards, run.errors, rows("coe", ALWAYS), {}, check=lambda _: check)
+    record = rank(
+        run.cards,
+        run.errors,
+        rows("coe", ALWAYS),
+        {},
+        check=lambda names: dict.fromkeys(names, check),
+    )
     assert record.usable is not None
     assert record.usable.simulation == ["X", "Y", "Z", "N"]
     assert record.usable.control == control

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
@@ -14,10 +16,12 @@ from auvid.hydro.dynamics.steady_motion import (
     SteadyDrive,
     SteadyMotion,
     _balanced,
+    _batch,
     _newton_steps,
+    _Together,
     growths_about,
     overturning,
-    rest_tilt,
+    rest_tilts,
     steady_motions,
 )
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -38,24 +42,30 @@ def along(
     model: Floating, axis: str, speeds: ArrayLike, drive: ArrayLike
 ) -> tuple[list[SteadyMotion], str]:
     track = SteadyDrive(axis, np.asarray(drive), np.asarray(speeds))
-    return steady_motions(model, [track], minimum_speed=0.05)[0]
+    return steady_motions([(model, track)], minimum_speed=0.05)[0]
 
 
 def test_drives_that_are_tried_together_find_what_each_finds_alone() -> None:
     model = floating(M={"u": -3.0}, N={"v": 1.0})
+    heavier = replace(VEHICLE, added_mass=1.5 * VEHICLE.added_mass)
+    rows = {**DAMPED, "Y": {"v": -9.0, "u*r": 4.0}, "Z": {"w*|w|": -20.0}}
+    other = Floating(heavier, IdentifiedModel("other", rows), 0.3 * np.eye(6)[2])
     tracks = [
-        SteadyDrive("X", np.eye(6)[0], SPEEDS[::20]),
-        SteadyDrive("X", np.eye(6)[0], -SPEEDS[::10]),
-        SteadyDrive("N", np.eye(6)[5], SPEEDS[::25]),
+        (model, SteadyDrive("X", np.eye(6)[0], SPEEDS[::20])),
+        (other, SteadyDrive("X", np.eye(6)[0], SPEEDS[::20])),
+        (model, SteadyDrive("X", np.eye(6)[0], -SPEEDS[::10])),
+        (model, SteadyDrive("N", np.eye(6)[5], SPEEDS[::25])),
+        (other, SteadyDrive("N", np.eye(6)[5], SPEEDS[::25])),
     ]
-    together = steady_motions(model, tracks, minimum_speed=0.05)
-    for track, (motions, end) in zip(tracks, together, strict=True):
-        single, single_end = along(model, track.axis, track.speeds, track.direction)
+    together = steady_motions(tracks, minimum_speed=0.05)
+    for (vehicle, track), (motions, end) in zip(tracks, together, strict=True):
+        single, single_end = along(vehicle, track.axis, track.speeds, track.direction)
         assert end == single_end
         assert len(motions) == len(single) > 2
-        for one, other in zip(motions, single, strict=True):
-            assert one.nu == pytest.approx(other.nu, abs=1e-12)
-            assert one.tilt == pytest.approx(other.tilt, abs=1e-12)
+        for one, same in zip(motions, single, strict=True):
+            assert one.nu == pytest.approx(same.nu, abs=1e-12)
+            assert one.tilt == pytest.approx(same.tilt, abs=1e-12)
+            assert one.growth == pytest.approx(same.growth, abs=1e-9)
 
 
 def test_pitch_of_steady_surge_balances_the_righting_moment_and_ends_at_sixty_degrees() -> None:
@@ -101,11 +111,11 @@ def test_growth_is_that_of_a_damped_pendulum() -> None:
 def test_slopes_are_those_of_the_balance() -> None:
     model = floating(M={"u": -3.0, "w*|w|": 2.0}, Z={"u*w": -5.0}, N={"v": 1.0})
     nu, tilt = np.array([0.3, -0.1, 0.2, 0.05, -0.04, 0.2]), np.array([0.2, -0.4])
-    slope, step = model.slopes(nu, tilt), 1e-6
+    slope, step, together = model.slopes(nu, tilt), 1e-6, _Together.of([model])
     for j in range(8):
         change = step * np.eye(8)[j]
-        ahead = model.balance(nu + change[:6], tilt + change[6:])
-        behind = model.balance(nu - change[:6], tilt - change[6:])
+        ahead = together.balance(0, nu + change[:6], tilt + change[6:])
+        behind = together.balance(0, nu - change[:6], tilt - change[6:])
         assert slope[:, j] == pytest.approx((ahead - behind) / (2 * step), abs=1e-7)
 
 
@@ -125,7 +135,7 @@ def test_quadratic_damping_balances_a_constant_force_from_rest() -> None:
     motions, end = along(model, "N", [0.0, 0.1], np.eye(6)[5])
     assert (end, len(motions)) == ("", 2)
     assert motions[0].nu[2] == pytest.approx(-np.sqrt(6.0 / 90.0), abs=1e-9)
-    assert rest_tilt(model) == pytest.approx(0.0, abs=1e-8)
+    assert rest_tilts([model])[0] == pytest.approx(0.0, abs=1e-8)
 
 
 def test_a_speed_without_balance_ends_without_a_tilt() -> None:
@@ -146,7 +156,7 @@ def test_a_step_to_a_pitch_of_90_degrees_finds_no_balance() -> None:
     model, pitched = floating(), np.array([0.0, np.pi / 2.0])
     upright = Guess(np.zeros(6), np.zeros(2), 0.0, np.zeros(8), None)
     search = _balanced(upright._replace(tilt=pitched))
-    answer, other = _newton_steps(model, [next(search), upright])
+    answer, other = _newton_steps(*_batch([model, model]), [next(search), upright])
     assert answer is None
     assert other is not None
     with pytest.raises(StopIteration) as end:
