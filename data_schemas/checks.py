@@ -37,7 +37,12 @@ This page is made from `data_schemas/formats/checks.yaml`:
 `python -m auvid.data_schemas.checks > docs/checks.md`.
 """
 
+SUMMARY = """
+## All findings
 
+| finding | severity | stops a run |
+|---|---|---|
+"""
 MISTAKES = """
 ## Mistakes and what finds them
 
@@ -201,7 +206,12 @@ def mistakes() -> Mapping[str, str]:
 
 def documentation() -> str:
     """docs/checks.md: one section per finding, the severe ones first."""
-    parts = [INTRODUCTION]
+    parts = [INTRODUCTION, SUMMARY]
+    by_severity = sorted(checks().values(), key=lambda check: SEVERITIES.index(check.severity))
+    parts += [
+        f"| `{check.id}` | {check.severity} | {'yes' if check.stops else ''} |\n"
+        for check in by_severity
+    ]
     for severity in SEVERITIES:
         parts.append(f"\n## {severity.capitalize()}s\n")
         for check in checks().values():

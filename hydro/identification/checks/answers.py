@@ -112,11 +112,11 @@ def track_turn(
         np.stack([np.interp(side, t_position, column) for column in position.T[:2]], axis=1)
         for side in (at, at + width)
     ]
-    return _turn(expected, ends[1] - ends[0])
+    return planar_turn(expected, ends[1] - ends[0])
 
 
-def _turn(expected: Array, moved: Array) -> PlanarTurn | None:
-    """Return the turn of `moved` (n, 2) against `expected` (n, 2)."""
+def planar_turn(expected: Array, moved: Array) -> PlanarTurn | None:
+    """Return the turn of `moved` (n, 2) against `expected` (n, 2), constants beside."""
     x, y = (side - np.median(side, axis=0) for side in (expected, moved))
     # [dx dy] = c [ex ey] + s [-ey ex], both rows with one c and s.
     design = np.stack([x, np.column_stack([-x[:, 1], x[:, 0]])], axis=2).reshape(-1, 2)

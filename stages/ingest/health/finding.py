@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,15 @@ class CheckedLog:
             stamps = np.asarray(self.tables[stream]["time_us"].to_numpy())
             self._times[stream] = self.seconds(stamps)
         return self._times[stream]
+
+    def between(self, start_s: float, end_s: float) -> CheckedLog:
+        """Return the log between two times [s] from its start."""
+        tables = {}
+        for name, table in self.tables.items():
+            first, last = np.searchsorted(self.t_s(name), (start_s, end_s))
+            tables[name] = table.slice(int(first), int(last - first))
+        kept = {name: table for name, table in tables.items() if table.num_rows}
+        return replace(self, tables=kept, _times={})
 
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
         """Return time stamps (n,) in seconds from the start of the log."""

@@ -18,7 +18,7 @@ from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
-from auvid.stages.ingest.health.actuation.force_clocks import force_clock_findings
+from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
 from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
@@ -41,6 +41,10 @@ from auvid.stages.ingest.health.agreement.sources import (
     attitude_findings,
     depth_findings,
     velocity_findings,
+)
+from auvid.stages.ingest.health.agreement.velocity_axes import (
+    VelocityEvidence,
+    velocity_evidence,
 )
 from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding, listed
@@ -120,7 +124,8 @@ def check_health(
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     measured += [item for check in OF_VALUES for item in check(real)]
-    measured = beside_clocks([*measured, *_of_commands(real)])
+    evidence = velocity_evidence(real)
+    measured = beside_clocks([*measured, *_of_commands(real, evidence)])
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -174,13 +179,15 @@ def _clocks_of(sign: Finding, findings: list[Finding]) -> list[str]:
 
 def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
     """Yield forces of the thrusters at a wrong time, or of a wrong size."""
-    if log.has("actuators") and late_outputs(log, answers) is None:
+    drift = list(drift_findings(log))
+    yield from drift
+    if not drift and log.has("actuators") and late_outputs(log, answers) is None:
         yield from force_clock_findings(log)
     yield from fin_findings(log)
     yield from force_findings(log)
 
 
-def _of_commands(log: CheckedLog) -> list[Finding]:
+def _of_commands(log: CheckedLog, evidence: VelocityEvidence) -> list[Finding]:
     """Return the findings of motion and commands.
 
     Commands of another motion say nothing of this one, and those that swing at one
@@ -194,7 +201,17 @@ def _of_commands(log: CheckedLog) -> list[Finding]:
         tables = {name: table for name, table in log.tables.items() if name != "actuators"}
         log = replace(log, tables=tables)
     answers = responses(log)
-    return [*unrelated, *(item for check in OF_ANSWERS for item in check(log, answers))]
+    moving = motion_findings(log, answers, evidence)
+    others = (item for check in OF_ANSWERS for item in check(log, answers))
+    return _once([*unrelated, *moving, *others], "clock_drift")
+
+
+def _once(findings: Sequence[Finding], name: str) -> list[Finding]:
+    """Return findings with the first one of a name for each stream."""
+    first: dict[object, Finding] = {}
+    for item in findings:
+        first.setdefault((name, item["stream"]) if item["id"] == name else id(item), item)
+    return list(first.values())
 
 
 OF_RECORDS = (
@@ -234,7 +251,7 @@ OF_CLOCKS = (
     "command_delay",
 )
 """Findings of clocks."""
-OF_ANSWERS = (motion_findings, response_findings, clock_lag_findings, of_forces)
+OF_ANSWERS = (response_findings, clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 
 

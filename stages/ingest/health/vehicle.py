@@ -22,6 +22,7 @@ DENSITIES_KG_M3 = (950.0, 1250.0)
 POUNDS = 2.2046
 SURE_BELOW = 0.05
 """Part of the radius of a ball of the displaced water; trim errs by less."""
+ADDED_NAMES = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 SENSOR_RADII = 20.0
 """Largest arm of a sensor in the same radii; centimetres are 100 times off, mm 1000 times."""
 GYRATION_RADII, LARGEST_OF_SMALLEST, THRUSTER_RADII = (0.15, 4.0), 1.5, 15.0
@@ -32,6 +33,14 @@ seventeen vehicles and published sets is 0.3 to 1.2, but for one set of 3.8.
 
 LEAST_LARGEST = 0.45
 """Of the largest radius of gyration; a ball of one density has 0.63, its heavy core less."""
+ADDED_ACROSS, LEAST_OF_SLENDER, MOST_AHEAD = (0.25, 8.0), 0.6, 4.0
+"""Bounds of the added mass of sway and heave, of slender hulls, and of surge, as parts of
+the displaced mass: a sphere has 0.5, a long cylinder 1; 25 vehicles 0.49 to 6.9.
+"""
+SLENDER, MOST_OF_TURNS = 5.0, 4.5
+"""Length over diameter of a slender hull, and most added inertia of pitch and yaw as a
+part of the inertia; 14 vehicles have up to 2.2.
+"""
 LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
 """Of the distance of the outermost of three thrusters or more, which sit outside the hull."""
 
@@ -76,6 +85,7 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
         )
         return
     yield from _sizes(vehicle)
+    yield from _added_mass(vehicle)
     excess = vehicle.mass_kg / water - 1.0
     if abs(excess) > limit("weight_in_water"):
         newtons = (vehicle.mass_kg - water) * vehicle.gravity
@@ -156,6 +166,36 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
             " gravity: at rest the vehicle would turn over.",
             value=below,
         )
+
+
+def _added_mass(vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield added mass that no body of the displaced water has; 0 is one not given."""
+    added, water = np.abs(np.diag(vehicle.added_mass)), vehicle.displaced_mass_kg
+    low, high = ADDED_ACROSS
+    geometry = vehicle.geometry
+    if geometry is not None and geometry.hull.length_m > SLENDER * geometry.hull.diameter_m:
+        low = LEAST_OF_SLENDER
+    bounds = [(0, 0.0, MOST_AHEAD * water), (1, low * water, high * water)]
+    bounds += [(2, low * water, high * water)]
+    bounds += [(axis, 0.0, MOST_OF_TURNS * vehicle.inertia[axis - 3, axis - 3]) for axis in (4, 5)]
+    off = [
+        (axis, least, most)
+        for axis, least, most in bounds
+        if added[axis] and not least <= added[axis] <= most
+    ]
+    if not off:
+        return
+    parts = [
+        f"{ADDED_NAMES[axis]} of {-added[axis]:.3g} {'kg' if axis < 3 else 'kg m^2'}, where"
+        f" {least:.2g} to {most:.2g} is possible"
+        for axis, least, most in off
+    ]
+    yield finding(
+        "added_mass_size",
+        f"The vehicle file gives an added mass {listed(parts)} (by its displaced water of"
+        f" {water:g} kg and its inertia).",
+        value=float(added[off[0][0]] / water),
+    )
 
 
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:

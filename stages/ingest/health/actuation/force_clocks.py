@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.motion_checks import AxisGains
+from auvid.hydro.identification.checks.velocity_answer import drift_of
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
-from auvid.stages.ingest.health.actuation.push_answers import push_lags
+from auvid.stages.ingest.health.actuation.push_answers import force_odds, push_lags
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 LAGS_S = np.round(np.arange(-10, 21) * 0.2, 1)
@@ -25,10 +25,7 @@ SPEEDS = "uvw"
 
 def force_clock_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield outputs whose force acts before it is stamped, or long after."""
-    odds = {
-        axis: np.array([_odds(gains) for gains in by_lag])
-        for axis, by_lag in push_lags(log, SPEEDS, lags_s=LAGS_S.tolist())
-    }
+    odds = _odds_by_axis(log)
     if len(odds) < 2:
         return
     total = np.sum(list(odds.values()), axis=0)
@@ -49,12 +46,37 @@ def force_clock_findings(log: CheckedLog) -> Iterator[Finding]:
     )
 
 
-def _odds(gains: AxisGains | None) -> float:
-    """Return the logarithm of the likelihood over no force; 0 for a gain against it."""
-    if gains is None or gains.gain[0] <= 0.0:
-        return 0.0
-    share = min(max(gains.explained, 0.0), 1.0 - 1e-9)
-    return -0.5 * gains.count * float(np.log1p(-share))
+def _odds_by_axis(log: CheckedLog) -> dict[str, Array]:
+    """Return the odds of each lag (k,) by axis."""
+    return {
+        axis: np.array([force_odds(gains) for gains in by_lag])
+        for axis, by_lag in push_lags(log, SPEEDS, lags_s=LAGS_S.tolist())
+    }
+
+
+def drift_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield outputs whose force acts at another time in each half of the log."""
+    if not log.has("actuators"):
+        return
+    start, end = log.t_s("actuators")[[0, -1]]
+    middle = 0.5 * (start + end)
+    parts = [_odds_by_axis(log.between(*span)) for span in ((start, middle), (middle, end))]
+    axes = [axis for axis in SPEEDS if all(axis in part for part in parts)]
+    if len(axes) < 2:
+        return
+    halves = [np.sum([part[axis] for axis in axes], axis=0) for part in parts]
+    drift = drift_of(LAGS_S, np.array(halves))
+    if abs(drift.change_s) < limit("clock_drift") or drift.better_than_none < SURE_ODDS:
+        return
+    yield finding(
+        "clock_drift",
+        f"From the first half of the log to the second the force of the outputs acts"
+        f" {drift.change_s:+.1f} s later: the clock of the outputs, or that of the velocity, drifts"
+        f" by some {100.0 * abs(drift.change_s) / (middle - start):.1f} %.",
+        stream="actuators",
+        value=drift.change_s,
+        fields=("time_us",),
+    )
 
 
 def _usual(odds: Array) -> float:

@@ -30,6 +30,12 @@ from auvid.stages.number_format import significant
 LEAST_RESPONSE_HZ = 4.0
 USUAL_LAGS_S, OTHER_LAGS_S = (0.0, 0.1, 0.2, 0.3), (-1.2, -0.9, -0.6, -0.3, 0.5, 0.7, 1.0, 1.3)
 """Motion behind its thrusters, and lags of clocks that are off, which turn a sign."""
+EARLIER_S, BETTER_EARLIER = (-0.4, -0.3, -0.2, -0.1), 25.0
+"""Lags of outputs that are stamped a little late, and by how much more likely one of them
+has to be in surge, sway and heave.
+"""
+LEAST_TILTED = 0.1
+"""Share of roll or pitch that they must explain then."""
 COUPLED = (0, 1, 2, 5)
 RIGHTED = (3, 4)
 """Axes that gravity and buoyancy turn back: roll and pitch."""
@@ -346,32 +352,92 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
 
 def response_signs(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield motions that go against their thrusters."""
+    turned = {
+        axis: gains
+        for axis, gains in response.items()
+        if _clear(gains) < limit("response_sign")
+        and gains.explained > 0.1
+        and not any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False))
+    }
+    late = _late_by_tilts(log, turned)
+    if late:
+        yield from late
+        return
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
     fields = dict(zip("uvwpqr", (*LINEAR_VELOCITY, *GYRO), strict=True))
-    for axis, gains in response.items():
+    for axis, gains in turned.items():
         clear = _clear(gains)
-        if clear < limit("response_sign") and gains.explained > 0.1:
-            if any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False)):
-                continue
-            text = (
-                f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
-                f" forward accelerates it backward ({significant(clear)} standard deviations)."
+        text = (
+            f"{names[axis].capitalize()} answers the thrusters the wrong way round: force"
+            f" forward accelerates it backward ({significant(clear)} standard deviations)."
+        )
+        if _right_lag(log, axis, gains.explained, OTHER_LAGS_S) is not None:
+            text += (
+                " With a second more or less between them it answers the right way round: the"
+                " clock of the outputs or of the motion may be off instead."
             )
-            if any(
-                _clear(other) > -limit("response_sign") and other.explained > gains.explained
-                for _, other in push_responses(log, axis, lags_s=OTHER_LAGS_S)
-            ):
-                text += (
-                    " With a second more or less between them it answers the right way round: the"
-                    " clock of the outputs or of the motion may be off instead."
-                )
-            yield finding(
-                "response_sign",
-                text,
-                stream="velocity" if axis in "uvw" else "imu",
-                value=clear,
-                fields=(fields[axis],),
-            )
+        yield finding(
+            "response_sign",
+            text,
+            stream="velocity" if axis in "uvw" else "imu",
+            value=clear,
+            fields=(fields[axis],),
+        )
+
+
+def _right_lag(log: CheckedLog, axis: str, least: float, lags_s: Sequence[float]) -> float | None:
+    """Return the lag at which the thrusters explain an axis best, the right way.
+
+    None where they explain no more than a share.
+    """
+    ((_, by_lag),) = push_lags(log, axis, lags_s=lags_s)
+    right = {
+        lag: other.explained
+        for lag, other in zip(lags_s, by_lag, strict=True)
+        if other is not None and _clear(other) > -limit("response_sign") and other.explained > least
+    }
+    return max(right, key=lambda lag: right[lag]) if right else None
+
+
+def _late_by_tilts(log: CheckedLog, turned: Mapping[str, AxisGains]) -> list[Finding]:
+    """Return that outputs are late, where only roll and pitch are turned and say so.
+
+    A hull that rights itself turns within tenths of a second; surge, sway and heave have
+    to follow the outputs better if those act so much earlier, too.
+    """
+    if not turned or not set(turned) <= {"p", "q"}:
+        return []
+    lags = [_right_lag(log, axis, LEAST_TILTED, EARLIER_S) for axis in turned]
+    known = [lag for lag in lags if lag is not None]
+    speeds = [
+        [force_odds(gains) for gains in by_lag]
+        for _, by_lag in push_lags(log, "uvw", lags_s=(*EARLIER_S, *USUAL_LAGS_S))
+    ]
+    if len(known) < len(lags) or len(speeds) < 2:
+        return []
+    total = np.sum(speeds, axis=0)
+    if total[: len(EARLIER_S)].max() - total[len(EARLIER_S) :].max() < BETTER_EARLIER:
+        return []
+    words = listed([RATES["pqr".index(axis)] for axis in turned])
+    early = -float(np.mean(known))
+    return [
+        finding(
+            "command_late",
+            f"The force of the outputs turns {words} the right way if it acts {early:.1f} s before"
+            " its stamp, and moves surge, sway and heave better: the outputs are stamped late, or"
+            f" the sensors early. (As the stamps stand {words} would be turned.)",
+            stream="actuators",
+            value=early,
+        )
+    ]
+
+
+def force_odds(gains: AxisGains | None) -> float:
+    """Return the logarithm of the likelihood over no force; 0 for a gain against it."""
+    if gains is None or gains.gain[0] <= 0.0:
+        return 0.0
+    share = min(max(gains.explained, 0.0), 1.0 - 1e-9)
+    return -0.5 * gains.count * float(np.log1p(-share))
 
 
 def _clear(gains: AxisGains) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
-from auvid.hydro.identification.checks.answers import track_turn
 from auvid.hydro.identification.checks.motion_checks import (
+    WINDOW_S,
     AxisGains,
     accelerometer_changes,
     depth_by_axes,
@@ -25,8 +24,6 @@ from auvid.stages.columns import (
     ATTITUDE,
     GYRO,
     LINEAR_VELOCITY,
-    OF_FIXES,
-    OF_POSES,
     POSITION,
     SPEEDS,
 )
@@ -43,8 +40,15 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     weak_forces,
 )
 from auvid.stages.ingest.health.actuation.responses import late_outputs
+from auvid.stages.ingest.health.agreement.velocity_axes import (
+    VelocityEvidence,
+    heading_findings,
+    late_velocity,
+    mirrored_track,
+    scaled_velocity,
+    turned_velocity,
+)
 from auvid.stages.ingest.health.finding import (
-    ESTIMATED,
     CheckedLog,
     Finding,
     finding,
@@ -68,12 +72,12 @@ LARGEST_SD, FAR_BELOW = 0.1, 0.6
 """Standard deviation of a gain that tells a scale, and a gain that noise does not lower an
 axis to that moves the depth less than another.
 """
-LAG_GAIN = 0.1
-"""A lag must explain so much more of the depth rate than none does."""
-SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
-"""Largest standard error of a turn of the track, and the angle [deg] beyond which one
-axis or both have the wrong sign.
+LAG_GAIN, SURE_ODDS = 0.1, 25.0
+"""A lag must explain so much more of the depth rate than none does, or be so much more
+likely (logarithm).
 """
+NEAR_LAGS_S, ENOUGH = LAGS_S[np.abs(LAGS_S) < 1.05], 0.99
+"""Lags that are tried unless none explains so much, where it explains nearly all."""
 ROUNDING = 1e-6
 LARGEST_TONE, SURE_OF_TONE = 0.8, 0.98
 """Share of the power of a depth rate that one frequency may have, or else the part of it
@@ -123,7 +127,9 @@ class Evidence:
                 self.against.setdefault(axis, []).append(words)
 
 
-def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
+def motion_findings(
+    log: CheckedLog, answers: Mapping[str, Response], evidence: VelocityEvidence
+) -> Iterator[Finding]:
     """Yield wrong signs, scales, axes and clocks of velocity, depth and outputs."""
     response = {} if late_outputs(log, answers) else dict(push_responses(log))
     coarse = list(_coarse(log))
@@ -156,8 +162,11 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
     yield from found_depth
     if depth is not None and not any(item["id"] == "depth_sign" for item in found_depth):
         turned.take(depth, range(3), "the depth rate follows it")
-    turned.take(_position_gains(log), range(2), "the position follows it")
-    yield from _heading(log)
+    mirrored = list(mirrored_track(log, evidence))
+    yield from mirrored
+    if not mirrored:
+        turned.take(_position_gains(log), range(2), "the position follows it")
+        yield from heading_findings(log, evidence)
     changes = _changes(log)
     if changes is not None:
         correlation = own_and_cross(changes[0], changes[1] + changes[2])
@@ -177,8 +186,15 @@ def motion_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterato
             value=-1.0,
             fields=(LINEAR_VELOCITY[axis],),
         )
-    if not turned.against:
-        yield from _late(log)
+    if turned.against:
+        return
+    late = list(_late(log))
+    yield from late
+    if not any(item["stream"] == "velocity" for item in late):
+        yield from late_velocity(log, evidence)
+    if not exchanged and not any(item["id"] == "velocity_scale" for item in found_depth):
+        yield from turned_velocity(log, evidence)
+        yield from scaled_velocity(log, evidence)
 
 
 def _coarse(log: CheckedLog) -> Iterator[Finding]:
@@ -269,46 +285,6 @@ def _position_gains(log: CheckedLog) -> AxisGains | None:
     if not log.has("position"):
         return None
     return position_gains(log.t_s("position"), log.values("position", POSITION), *_poses(log))
-
-
-def _heading(log: CheckedLog) -> Iterator[Finding]:
-    """Yield a heading that is off against the track, or that nothing shows."""
-    turn = None
-    if log.has("position") and not _of_the_heading(log):
-        turn = track_turn(log.t_s("position"), log.values("position", POSITION), *_poses(log))
-    if turn is None or turn.explained < LEAST_EXPLAINED or turn.sd > SURE_TURN_RAD:
-        yield finding(
-            "heading_unseen",
-            "Whether the heading is off by a constant is not observable: no position of its own"
-            " moves enough beside the velocity.",
-            stream="attitude",
-        )
-        return
-    off = math.degrees(turn.angle)
-    if abs(off) < max(limit("heading_offset"), math.degrees(CLEAR * turn.sd)):
-        return
-    if abs(off) > TURNED_ROUND:
-        return  # a matter of signs
-    yield finding(
-        "heading_offset",
-        f"The track ({log.source('position')}) is turned by {off:+.0f} +-"
-        f" {math.degrees(2.0 * turn.sd):.0f} degrees against heading and velocity"
-        f" ({log.source('velocity')}), clockwise from above: the heading reads so much too"
-        f" {'little' if off > 0.0 else 'much'}, or the velocity's axes are turned so much.",
-        stream="attitude",
-        value=off,
-        fields=(ATTITUDE[2],),
-    )
-
-
-def _of_the_heading(log: CheckedLog) -> bool:
-    """Return whether position or velocity was made with the heading, so both agree."""
-    if log.source("velocity").startswith((OF_FIXES, OF_POSES)):
-        return True
-    source = log.source("position")
-    return source.startswith(OF_POSES) or any(
-        note.startswith("position") and ESTIMATED.search(note) for note in log.info.notes
-    )
 
 
 def _changes(log: CheckedLog) -> tuple[Array, Array, Array] | None:
@@ -412,19 +388,24 @@ def _exchanged(correlation: Array) -> Iterator[Finding]:
 def _late(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("depth"):
         return
-    lag = velocity_lag(
-        log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log), lags_s=LAGS_S,
-        enough=1.0 - LAG_GAIN,
-    )  # fmt: skip
+    records = (log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+    lag = velocity_lag(*records, lags_s=NEAR_LAGS_S, enough=ENOUGH)
+    if lag is not None and lag[2] < 1.0 - LAG_GAIN:
+        lag = velocity_lag(*records, lags_s=LAGS_S)
     if lag is None:
         return
     at, there, zero = lag
+    count = (min(records[0][-1], records[4][-1]) - max(records[0][0], records[4][0])) / WINDOW_S
+    odds = 0.5 * count * float(np.log((1.0 - zero) / max(1.0 - there, 1e-9)))
     rate = np.gradient(log.column("depth", "depth_m"), log.t_s("depth"))
     tonal = at and tone_share(log.t_s("depth"), rate[:, None])[1] > LARGEST_TONE
     if tonal and there < SURE_OF_TONE:
         return  # lags repeat with the period
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
-    if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and there - zero > LAG_GAIN:
+    known = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
+    off = abs(at) if at > 0.0 else known - at
+    sure = there - zero > LAG_GAIN or odds > SURE_ODDS
+    if off > max(limit("velocity_lag"), slowest) and there > 0.8 and sure:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
         text = (
             f"The {late} comes {abs(at):.1f} s after the {early}: read so much earlier it explains"

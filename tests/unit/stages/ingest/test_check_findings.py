@@ -341,6 +341,7 @@ def of_a_vehicle(name: str, *keys: str, value: Any) -> Spoil:
 
 
 SPOIL["water_density"] = of_a_vehicle("bluerov2_heavy", "environment", "water_density", value=1.025)
+SPOIL["added_mass_size"] = of_a_vehicle("bluerov2_heavy", "added_mass", "Y_vdot", value=-0.7)
 SPOIL["weight_in_water"] = of_a_vehicle("bluerov2_heavy", "rigid_body", "mass", value=29.8)
 
 
@@ -606,6 +607,26 @@ def with_track(log: Log, turned_deg: float = 0.0) -> None:
 @spoils("heading_offset")
 def _turned_compass(log: Log) -> None:
     with_track(log, 25.0)
+
+
+@spoils("position_axes")
+def _east_before_north(log: Log) -> None:
+    with_track(log)
+    track = log.streams["position"]
+    track["x_m"], track["y_m"] = track["y_m"], track["x_m"]
+
+
+def turn_velocity(log: Log, angle_deg: float) -> None:
+    """A velocity log that is mounted turned about the vertical, clockwise from above."""
+    columns, angle = log.streams["velocity"], np.radians(angle_deg)
+    u, v = columns["u_m_s"], columns["v_m_s"]
+    columns["u_m_s"] = np.cos(angle) * u - np.sin(angle) * v
+    columns["v_m_s"] = np.sin(angle) * u + np.cos(angle) * v
+
+
+@spoils("velocity_turned")
+def _crooked(log: Log) -> None:
+    turn_velocity(log, 9.0)
 
 
 @spoils("heading_unseen")
@@ -1091,6 +1112,61 @@ def test_a_heading_that_is_off_is_measured_against_the_track(turned_deg: float) 
     log = sound()
     with_track(log, turned_deg)
     assert log.finding("heading_offset")["value"] == pytest.approx(turned_deg, abs=3.0)  # deg
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("x_m", "x (north) has the wrong"), ("y_m", "y (east) has the wrong")]
+)
+def test_a_mirrored_track_is_named_and_nothing_else_is(name: str, words: str) -> None:
+    log = sound()
+    with_track(log)
+    log.streams["position"][name] = -log.streams["position"][name]
+    assert words in log.finding("position_axes")["text"]
+    assert not {"heading_offset", "velocity_sign"} & set(log.ids())
+
+
+@pytest.mark.parametrize("angle_deg", [8.0, -15.0])
+def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float) -> None:
+    log = sound()
+    turn_velocity(log, angle_deg)
+    assert log.finding("velocity_turned")["value"] == pytest.approx(angle_deg, abs=1.5)  # deg
+
+
+@pytest.mark.parametrize("factor", [1.12, 1.0 / 1.12])
+def test_a_velocity_of_another_scale_is_measured_by_accelerometer_and_track(factor: float) -> None:
+    log = sound()
+    with_track(log)
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = factor * log.streams["velocity"][name]
+    found = [item for item in log.health()["findings"] if item["id"] == "scale_off"]
+    for words in ("the accelerometer adds up", "the track"):
+        (value,) = (item["value"] for item in found if words in item["text"])
+        assert value == pytest.approx(factor - 1.0, abs=0.03)
+
+
+def test_a_velocity_on_a_slow_clock_drifts_against_the_accelerometer() -> None:
+    log = sound()
+    stamps = log.streams["velocity"]["time_us"]
+    slow = stamps[0] + 0.96 * (stamps - stamps[0])
+    log.streams["velocity"]["time_us"] = slow.astype(np.int64)
+    drifts = [item for item in log.health()["findings"] if item["id"] == "clock_drift"]
+    assert any("behind the accelerometer" in item["text"] for item in drifts)
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [(("X_udot",), -60.0), (("Z_wdot",), -187.0), (("M_qdot",), -1.3), (("Y_vdot",), -0.7)],
+)
+def test_added_mass_of_no_body(keys: tuple[str], value: float) -> None:
+    log = sound()
+    of_a_vehicle("bluerov2_heavy", "added_mass", *keys, value=value)(log)
+    assert keys[0] in log.finding("added_mass_size")["text"]
+
+
+def test_an_added_mass_that_is_not_given_is_none_of_a_wrong_size() -> None:
+    log = sound()
+    of_a_vehicle("bluerov2_heavy", "added_mass", "Y_vdot", value=0.0)(log)
+    assert "added_mass_size" not in log.ids()
 
 
 def test_a_track_that_was_made_with_the_heading_tells_nothing_about_it() -> None:

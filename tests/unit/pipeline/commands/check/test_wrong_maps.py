@@ -110,6 +110,7 @@ GYRO = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 ANGLES = ("phi_rad", "theta_rad", "psi_rad")
 SPEED = ("u_m_s", "v_m_s", "w_m_s")
+ADDED = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 PULSES = tuple(f"pwm_{number}_us" for number in range(1, 5))
 
 
@@ -183,6 +184,18 @@ def late(seconds: float, *names: str) -> Change:
             values, column = case.values(name)
             t = next(iter(values.values()))
             values[column] = np.interp(t - seconds, t, values[column])
+
+    return change
+
+
+def slow(rate: float, *names: str) -> Change:
+    """Values were stamped by a clock that counts so many seconds in one."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            t = next(iter(values.values()))
+            values[column] = np.interp(t[0] + rate * (t - t[0]), t, values[column])
 
     return change
 
@@ -681,8 +694,21 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "nothing to do with",
     ),
     "yaw and its rate both turned": (sign("psi_rad", GYRO[2]), "response_sign", "Yaw"),
+    "velocity 0.6 s early": (late(-0.6, *SPEED), "velocity_lag", "before the accelerometer"),
+    "depth 0.5 s late": (late(0.5, "depth_m"), "velocity_lag", "depth comes"),
+    "clock of the velocity 2 % slow": (slow(0.98, *SPEED), "clock_drift", "clock of the velocity"),
+    "a tenth of the added mass": (
+        vehicle(*ADDED, factor=0.1, of="added_mass"),
+        "added_mass_size",
+        "Y_vdot",
+    ),
+    "ten times the added mass": (
+        vehicle(*ADDED, factor=10.0, of="added_mass"),
+        "added_mass_size",
+        "Z_wdot",
+    ),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-5:]
+WHOLE_DIVE = tuple(DIVE_CASES)[-10:-2]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",

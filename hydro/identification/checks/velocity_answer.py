@@ -1,0 +1,133 @@
+"""Lag, turn and scale of a body velocity against the accelerometer beside it.
+
+Over windows of 1 s, v(t1) - v(t0) + integral of omega x v = integral of f + R^T [0 0 g]:
+a velocity log that is late, turned about the vertical or of another scale shows there as
+such. Nothing here decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
+from auvid.hydro.identification.checks.motion_checks import (
+    FEWEST_WINDOWS,
+    WINDOW_S,
+    down_at,
+    integrals,
+    windows,
+)
+
+NORMAL_SPREAD = 1.4826
+"""Standard deviation of a normal distribution over its median deviation."""
+
+
+@dataclass(frozen=True)
+class VelocityAnswer:
+    """How a velocity follows the accelerometer.
+
+    `lag_s`: how late it comes; `odds` (k,): logarithm of the likelihood over a velocity at
+    rest, by lag, and `halves` (2, k) of either half of the record; `turn` of surge and
+    sway at `lag_s`, None for too few windows.
+    """
+
+    lags_s: Array
+    odds: Array
+    halves: Array
+    turn: PlanarTurn | None
+
+    @property
+    def lag_s(self) -> float:
+        """The most likely lag [s]."""
+        return float(self.lags_s[np.argmax(self.odds)])
+
+    def better_than(self, usual_s: tuple[float, float]) -> float:
+        """Return by how much the best lag is more likely than any usual one."""
+        inside = (self.lags_s > usual_s[0] - 1e-9) & (self.lags_s < usual_s[1] + 1e-9)
+        return float(self.odds.max() - self.odds[inside].max())
+
+    @property
+    def drift(self) -> Drift:
+        """How the lag changes from half to half."""
+        return drift_of(self.lags_s, self.halves)
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Change of a lag from one half of a record to the other [s].
+
+    `better_than_none`: logarithm of the likelihood over one lag in both halves.
+    """
+
+    change_s: float
+    better_than_none: float
+
+
+def drift_of(lags_s: Array, halves: Array) -> Drift:
+    """Return how a lag changes, of the odds (2, k) of lags (k,) in either half.
+
+    >>> drift_of(np.array([0.0, 1.0]), np.array([[9.0, 2.0], [1.0, 8.0]]))
+    Drift(change_s=1.0, better_than_none=7.0)
+    """
+    first, last = lags_s[np.argmax(halves, axis=1)]
+    apart = float(halves.max(axis=1).sum() - halves.sum(axis=0).max())
+    return Drift(float(last - first), apart)
+
+
+def velocity_answer(
+    imu: tuple[Array, Array, Array],
+    attitude: tuple[Array, Array],
+    velocity: tuple[Array, Array],
+    *,
+    gravity: float,
+    lags_s: Sequence[float],
+) -> VelocityAnswer | None:
+    """Return how a velocity follows the accelerometer; None for too few windows.
+
+    imu: times (n,), gyro (n, 3), specific force (n, 3); attitude: times, angles (m, 3);
+    velocity: times, body velocity (k, 3).
+    """
+    (t_imu, gyro, force), (t_attitude, euler), (t_velocity, speed) = imu, attitude, velocity
+    lags = np.asarray(lags_s, dtype=np.float64)
+    start = max(t_imu[0], t_attitude[0], t_velocity[0] - lags.min())
+    end = min(t_imu[-1], t_attitude[-1], t_velocity[-1] - lags.max())
+    at = windows(start, end, t_imu, t_attitude, t_velocity)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    pulled = pulled - np.median(pulled, axis=0)
+    half = at < 0.5 * (at[0] + at[-1])
+    odds, halves, changes = [], [], []
+    for lag in lags:
+        change = _changes(t_imu, gyro, t_velocity - lag, speed, at)
+        change = change - np.median(change, axis=0)
+        odds.append(_odds(change, pulled))
+        halves.append([_odds(change[rows], pulled[rows]) for rows in (half, ~half)])
+        changes.append(change)
+    best = int(np.argmax(odds))
+    turn = planar_turn(pulled[:, :2], changes[best][:, :2])
+    return VelocityAnswer(lags, np.array(odds), np.array(halves).T, turn)
+
+
+def _changes(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
+    """Return v(t1) - v(t0) + integral of omega x v (n, 3) over windows from `at`."""
+    first, last = (
+        np.column_stack([np.interp(side, t, part) for part in speed.T])
+        for side in (at, at + WINDOW_S)
+    )
+    rates = np.column_stack([np.interp(t, t_imu, part) for part in gyro.T])
+    turned = integrals(t, np.cross(rates, speed), at)
+    return np.asarray(last - first + turned)
+
+
+def _odds(change: Array, pulled: Array) -> float:
+    """Return the logarithm of the likelihood of changes (n, 3) over none, by medians."""
+    left, own = (
+        NORMAL_SPREAD * np.median(np.abs(part), axis=0) for part in (change - pulled, change)
+    )
+    moving = (own > 0.0) & (left > 0.0)
+    return float(len(change) * np.maximum(np.log(own[moving] / left[moving]), 0.0).sum())

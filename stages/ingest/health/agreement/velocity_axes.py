@@ -1,0 +1,249 @@
+"""Turn, scale and clock of the velocity, by the accelerometer and by a track of its own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.identification.checks.answers import PlanarTurn, track_turn
+from auvid.hydro.identification.checks.velocity_answer import VelocityAnswer, velocity_answer
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
+from auvid.stages.ingest.health.actuation.push_answers import CLEAR
+from auvid.stages.ingest.health.finding import (
+    ESTIMATED,
+    CheckedLog,
+    Finding,
+    finding,
+    limit,
+    mounting_remedy,
+)
+
+LAGS_S = tuple(np.round(np.arange(-15, 31) * 0.1, 1).tolist())
+EARLIEST_S, LATEST_S, LAG_SPREAD_S = -0.2, 0.4, 0.25
+"""Usual lags of a velocity log behind the accelerometer, and beyond that of its vehicle
+file.
+"""
+SURE_ODDS = 25.0
+"""Logarithm of the likelihood of a lag over all usual ones, from which on it counts."""
+LEAST_EXPLAINED = 0.6
+SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
+"""Largest standard error of a turn, and the angle [deg] beyond which one axis or both
+have the wrong sign.
+"""
+BETTER_MIRRORED = 0.3
+"""By how much more of a track a mirrored one must explain."""
+MIRRORS = {
+    0: "its x and y (north and east) are exchanged",
+    90: "its y (east) has the wrong sign",
+    -90: "its x (north) has the wrong sign",
+    180: "its x and y (north and east) are exchanged and both have the wrong sign",
+}
+"""Turn [deg] of the track with x and y exchanged, and what was done to it."""
+
+
+@dataclass(frozen=True)
+class VelocityEvidence:
+    """What accelerometer and track say of the velocity; None where there is none.
+
+    `mirrored`: the turn of the track with its x and y exchanged.
+    """
+
+    answer: VelocityAnswer | None = None
+    track: PlanarTurn | None = None
+    mirrored: PlanarTurn | None = None
+
+    @property
+    def of_accelerometer(self) -> PlanarTurn | None:
+        """The turn by the accelerometer where it is sure."""
+        return _sure(None if self.answer is None else self.answer.turn)
+
+    @property
+    def of_track(self) -> PlanarTurn | None:
+        """The turn of the track where it is sure."""
+        return _sure(self.track)
+
+
+def _sure(turn: PlanarTurn | None) -> PlanarTurn | None:
+    sure = turn is not None and turn.explained >= LEAST_EXPLAINED and turn.sd <= SURE_TURN_RAD
+    return turn if sure else None
+
+
+def velocity_evidence(log: CheckedLog) -> VelocityEvidence:
+    """Return what accelerometer and track say of the velocity."""
+    if not log.has("velocity", "attitude") or not np.isfinite(log.body_velocity()).all():
+        return VelocityEvidence()
+    track = mirrored = None
+    if log.has("position") and not _of_the_heading(log):
+        times, position = log.t_s("position"), log.values("position", POSITION)
+        poses = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+        velocity = log.t_s("velocity"), log.body_velocity()
+        track = track_turn(times, position, *poses, *velocity)
+        mirrored = track_turn(times, position[:, [1, 0, 2]], *poses, *velocity)
+    return VelocityEvidence(_accelerometer(log), track, mirrored)
+
+
+def _accelerometer(log: CheckedLog) -> VelocityAnswer | None:
+    force = log.accelerometer()
+    if force is None or log.info.accelerometer not in (None, "specific_force"):
+        return None
+    if _estimated(log, "velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        return None
+    good = np.isfinite(force).all(axis=1)
+    times, rates = log.t_s("imu")[good], log.values("imu", GYRO)[good]
+    t_velocity, speed = log.t_s("velocity"), log.body_velocity()
+    if log.vehicle is not None:
+        turning = np.column_stack([np.interp(t_velocity, times, part) for part in rates.T])
+        speed = speed - np.cross(turning, log.vehicle.dvl.arm_m)
+    return velocity_answer(
+        (times, rates, force[good]),
+        (log.t_s("attitude"), log.values("attitude", ATTITUDE)),
+        (t_velocity, speed),
+        gravity=STANDARD_GRAVITY,
+        lags_s=LAGS_S,
+    )
+
+
+def _estimated(log: CheckedLog, stream: str) -> bool:
+    return any(note.startswith(stream) and ESTIMATED.search(note) for note in log.info.notes)
+
+
+def _of_the_heading(log: CheckedLog) -> bool:
+    """Return whether position or velocity was made with the heading, so both agree."""
+    if log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        return True
+    return log.source("position").startswith(OF_POSES) or _estimated(log, "position")
+
+
+def mirrored_track(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
+    """Yield a track that goes as its mirror image should."""
+    turn = _sure(evidence.mirrored)
+    own = 0.0 if evidence.track is None else max(evidence.track.explained, 0.0)
+    if turn is None or turn.explained - own < BETTER_MIRRORED:
+        return
+    angle = math.degrees(turn.angle)
+    nearest = min(MIRRORS, key=lambda each: abs((angle - each + 180.0) % 360.0 - 180.0))
+    yield finding(
+        "position_axes",
+        f"The track ({log.source('position')}) is the mirror image of the one that heading and"
+        f" velocity make ({turn.explained:.2f} of it explained mirrored, {own:.2f} as it stands):"
+        f" {MIRRORS[nearest]}.",
+        stream="position",
+        value=turn.explained,
+        fields=POSITION[:2],
+    )
+
+
+def heading_findings(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
+    """Yield a heading that is off against the track, or that nothing shows."""
+    turn = evidence.of_track
+    if turn is None:
+        yield finding(
+            "heading_unseen",
+            "Whether the heading is off by a constant is not observable: no position of its own"
+            " moves enough beside the velocity.",
+            stream="attitude",
+        )
+        return
+    off = math.degrees(turn.angle)
+    if abs(off) < max(limit("heading_offset"), math.degrees(CLEAR * turn.sd)):
+        return
+    if abs(off) > TURNED_ROUND:
+        return  # a matter of signs
+    mounted = evidence.of_accelerometer
+    text = (
+        f"The track ({log.source('position')}) is turned by {off:+.0f} +-"
+        f" {math.degrees(2.0 * turn.sd):.0f} degrees against heading and velocity"
+        f" ({log.source('velocity')}), clockwise from above: the heading reads so much too"
+        f" {'little' if off > 0.0 else 'much'}, or the velocity's axes are turned so much."
+    )
+    if mounted is not None:
+        text += f" By the accelerometer the latter are turned by {_degrees(mounted, -1.0)}."
+    yield finding("heading_offset", text, stream="attitude", value=off, fields=(ATTITUDE[2],))
+
+
+def _degrees(turn: PlanarTurn, sign: float = 1.0) -> str:
+    angle, sd = math.degrees(sign * turn.angle), math.degrees(2.0 * turn.sd)
+    return f"{angle:+.1f} +- {sd:.1f} degrees"
+
+
+def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
+    """Yield a velocity log that is turned about the vertical against the accelerometer."""
+    turn = evidence.of_accelerometer
+    if turn is None:
+        return
+    off = math.degrees(turn.angle)
+    if not max(limit("velocity_turned"), math.degrees(CLEAR * turn.sd)) < abs(off) < TURNED_ROUND:
+        return
+    yield finding(
+        "velocity_turned",
+        f"Surge and sway of the velocity ({log.source('velocity')}) are turned by {_degrees(turn)}"
+        " about the vertical against what the accelerometer adds up to, clockwise from above"
+        f" ({turn.explained:.2f} explained).",
+        stream="velocity",
+        value=off,
+        fields=LINEAR_VELOCITY[:2],
+        remedy=f"{mounting_remedy(log)}, or that of the inertial unit.",
+    )
+
+
+def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
+    """Yield a velocity that is too large or small against accelerometer or track."""
+    if evidence.of_accelerometer is not None:
+        turn = evidence.of_accelerometer
+        yield from _scale(log, turn, turn.scale, "the accelerometer adds up to")
+    if evidence.of_track is not None:
+        turn = evidence.of_track
+        words = f"the track ({log.source('position')}) shows"
+        yield from _scale(log, turn, 1.0 / turn.scale, words)
+
+
+def _scale(log: CheckedLog, turn: PlanarTurn, scale: float, words: str) -> Iterator[Finding]:
+    """Yield a scale that is off, clear of what noise of either side takes off it."""
+    least, sd = limit("scale_off"), CLEAR * turn.sd * scale
+    low, high = sorted((scale * turn.explained, scale / turn.explained))
+    if low - sd < 1.0 + least and high + sd > 1.0 - least:
+        return
+    yield finding(
+        "scale_off",
+        f"Surge and sway of the velocity ({log.source('velocity')}) are {scale:.2f} +-"
+        f" {2.0 * turn.sd * scale:.2f} times what {words}.",
+        stream="velocity",
+        value=scale - 1.0,
+        fields=LINEAR_VELOCITY[:2],
+    )
+
+
+def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
+    """Yield a velocity that comes late or early against the accelerometer."""
+    answer = evidence.answer
+    if answer is None:
+        return
+    drift = answer.drift
+    if abs(drift.change_s) > limit("clock_drift") and drift.better_than_none > SURE_ODDS:
+        yield finding(
+            "clock_drift",
+            f"From the first half of the log to the second the velocity ({log.source('velocity')})"
+            f" comes {drift.change_s:+.1f} s later behind the accelerometer: the clock of the"
+            " velocity, or that of the inertial unit, drifts.",
+            stream="velocity",
+            value=drift.change_s,
+            fields=("time_us",),
+        )
+        return
+    known = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
+    usual = (EARLIEST_S, max(LATEST_S, known + LAG_SPREAD_S))
+    lag = answer.lag_s
+    if abs(lag) < limit("velocity_lag") or answer.better_than(usual) < SURE_ODDS:
+        return
+    yield finding(
+        "velocity_lag",
+        f"The velocity ({log.source('velocity')}) comes {abs(lag):.1f} s"
+        f" {'after' if lag > 0.0 else 'before'} the accelerometer.",
+        stream="velocity",
+        value=abs(lag),
+        fields=LINEAR_VELOCITY,
+    )
