@@ -74,8 +74,8 @@ def drift_of(lags_s: Array, halves: Array) -> Drift:
     Drift(change_s=1.0, better_than_none=7.0)
     """
     first, last = lags_s[np.argmax(halves, axis=1)]
-    apart = float(halves.max(axis=1).sum() - halves.sum(axis=0).max())
-    return Drift(float(last - first), apart)
+    gained = float(halves.max(axis=1).sum() - halves.sum(axis=0).max())
+    return Drift(float(last - first), gained)
 
 
 def velocity_answer(

@@ -408,18 +408,18 @@ def _late_by_tilts(log: CheckedLog, turned: Mapping[str, AxisGains]) -> list[Fin
     if not turned or not set(turned) <= {"p", "q"}:
         return []
     lags = [_right_lag(log, axis, LEAST_TILTED, EARLIER_S) for axis in turned]
-    known = [lag for lag in lags if lag is not None]
+    lags_there = [lag for lag in lags if lag is not None]
     speeds = [
         [force_odds(gains) for gains in by_lag]
         for _, by_lag in push_lags(log, "uvw", lags_s=(*EARLIER_S, *USUAL_LAGS_S))
     ]
-    if len(known) < len(lags) or len(speeds) < 2:
+    if len(lags_there) < len(lags) or len(speeds) < 2:
         return []
     total = np.sum(speeds, axis=0)
     if total[: len(EARLIER_S)].max() - total[len(EARLIER_S) :].max() < BETTER_EARLIER:
         return []
     words = listed([RATES["pqr".index(axis)] for axis in turned])
-    early = -float(np.mean(known))
+    early = -float(np.mean(lags_there))
     return [
         finding(
             "command_late",

@@ -402,8 +402,8 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     if tonal and there < SURE_OF_TONE:
         return  # lags repeat with the period
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
-    known = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
-    off = abs(at) if at > 0.0 else known - at
+    stated_s = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
+    off = abs(at) if at > 0.0 else stated_s - at
     sure = there - zero > LAG_GAIN or odds > SURE_ODDS
     if off > max(limit("velocity_lag"), slowest) and there > 0.8 and sure:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")

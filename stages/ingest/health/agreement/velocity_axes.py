@@ -234,8 +234,8 @@ def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Findi
             fields=("time_us",),
         )
         return
-    known = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
-    usual = (EARLIEST_S, max(LATEST_S, known + LAG_SPREAD_S))
+    stated_s = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
+    usual = (EARLIEST_S, max(LATEST_S, stated_s + LAG_SPREAD_S))
     lag = answer.lag_s
     if abs(lag) < limit("velocity_lag") or answer.better_than(usual) < SURE_ODDS:
         return
