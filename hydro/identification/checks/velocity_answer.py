@@ -125,7 +125,7 @@ def _changes(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Ar
 
 
 def _odds(change: Array, pulled: Array) -> float:
-    """Return the logarithm of the likelihood of changes (n, 3) over none, by medians."""
+    """Return the log likelihood of changes (n, 3) over none, by medians."""
     left, own = (
         NORMAL_SPREAD * np.median(np.abs(part), axis=0) for part in (change - pulled, change)
     )

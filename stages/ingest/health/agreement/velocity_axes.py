@@ -1,4 +1,4 @@
-"""Turn, scale and clock of the velocity, by the accelerometer and by a track of its own."""
+"""Turn, scale and clock of the velocity, by accelerometer and a track of its own."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ def _degrees(turn: PlanarTurn, sign: float = 1.0) -> str:
 
 
 def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
-    """Yield a velocity log that is turned about the vertical against the accelerometer."""
+    """Yield a velocity log turned about the vertical, by the accelerometer."""
     turn = evidence.of_accelerometer
     if turn is None:
         return
@@ -218,7 +218,7 @@ def _scale(log: CheckedLog, turn: PlanarTurn, scale: float, words: str) -> Itera
 
 
 def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
-    """Yield a velocity that comes late or early against the accelerometer."""
+    """Yield a velocity that is late or early against the accelerometer."""
     answer = evidence.answer
     if answer is None:
         return
