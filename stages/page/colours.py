@@ -84,6 +84,7 @@ MODELS: Mapping[str, Ink] = {
     "symmetric": Ink(*VERMILLION, width=1.8),
     "diagonal": Ink(GREEN[0], GREEN[0], dash="6 3"),
     "symmetric_quadratic": Ink(PURPLE[0], PURPLE[0], dash="6 3"),
+    "lift_and_drag": Ink(BLUE[0], BLUE[0], dash="6 3"),
     "linear": Ink(*BLUE),
     "mcfarland": Ink(VERMILLION[0], VERMILLION[0], dash="2 3"),
     "mcfarland_whitcomb": Ink(VERMILLION[0], VERMILLION[0], dash="2 3"),

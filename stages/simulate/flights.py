@@ -29,7 +29,7 @@ from auvid.hydro.dynamics.simulation.simulation import (
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, eta_ratio
 from auvid.hydro.dynamics.viscous.models import MODELS, IdentifiedModel, ViscousModel
-from auvid.hydro.dynamics.viscous.structures import diagonal, symmetric
+from auvid.hydro.dynamics.viscous.structures import diagonal, lift_and_drag, symmetric
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.stages.simulate.plans import Leg, Plan
 
@@ -51,6 +51,7 @@ FORMS: Mapping[str, ViscousModel] = {
         diagonal(quadratic=True),
         symmetric(),
         symmetric(quadratic=True),
+        lift_and_drag(),
     )
 }
 """The forms that a truth can be refitted in, by name."""

@@ -32,7 +32,12 @@ from auvid.hydro.dynamics.viscous.models import (
     ViscousModel,
     without_propeller_terms,
 )
-from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.dynamics.viscous.structures import (
+    diagonal,
+    lift_and_drag,
+    masked,
+    symmetric,
+)
 from auvid.hydro.identification.constrained.actuator_lag import measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.regression.error_functions import (
@@ -95,8 +100,10 @@ from auvid.stages.synthesise.within_limits import (
 
 PRIORS = ("none", "vehicle", "strip_theory")
 MEASURED = "measured"
-STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True))
-"""Forms that follow from the symmetry of the hull, beside the eight published ones."""
+STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True), lift_and_drag())
+"""Forms that follow from the symmetry of the hull, beside the eight published ones; the
+last one is fitted where a campaign names it.
+"""
 
 
 @dataclass(frozen=True)
@@ -115,7 +122,7 @@ class Params:
     models: tuple[str, ...] = param(
         "1",
         ("diagonal", "symmetric", "symmetric_quadratic", *(model.name for model in MODELS)),
-        meaning="models to fit",
+        meaning="models to fit; lift_and_drag too, for a streamlined vehicle that goes ahead",
     )
     structures: Mapping[str, Mapping[str, list[str]]] = param(
         "1",

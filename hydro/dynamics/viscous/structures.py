@@ -64,6 +64,32 @@ def symmetric(
     )
 
 
+def lift_and_drag() -> ViscousModel:
+    """Return lift of hull and fins with cross-flow drag, for a streamlined vehicle ahead.
+
+    Incidence v / u and w / u, turned by rates at the fins, gives forces as u*v and u*r. The
+    lift stands across the flow, so that surge has v*v, v*r and r*r of it, and a hull has the
+    same terms by its added mass (Munk); a mast or a fin above the axis couples them with
+    roll. Drag is quadratic along each axis. Port and starboard are alike. Going ahead, these
+    forces can take energy out at every incidence; astern they would give it.
+
+    >>> lift_and_drag().terms["N"]
+    ('u*v', 'u*p', 'u*r', 'r*|r|')
+    """
+    sideways, upright = ("u*v", "u*p", "u*r"), ("u*w", "u*q")
+    lift = {"Y": sideways, "K": sideways, "N": sideways, "Z": upright, "M": upright}
+    terms = {
+        axis: [*row, f"{OWN_VELOCITY[axis]}*|{OWN_VELOCITY[axis]}|"] for axis, row in lift.items()
+    }
+    terms["X"] = ["u*|u|", "v*v", "v*r", "r*r", "w*w", "w*q", "q*q"]
+    return _structure(
+        "lift_and_drag",
+        "Lift and drag",
+        "lift of hull and fins that go ahead, cross-flow drag",
+        terms,
+    )
+
+
 def masked(terms: Mapping[str, Sequence[str]], *, name: str = "custom") -> ViscousModel:
     """Return the model with the terms that a user names for each axis.
 

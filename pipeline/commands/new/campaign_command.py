@@ -13,6 +13,7 @@ from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.structures import lift_and_drag
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.hydro.identification.signals.band import motion_band_hz
@@ -59,12 +60,14 @@ from auvid.pipeline.store.atomic_files import writable, write_atomically
 from auvid.pipeline.terminal import path_from_here
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.synthesise import Params as SynthesiseParams
 
 SAMPLES_PER_PERIOD = 8.0
 """What the slowest of velocity, attitude and commands samples so often a low-pass keeps."""
 MOST_OF_RATE = 0.4
 """Of that sensor's rate; what the vehicle's motion reaches is kept below it."""
 CUTOFF_HZ = (0.2, 3.0)
+LIFT = lift_and_drag().name
 BANDS = 2.0
 """Drag goes with products of velocities, which reach twice the band in which they move."""
 FILTER_SAMPLES = 0.2
@@ -372,7 +375,11 @@ def _stages(
         f" {slowest:.3g} Hz"
     )
     prior = ", prior: vehicle" if "\npublished:" in choice.text else ""
-    stages["synthesise"] = f"{{trim: true{prior}}}"
+    models = ""
+    if "\n  fins:" in choice.text:
+        # A vehicle with fins goes ahead: only this structure has their lift.
+        models = f", models: [{', '.join((LIFT, *SynthesiseParams().models))}]"
+    stages["synthesise"] = f"{{trim: true{prior}{models}}}"
     return stages
 
 

@@ -71,6 +71,37 @@ actuators:
       voltage_exponent: {{value: 1.0, unit: "1", source: class of thruster, assumed: true}}
 """
 
+FILL_IN_FINS = """
+actuators: fill in propeller and fins, in place of this line, as in the example below
+# actuators:
+#   propeller:
+#     # check: K_T and K_Q by the advance J, highest power first, from the maker or a bench; K_Q is
+#     # that of the moment on the hull, negative where it turns clockwise seen from astern
+#     diameter: {value: 0.12, unit: m, source: measured}
+#     wake_fraction: {value: 0.2, unit: "1", source: class of vehicle, assumed: true}
+#     thrust_coefficient: {value: [-0.14, 0.05, 0.06], unit: "1", source: bench}
+#     torque_coefficient: {value: [0.012, -0.006, -0.004], unit: "1", source: bench}
+#     # check: the speed that it holds straight and level at each propeller speed
+#     level_speed:
+#       propeller_speed: {value: [0.0, 15.0, 30.0], unit: 1/s, source: straight runs}
+#       speed: {value: [0.0, 0.8, 1.6], unit: m/s, source: straight runs}
+#   fins:
+#     # check: force and moment of each fin by its angle, over half of water density, U^2 and
+#     # powers L^2 (X Y Z) or L^3 (K M N) of the length; from strip theory or a tow
+#     reference_length: {value: 1.6, unit: m, source: measured}
+#     linear:
+#       # check: rows X Y Z K M N; columns starboard, port, bottom and top fin, per rad
+#       value: [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+#       unit: "1"
+#       source: fill in
+#     # check: the same by the square of the angle; X is the drag of a fin
+#     quadratic:
+#       value: [[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]]
+#       unit: "1"
+#       source: fill in
+# auvid vehicles says where vt690.yaml is, a file with both.
+"""
+
 
 @dataclass(frozen=True)
 class VehicleChoice:
@@ -149,7 +180,7 @@ def _of_glider(text: str, log: CheckedLog) -> str:
 
 def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> VehicleChoice:
     if not driven:
-        text = _skeleton(log, "\nactuators: fill in propeller and fins\n")
+        text = _skeleton(log, FILL_IN_FINS)
         return VehicleChoice("vehicle", "a skeleton", text, "propeller and fins")
     about = (
         f"FRAME_CONFIG {int(frame)} ({FRAME_NAMES.get(int(frame), 'unknown')}) of the log has no"

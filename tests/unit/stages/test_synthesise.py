@@ -598,6 +598,30 @@ def test_structures_of_the_campaign_are_fitted_and_named() -> None:
     assert terms == {"X": [], "Y": ["v", "r"], "Z": [], "K": [], "M": [], "N": ["v", "r", "r*|r|"]}
 
 
+def test_lift_of_a_vehicle_that_goes_ahead_is_found_within_limits() -> None:
+    """Fins astern hold it on course; damping along each axis alone, and linear, does not."""
+    nu = rich_motion(30.0, seed=3).nu
+    u, v, w, p, q, r = nu.T
+    force = np.column_stack(
+        [
+            -5.0 * u * np.abs(u) + 30.0 * (v * v + w * w),
+            -40.0 * u * v + 20.0 * u * r,
+            -40.0 * u * w - 20.0 * u * q,
+            -1.0 * u * p,
+            -20.0 * u * w - 30.0 * u * q,
+            20.0 * u * v - 30.0 * u * r,
+        ]
+    )
+    force += 0.5 * np.random.default_rng(6).normal(size=force.shape)
+    cards = run({"one": (nu, force, None)}, models=("lift_and_drag", "symmetric_quadratic"))
+    lift, linear = (cards.model_card[name] for name in ("lift_and_drag", "symmetric_quadratic"))
+    assert lift.method == "within limits"
+    (yaw,) = (item for item in lift.axes["N"].terms if item.term == "u*r")
+    assert yaw.value == pytest.approx(-30.0, rel=0.02)
+    assert yaw.verdict == "identified"
+    assert lift.axes["Y"].j < 0.3 * linear.axes["Y"].j
+
+
 @pytest.mark.parametrize(
     ("structures", "words"),
     [

@@ -1,12 +1,19 @@
 """Structures from symmetry: parity against mirrored forces, and refused names."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis
-from auvid.hydro.dynamics.viscous.structures import diagonal, masked, symmetric
+from auvid.hydro.dynamics.viscous.structures import (
+    diagonal,
+    lift_and_drag,
+    masked,
+    symmetric,
+)
 from auvid.hydro.dynamics.viscous.symmetry import MIRRORS, allowed_terms, allows
 from tests.support.dynamics_oracles import model_force
 
@@ -65,6 +72,25 @@ def test_terms_of_the_propeller_are_not_symmetric_fore_and_aft():
     assert not allows("X", "(u*u)*(eta-1)", ["fore_aft"])
     assert "(u*u)*(eta-1)" in allowed_terms(with_propeller=True)["X"]
     assert "(u*u)*(eta-1)" not in allowed_terms()["X"]
+
+
+def test_lift_and_drag_holds_the_lift_of_hull_and_fins_which_does_no_work():
+    """Lift stands across the flow that hull and fins meet, and has a part along the axis."""
+    model, random = lift_and_drag(), np.random.default_rng(2)
+    assert all(set(names) <= set(allowed_terms()[axis]) for axis, names in model.terms.items())
+    nu = np.column_stack([random.uniform(0.5, 2.0, 400), 0.2 * random.normal(size=(400, 5))])
+    u, v, w, _, q, r = nu.T
+    force = np.zeros_like(nu)
+    for x, (across, turning, sign) in product((-0.9, 0.2), ((1, 5, 1.0), (2, 4, -1.0))):
+        flow = (v, w)[across - 1] + sign * x * (r, q)[across - 1]
+        force[:, across] -= u * flow
+        force[:, turning] -= sign * x * u * flow
+        force[:, 0] += flow**2
+    np.testing.assert_allclose(np.sum(force * nu, axis=1), 0.0, atol=1e-12)
+    for i, axis in enumerate(AXES):
+        rows = basis(nu, terms=model.terms[axis])
+        fitted = rows @ np.linalg.lstsq(rows, force[:, i], rcond=None)[0]
+        np.testing.assert_allclose(fitted, force[:, i], atol=1e-9, err_msg=axis)
 
 
 def test_a_mask_takes_both_spellings_and_keeps_the_order_of_the_basis():

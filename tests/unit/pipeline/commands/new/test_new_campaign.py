@@ -7,8 +7,10 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from auvid.data_schemas.documents.vehicle.actuators import ActuatorsEntry
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
@@ -51,6 +53,45 @@ def test_a_dive_with_velocity_log_gives_a_force_model() -> None:
     assert "  # check: weigh the vehicle" in vehicle
     # Line by line as an editor sees them: short, and the check stands above its figure.
     assert all(len(line) < 89 for line in text.splitlines() if line.startswith("#"))
+
+
+def written_torpedo(path: Path) -> Path:
+    """Write a dive of a torpedo that yaws, pitches and changes speed."""
+    t_s = np.arange(0.0, 80.0, 0.1)
+    swing = {name: np.sin(2.0 * np.pi * t_s / period) for name, period in (("r", 9.0), ("q", 7.0))}
+    columns = {
+        "time_s": t_s,
+        "rpm": 1800.0 + 300.0 * np.sin(2.0 * np.pi * t_s / 20.0),
+        **{f"{fin}_fin_deg": 6.0 * swing["q"] for fin in ("starboard", "port")},
+        **{f"{fin}_fin_deg": -6.0 * swing["r"] for fin in ("bottom", "top")},
+        "roll_deg": 0.0 * t_s,
+        "pitch_deg": 4.0 * swing["q"],
+        "yaw_deg": 40.0 + 8.0 * swing["r"],
+        **{f"{rate}_deg_s": 5.0 * swing.get(rate, 0.0 * t_s) for rate in "pqr"},
+        "depth_m": 5.0 - 0.4 * swing["q"],
+        "u_m_s": 1.5 + 0.2 * np.sin(2.0 * np.pi * t_s / 20.0),
+        "v_m_s": 0.1 * swing["r"],
+        "w_m_s": 0.1 * swing["q"],
+    }
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, "%.4f", ",", header=",".join(columns), comments="")
+    return path
+
+
+def test_a_torpedo_is_offered_the_structure_with_lift(tmp_path: Path) -> None:
+    """One without a bundled vehicle is shown the form of propeller and fins."""
+    log = written_torpedo(tmp_path / "torpedo.csv")
+    named = new_campaign("fins", [log], vehicle="vt690")
+    campaign = load_campaign(named.folder, kinds=KINDS, vehicles={})
+    assert campaign.document["stages"]["synthesise"]["models"][:2] == ["lift_and_drag", "diagonal"]
+    unknown = new_campaign("unknown", [log])
+    assert "propeller and fins" in unknown.stop
+    text = (unknown.folder / "vehicle.yaml").read_text()
+    shown = text[text.index("# actuators:") : text.index("# auvid vehicles")]
+    lines = [line[2:] for line in shown.splitlines() if "# check" not in line]
+    entry = ActuatorsEntry.model_validate(read_yaml("\n".join(lines))["actuators"])
+    assert entry.propeller is not None
+    assert entry.fins is not None
 
 
 def test_moving_time_in_no_leg_is_in_the_comments_and_the_lines(
