@@ -65,7 +65,7 @@ def symmetric(
 
 
 def lift_and_drag() -> ViscousModel:
-    """Return lift of hull and fins with cross-flow drag, for a streamlined vehicle ahead.
+    """Return lift of hull and fins with cross-flow drag, of streamlined vehicles ahead.
 
     Incidence v / u and w / u, turned by rates at the fins, gives forces as u*v and u*r. The
     lift stands across the flow, so that surge has v*v, v*r and r*r of it, and a hull has the
