@@ -87,8 +87,8 @@ def test_a_torpedo_is_offered_the_structure_with_lift(tmp_path: Path) -> None:
     unknown = new_campaign("unknown", [log])
     assert "propeller and fins" in unknown.stop
     text = (unknown.folder / "vehicle.yaml").read_text()
-    shown = text[text.index("# actuators:") : text.index("# auvid vehicles")]
-    lines = [line[2:] for line in shown.splitlines() if "# check" not in line]
+    example = text[text.index("# actuators:") : text.index("# auvid vehicles")]
+    lines = [line[2:] for line in example.splitlines() if "# check" not in line]
     entry = ActuatorsEntry.model_validate(read_yaml("\n".join(lines))["actuators"])
     assert entry.propeller is not None
     assert entry.fins is not None
