@@ -43,8 +43,9 @@ FEWEST_WINDOWS = 4
 """Windows that all axes share, below which nothing is fitted together."""
 WORTH = 0.98
 """Linear couplings are taken where they err less than this share of the fit without them."""
-LEAST_ERROR = 0.01
-"""Shares of error below that count as that: both are as good as the measurement."""
+LEAST_ERROR, LARGEST_ERROR = 0.01, 1.0
+"""Shares of error beyond these count as these: as good as the measurement, or no better than
+the mean, so that an axis which nothing flies decides nothing."""
 
 
 def fitted_together(
@@ -279,6 +280,9 @@ def error_ratio(
     >>> single, joint = HeldOutFit("leg a", 0.0, 3, 50.0), HeldOutFit("leg a", 0.0, 3, 75.0)
     >>> error_ratio([([single], [joint])])[0]
     0.5
+    >>> single, joint = HeldOutFit("leg a", -9e5, 3), HeldOutFit("leg a", -80.0, 3)
+    >>> error_ratio([([single], [joint])])[0]
+    1.0
     """
     logs: list[float] = []
     for single, joint in pairs:
@@ -294,7 +298,7 @@ def error_ratio(
 
 def _error(part: HeldOutFit) -> float:
     percent = part.percent if part.one_run is None else part.one_run
-    return max(1.0 - percent / 100.0, LEAST_ERROR)
+    return min(max(1.0 - percent / 100.0, LEAST_ERROR), LARGEST_ERROR)
 
 
 def _one_of(

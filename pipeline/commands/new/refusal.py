@@ -112,7 +112,7 @@ def refusal_of(
     for kind, why in routes.items():
         alike.setdefault(why, []).append(f"kind: {kind}")
     reasons = tuple(f"{', '.join(kinds)}: {why}" for why, kinds in alike.items())
-    return Refusal(name, _what(page, log), lacks, _remedy(log, lacks), (*reasons, *more))
+    return Refusal(name, _what(page, log), lacks, _remedy(log, lacks, more), (*reasons, *more))
 
 
 def _what(page: LogPage, log: CheckedLog) -> str:
@@ -130,8 +130,8 @@ def _what(page: LogPage, log: CheckedLog) -> str:
     return f"{name}, {length} of {listed(there)}{cut}" if there else f"{name}, {length}{cut}"
 
 
-def _remedy(log: CheckedLog, lacks: str) -> str:
-    """Return what would make a log feed a campaign."""
+def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
+    """Return what would make a log feed a campaign; more: what its file says beside."""
     if log.under_water is False:
         return "auvid models bodies under water"
     if log.has("glider"):
@@ -147,6 +147,9 @@ def _remedy(log: CheckedLog, lacks: str) -> str:
     if not log.has("actuators"):
         if any(GCS_CSV in note for note in log.info.notes):
             return "Take the .tlog of the same dive: this CSV never holds outputs"
+        unnamed = [words for words in more if "--commands" in words]
+        if unnamed:
+            return " ".join(unnamed)
         if str(log.info.files[0].format).startswith("CSV"):
             return (
                 "Add the file of its commands in the same call (--from imu.csv outputs.csv):"

@@ -14,6 +14,7 @@ LAGS = 12
 LEAST_CORRELATION = 0.4
 """Drag and other axes take their part; chance stays below 0.2 from a hundred answers on."""
 LEAST_ROWS = 100
+USUAL, SPIKE = 0.95, 2.0
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,11 @@ def answered_commands(
     for values in (*commands.values(), *motions.values()):
         good &= np.isfinite(values)
     driven = {name: values[good] for name, values in commands.items() if np.ptp(values[good]) > 0.0}
-    moved = {name: values[good] for name, values in motions.items() if np.ptp(values[good]) > 0.0}
+    moved = {
+        name: without_spikes(values[good])
+        for name, values in motions.items()
+        if np.ptp(values[good]) > 0.0
+    }
     at = t_s[good]
     if at.size < LEAST_ROWS or not driven or not moved:
         return []
@@ -57,3 +62,13 @@ def answered_commands(
         for row, column in zip(rows, columns, strict=True)
         if abs(best[row, column]) >= LEAST_CORRELATION
     ]
+
+
+def without_spikes(values: Array) -> Array:
+    """Return values (n,) cut off at `SPIKE` times what nineteen of twenty stay within.
+
+    A pose that jumps is a speed of metres per second for a moment, which no command gave.
+    """
+    middle = float(np.median(values))
+    most = float(np.quantile(np.abs(values - middle), USUAL))
+    return np.clip(values, middle - SPIKE * most, middle + SPIKE * most) if most > 0.0 else values

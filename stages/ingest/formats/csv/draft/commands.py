@@ -21,7 +21,9 @@ MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
 """Marks of commands that were matched to the axis that answers them."""
 NAMED_COMMAND, NAMED_REVERSED = "named", "named reversed"
 """Marks of commands whose axis the user names."""
-COMMANDS = re.compile(r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand) ?\d+$")
+COMMANDS = re.compile(
+    r"^(?:cmd|command|u|tau|ctrl|control|input|joy|axis|demand|act|actuators?|channel|ch|rc) ?\d+$"
+)
 AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 
 

@@ -67,6 +67,7 @@ FIN_SIGN = "positive pushes the stern to starboard or up, else sign: -1"
 WITHOUT_UNIT = {"surge": "u_m_s", "sway": "v_m_s", "heave": "w_m_s"}
 WITHOUT_UNIT |= {"roll": "phi_rad", "pitch": "theta_rad", "yaw": "psi_rad"}
 OF_TOWS = frozenset({"tow", "towing", "towed", "carriage"})
+UPWARD_WORDS = {"flu": "z up: commands answer so", "enu": "enu, z up: by the name"}
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 
 
@@ -129,13 +130,15 @@ def _in_frame(
         for item in columns
         if item.place is not None and item.place[1] in axes
     }
-    if not velocities or not is_turned(by_axis, velocities, t_s):
+    upward = any(item.frame and item.place and item.place[0] == "pose" for item in columns)
+    if not velocities or not (upward or is_turned(by_axis, velocities, t_s)):
         return list(columns)
-    # Matched commands are reversed because the frame is.
+    # Matched commands are reversed because the frame is, or the other way round.
     turned = {f"command_{AXIS_NAMES[axis]}" for axis in TURNED_AXES}
+    other = {MATCHED: MATCHED_REVERSED, MATCHED_REVERSED: MATCHED}
     return [
-        replace(item, frame=MATCHED)
-        if item.frame == MATCHED_REVERSED and item.place and item.place[1] in turned
+        replace(item, frame=other[item.frame])
+        if item.frame in other and item.place and item.place[1] in turned
         else item
         for item in in_upward_axes(columns)
     ]
@@ -187,9 +190,7 @@ def _with_columns(
         if stream == "velocity" and WORLD_OR_BODY.search(item.words):
             check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
         if stream == "pose":
-            words = (
-                "z up: commands answer so" if item.frame else "ned, z down: else frame flu or enu"
-            )
+            words = UPWARD_WORDS.get(item.frame, "ned, z down: else frame flu or enu")
             check = "; ".join(filter(None, (check, f"frame {words}")))
         if name.startswith("q_") and not item.name.lower().endswith(name[-1]):
             check = "; ".join(filter(None, (check, "w first of the four assumed")))
@@ -197,7 +198,7 @@ def _with_columns(
             filter(None, (check, _spoken(item, name, rivals.get((stream, name), []))))
         )
         sign = -1 if item.frame in REVERSED else 1
-        frame = item.frame if item.frame in ("frd", "flu") else ""
+        frame = item.frame if item.frame in ("frd", "flu", "enu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
     partial = {
         stream: lacking_fields(stream, [name for own, name in chosen if own == stream])
@@ -272,5 +273,5 @@ def _depth_of_others(
     )
     if height is None:
         return chosen
-    below = float(np.nanmedian(values[height.name])) < 0.0
+    below = bool(height.frame) or float(np.nanmedian(values[height.name])) < 0.0
     return chosen | {("depth", "depth_m"): replace(height, frame=FROM_ABOVE if below else "")}

@@ -21,6 +21,7 @@ from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_com
 SMOOTHED_S = 0.3
 TURNED_AXES = ("v", "w", "q", "r")
 """Velocities that change sign between forward-right-down and forward-left-up."""
+PLACES = tuple(("position", name) for name in POSITION)
 FULL_TURN, LARGEST_M = 6.4, 100.0
 """Angles beyond are in degrees, positions of a tank beyond in mm."""
 
@@ -37,9 +38,13 @@ def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
     has_angles = {("attitude", name) for name in ATTITUDE} <= places
     has_position = {("position", name) for name in POSITION} <= places
     moves = any(place and place[0] in ("velocity", "imu") for place in places)
+    is_pose = (has_angles or has_quaternion) and has_position and not moves
+    columns = [item if is_pose else _by_compass(item) for item in columns]
     if not (has_angles or has_quaternion):
-        return list(columns)
-    stream = "pose" if has_position and not moves else "attitude"
+        return columns
+    stream = "pose" if is_pose else "attitude"
+    upward = {item.frame for item in columns if item.frame and item.place in PLACES}
+    frame = upward.pop() if is_pose and len(upward) == 1 else ""
     placed = []
     for item in columns:
         if has_quaternion and not has_angles and item is parts.get(item.part):
@@ -54,8 +59,18 @@ def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
             )
         ):
             item = replace(item, place=(stream, item.place[1]))
+        if frame and item.place is not None and item.place[0] == "pose":
+            item = replace(item, frame=frame)  # a pose is in one frame
         placed.append(item)
     return placed
+
+
+def _by_compass(item: NamedColumn) -> NamedColumn:
+    """Return a coordinate of an east-north-up position by where it points."""
+    if item.frame != "enu" or item.place not in PLACES:
+        return item
+    to = {"x_m": "y_m", "y_m": "x_m", "z_m": "z_m"}[item.place[1]]
+    return replace(item, place=("position", to))
 
 
 def pose_unit(name: str, size: float) -> tuple[str, str]:
@@ -132,6 +147,6 @@ def is_turned(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s: 
 def in_upward_axes(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
     """Return the columns with those of the pose in a frame with z up."""
     return [
-        replace(item, frame="flu") if item.place and item.place[0] == "pose" else item
+        replace(item, frame=item.frame or "flu") if item.place and item.place[0] == "pose" else item
         for item in columns
     ]

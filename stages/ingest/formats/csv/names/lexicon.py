@@ -114,7 +114,7 @@ est estimated estimate estimates estimator ekf ukf kf true truth gt ground model
 sensor sensors sens combined imu imus ins ahrs mru fog ctd dvl bt xsens vectornav microstrain keller
 nortek nucleus waterlinked teledyne sparton sbg phins kvh valeport paroscientific pixhawk
 odom odometry state states pose nu eta mocap qualisys qtm optitrack vicon marker rigid body origin
-frame b frd flu ned local world global inertial earth map nav navigation
+frame b frd flu ned enu nwu local world global inertial earth map nav navigation
 log logged record recording bag ros rosbag mavros mavlink
 vehicle auv rov uuv asv robot bluerov brov remus device system sys host server recv receive
 received unix posix boot since start
@@ -124,7 +124,7 @@ SOURCES = frozenset(_SOURCES.split())
 """Words that say where a column comes from, not what it is."""
 _BARE_PLACE = """
 pose odom odometry state model eta est estimated estimate ekf gt truth ground true filtered
-measured meas mocap qualisys qtm optitrack vicon marker rigid ned local world map origin
+measured meas mocap qualisys qtm optitrack vicon marker rigid ned enu nwu local world map origin
 vehicle auv rov robot bluerov brov
 """
 BARE_PLACE = frozenset(_BARE_PLACE.split())
@@ -137,7 +137,7 @@ residuals innov innovation bias offset noise drift rms min max mean median
 valid validity status flag flags count seq sequence id index quality clipping clip samples
 integral integ derivative jerk delta diff old prev previous
 temperature temp temperatur magnetometer mag magnetic magn declination humidity salinity sound
-north east enu nwu gravity grav sog cog course track cross climb
+north east gravity grav sog cog course track cross climb
 wave waves swell wind ocean tide seabed seafloor floor bottom air atmospheric atm cabin baro
 barometer barometric internal int housing hull
 camera cam gimbal pan tilt ship vessel boat usv buoy arm joint finger gripper manipulator tether
@@ -146,8 +146,10 @@ wrench transducer transducers beam beams rssi nsd
 """
 NO_MEASUREMENT = frozenset(_NO_MEASUREMENT.split())
 """What is commanded, says how sure something is, or belongs to another thing."""
-WORLD = frozenset({"local", "ned", "world", "global", "inertial", "earth", "map"})
+WORLD = frozenset({"local", "ned", "enu", "nwu", "world", "global", "inertial", "earth", "map"})
 """Frames in which a velocity is none of the axes of the body, and a position is one."""
+UPWARD: Mapping[str, str] = {"enu": "enu", "nwu": "flu"}
+"""World with z up -> frame of a column map."""
 PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("set", "point"): ("setpoint",),
     ("vehicle", "odometry"): ("ned",),

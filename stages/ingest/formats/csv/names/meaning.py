@@ -20,6 +20,7 @@ from auvid.stages.ingest.formats.csv.names.lexicon import (
     PHRASES,
     SHORT_OUTPUTS,
     SOURCES,
+    UPWARD,
     WORLD,
 )
 from auvid.stages.ingest.formats.csv.names.unit_words import MEASURES
@@ -32,7 +33,7 @@ LONGEST_PHRASE = 3
 class Meaning:
     """Stream and field of a column; `part`: w, x, y or z of a quaternion.
 
-    `frame`: flu where its name says so. A column of the time has the stream `time`.
+    `frame`: flu or enu where its name says so. A column of the time has the stream `time`.
     """
 
     stream: str
@@ -331,6 +332,8 @@ def _along_axis(
     if fields in (VELOCITY, MOVING, ACCELERATION) and WORLD & set(words):
         return None
     frame = "flu" if axes[0] in FLIPPED or "flu" in words else ""
+    if fields in (POSITION, ATTITUDE):
+        frame = next((UPWARD[word] for word in words if word in UPWARD), frame)
     return Meaning(fields.stream, fields.names[number], frame=frame)
 
 

@@ -141,6 +141,19 @@ def test_each_of_several_refused_logs_has_its_line(tmp_path: Path) -> None:
     assert "no column" in lines[2]
 
 
+def test_numbered_commands_that_nothing_answers_are_asked_for_by_name(tmp_path: Path) -> None:
+    run = tank_run(1, duration_s=30.0)
+    rng = np.random.default_rng(2)
+    names = {"t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"}
+    columns = {name: run[name] for name in run if name in names}
+    columns |= {f"actuator_{n}": rng.uniform(-1.0, 1.0, run["t_s"].size) for n in (1, 2)}
+    write_csv(tmp_path / "run.csv", columns)
+    with pytest.raises(NoCampaignError, match="--commands surge=actuator_1") as refusal:
+        new_campaign("numbered", [tmp_path / "run.csv"])
+    assert len(str(refusal.value).split("\n")) == 1
+    assert "no actuators" in str(refusal.value)
+
+
 def test_logs_of_another_kind_are_left_out_and_said() -> None:
     result = new_campaign("two", [STILL, DIVE])
     assert any("small.BIN" in line and "left out" in line for line in result.lines)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,11 @@ from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
 from auvid.stages.columns import ATTITUDE, FINS, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.formats.csv.column_names import named_columns
+from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 from tests.support.column_drafts import T_S, drafted, wave
+from tests.support.tank_runs import noisy, tank_run
 
 PULSES = tuple(f"pwm_{number}_us" for number in range(1, 5))
 
@@ -280,6 +284,59 @@ def test_numbered_commands_go_to_the_axes_that_answer_them() -> None:
         "cmd1": ("command_surge", 1),
         "cmd3": ("command_sway", 1),
     }
+
+
+def tank_draft(
+    names: Mapping[str, str], *, jump: bool = False, upward: bool = False
+) -> ColumnDraft:
+    """Return the draft of poses and commands of a run, the columns called as `names` says."""
+    run = noisy(tank_run(1), 1)
+    if jump:
+        run["x_m"] = run["x_m"] + 20.0 * (np.arange(run["x_m"].size) >= 300)
+    if upward:  # x east, y north, z up; roll, pitch, yaw of a body forward-left-up
+        run["x_m"], run["y_m"] = run["y_m"], run["x_m"]
+        run["yaw_rad"] = 0.5 * np.pi - run["yaw_rad"]
+        run |= {name: -run[name] for name in ("z_m", "pitch_rad")}
+    moved = ("u_mps", "v_mps", "w_mps", "r_radps")
+    return drafted({names.get(name, name): run[name] for name in run if name not in moved})
+
+
+def test_commands_called_actuators_go_to_the_axes_that_answer_them() -> None:
+    names = {f"cmd{number}": f"actuator_{number + 1}" for number in range(4)}
+    commands = {item.column: item.field for item in tank_draft(names).columns}
+    assert commands["actuator_1"] == "command_yaw"
+    assert commands["actuator_3"] == "command_surge"
+
+
+def test_a_pose_that_jumps_takes_no_command_to_another_axis() -> None:
+    """The speed of the jump hid that sway answers, and its command went to yaw."""
+    fields = {item.column: item.field for item in tank_draft({}, jump=True).columns}
+    axes = {f"cmd{number}": axis for number, axis in enumerate(("yaw", "heave", "surge", "sway"))}
+    assert {name: fields.get(name) for name in axes} == {
+        name: f"command_{axis}" for name, axis in axes.items()
+    }
+
+
+def test_a_position_that_is_called_east_north_up_is_taken_as_that() -> None:
+    names = {f"{axis}_m": f"{axis}_enu" for axis in "xyz"}
+    draft = tank_draft(names, upward=True)
+    frames = {item.column: (item.field, item.frame, item.check) for item in draft.columns}
+    for column, field in zip((*names.values(), "yaw_rad"), (*POSITION, "psi_rad"), strict=True):
+        assert frames[column][:2] == (field, "enu")
+        assert "frame enu, z up: by the name" in frames[column][2]
+    assert {item.sign for item in draft.columns if item.stream == "actuators"} == {1}
+    assert tank_draft({}, upward=True).columns[0].frame == "flu"  # commands answer so
+
+
+def test_a_position_east_north_up_beside_a_gyro_goes_by_where_it_points() -> None:
+    columns = {"t_s": T_S, "gyro_x": wave(1.0), "gyro_y": wave(1.0), "gyro_z": wave(1.0)}
+    columns |= {"x_enu": wave(2.0), "y_enu": wave(3.0), "z_enu": wave(1.0) + 5.0}
+    fields = {
+        (item.column, item.stream): (item.field, item.sign) for item in drafted(columns).columns
+    }
+    assert fields[("x_enu", "position")] == ("y_m", 1)
+    assert fields[("y_enu", "position")] == ("x_m", 1)
+    assert fields[("z_enu", "depth")] == ("depth_m", -1)
 
 
 def test_findings_correct_signs_and_assumed_units_only() -> None:
