@@ -226,7 +226,7 @@ def workspace(
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
 
 
-@new.command(cls=Command, epilog="Example: auvid new campaign pier --from 00000029.BIN")
+@new.command(cls=Command, epilog="Example: auvid new campaign harbour --from dive.BIN")
 @answering
 def campaign(
     name: Annotated[

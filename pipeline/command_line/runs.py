@@ -83,7 +83,7 @@ def inspect(
 
 
 @app.command(
-    cls=Command, rich_help_panel=LOOKING, epilog="Example: auvid history bluerov2_dvl --run 3"
+    cls=Command, rich_help_panel=LOOKING, epilog="Example: auvid history bluerov2_dvl --run 1"
 )
 @answering
 def history(

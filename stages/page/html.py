@@ -200,7 +200,7 @@ def render(
         pictures=pictures,
         axis_words=AXIS_WORDS,
         alerts=alerts(summary, sections),
-        chapters=arrange(without_quoted(sections, summary.explanation)),
+        chapters=arrange(without_quoted(sections, f"{summary.headline}. {summary.explanation}")),
         style=Markup(_text("templates/style.css") + _text("pictures/pictures.css") + inks(colours)),
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
@@ -255,7 +255,7 @@ def without_quoted(sections: Mapping[str, Document], answer: str) -> dict[str, D
 
     def quoted(block: Mapping[str, Any]) -> bool:
         is_finding = block["kind"] == "remark" and block["level"] == "finding"
-        return is_finding and str(block["text"]) in answer
+        return is_finding and str(block["text"]).lower() in answer.lower()
 
     return {
         path: {**document, "blocks": [b for b in document["blocks"] if not quoted(b)]}

@@ -58,7 +58,7 @@ from auvid.stages.steps import counted
 MODELS_SHOWN = 3
 PARTS_KEPT = 8
 """In memory beside the table of a group: what groups of it are drawn less."""
-BAND = 2.0
+BAND, GAP = 2.0, 20.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
 
@@ -200,7 +200,7 @@ def _send_groups(
                 for part, group in zip(parts, bundle, strict=True)
             ]
         )
-        out.series(entity, times, values)
+        out.series(entity, *parted(times, values))
         out.stream.flush()
         is_drawn = _drawn_at_first(bundle, preferred)
         drawn = _settled(bundle, values)[:, is_drawn]
@@ -211,6 +211,19 @@ def _send_groups(
         drawn = drawn if limits is None else np.clip(drawn, *limits)
         logged[entity] = logged.get(entity, LoggedSeries()).add(times, drawn)
     return logged
+
+
+def parted(times: Array, values: Array) -> tuple[Array, Array]:
+    """Return series (n, k) with a row of NaN in each gap, so that no line crosses one.
+
+    A gap: `GAP` times as long as the median step, as between the glides of a dive.
+    """
+    steps = np.diff(times)
+    if not steps.size:
+        return times, values
+    places = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    middles = 0.5 * (times[places - 1] + times[places])
+    return np.insert(times, places, middles), np.insert(values, places, np.nan, axis=0)
 
 
 def _part(tables: Mapping[str, pa.Table], name: str, columns: Sequence[str]) -> pa.Table:

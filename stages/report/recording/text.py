@@ -20,7 +20,7 @@ def markdown(
 ) -> str:
     """The first screen; `starts`: where each segment begins on the timeline, in s."""
     lines = [f"# {title}", f"**{summary.headline}.** {summary.explanation}", ""]
-    lines += [f"- {use.label}: {use.axes or use.reason}" for use in summary.uses]
+    lines += [*(f"- {use.label}: {use.axes or use.reason}" for use in summary.uses), ""]
     if summary.identified:
         lines += [
             "## What was identified",

@@ -45,9 +45,13 @@ def command_of(case: Mapping[str, Any]) -> str:
     return f"auvid inspect {case['target']}{options}"
 
 
+def _words(case: Mapping[str, Any]) -> str:
+    return " ".join(str(case["see"]).split())
+
+
 def page_of(case: Mapping[str, Any]) -> str:
     """Return the page of a case in Markdown."""
-    words = " ".join(str(case["see"]).split())
+    words = _words(case)
     return (
         f"# {case['title']}\n\n    auvid run {case['target']}\n   "
         f" {command_of(case)}\n\n![{case['title']}]({PICTURE})\n\n{words}\n"
@@ -65,6 +69,8 @@ def index_of(cases: Mapping[str, Mapping[str, Any]]) -> str:
     for name, case in cases.items():
         lines += [
             f"## [{case['title']}]({name}/{PAGE})",
+            "",
+            f"{_words(case).partition('. ')[0].rstrip('.')}.",
             "",
             f"[![{case['title']}]({name}/{PICTURE})]({name}/{PAGE})",
             "",

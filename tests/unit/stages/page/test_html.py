@@ -84,6 +84,8 @@ def test_a_finding_that_the_answer_quotes_stands_there_alone() -> None:
     blocks = [remark("C_D 0.2.", "finding"), remark("It dives.", "finding"), text("C_D 0.2.")]
     left = without_quoted({"glide": section("Glides", blocks, order=1)}, "At 22 deg: C_D 0.2.")
     assert left["glide"]["blocks"] == blocks[1:]
+    (left_out,) = without_quoted({"a": section("A", blocks[:1], order=1)}, "c_D 0.2. So.").values()
+    assert left_out["blocks"] == []
 
 
 def test_anchors_of_different_names_differ() -> None:

@@ -24,10 +24,17 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.pipeline.store.pipes import saved_pieces
 from auvid.stages.base import Collection
 from auvid.stages.columns import VELOCITY, force_columns
+from auvid.stages.page.first_screen import Figure, Use
 from auvid.stages.report import Params, collect, render_recording, run
 from auvid.stages.report.clock import make_clock
 from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
-from auvid.stages.report.recording.recording import _rows, _settled, _values, find_table
+from auvid.stages.report.recording.recording import (
+    _rows,
+    _settled,
+    _values,
+    find_table,
+    parted,
+)
 from auvid.stages.report.recording.rerun_stream import Recording, quaternions
 from auvid.stages.report.recording.text import markdown
 from auvid.stages.report.summary.model_summary import summarise
@@ -200,6 +207,37 @@ def test_text_beside_the_plots_names_the_model_and_what_fails(example: ExampleRu
     assert "**1." in words
     assert "\x1b" not in words
     assert "- check: validation, 6.0 to 9.0 s (log dive)" in words
+
+
+def test_tables_beside_the_plots_do_not_run_into_the_list_before_them(
+    example: ExampleRun,
+) -> None:
+    summary = replace(
+        summarise(
+            example.cards,
+            example.ranking(),
+            example.segments,
+            example.logs,
+            example.sections,
+            example.vehicle,
+            {},
+        ),
+        uses=(Use("Simulation", "surge", "all hold"),),
+        identified=(),
+        figures=(Figure("glider", "C_D", "0.2", "0.1 to 0.3", "identified", ""),),
+    )
+    words = markdown("Glides", summary, {}, {})
+    assert "- Simulation: surge\n\n| figure | value |" in words
+
+
+def test_no_line_crosses_a_gap() -> None:
+    times = np.array([0.0, 1.0, 2.0, 3.0, 90.0, 91.0])
+    values = np.arange(12.0).reshape(6, 2)
+    t_s, drawn = parted(times, values)
+    assert t_s.tolist() == [0.0, 1.0, 2.0, 3.0, 46.5, 90.0, 91.0]
+    assert np.isnan(drawn[4]).all()
+    assert np.array_equal(np.delete(drawn, 4, axis=0), values)
+    assert parted(times[:1], values[:1])[0].tolist() == [0.0]
 
 
 def test_recording_leaves_no_global_stream_behind(example: ExampleRun) -> None:
