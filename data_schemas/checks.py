@@ -33,6 +33,11 @@ read, a finding stops the run, or the campaign cannot feed its stages. `auvid ch
 exits with 3 for losses and errors that stop nothing, as `auvid run --strict` does for
 losses, and with 0 otherwise.
 
+Below the findings stands what the log *cannot* show, as `not observable: NAME (why)`:
+a wrong figure there passes every check. Scale of the thrust, mass and added mass, weight
+in water, a steady current, turn and scale of the velocity log, clocks: each is listed
+unless something in the log shows it.
+
 This page is made from `data_schemas/formats/checks.yaml`:
 `python -m auvid.data_schemas.checks > docs/checks.md`.
 """

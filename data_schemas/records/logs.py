@@ -173,6 +173,15 @@ class CapabilityRecord(Model):
     """Why not."""
 
 
+class UnseenRecord(Model):
+    """A figure that a log cannot show, so that a wrong one passes."""
+
+    name: str
+    """What is not observable."""
+    reason: str
+    """Why not, and what would show it."""
+
+
 class ExcitationRecord(Model):
     """Excitation."""
 
@@ -219,6 +228,8 @@ class HealthRecord(Model):
     """From and to of each stretch that all sensors and commands cover without a gap."""
     capabilities: list[CapabilityRecord]
     """What can be done with the log."""
+    unseen: list[UnseenRecord]
+    """What nothing in the log tells: a wrong figure passes."""
     excitation: dict[str, ExcitationRecord]
     """Motion per axis: u v w p q r."""
     notes: list[str]

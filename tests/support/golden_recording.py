@@ -54,6 +54,7 @@ HEALTH: dict[str, Any] = {
         {"severity": "warning", "text": "Hardly any motion in roll.", "remedy": "Roll it."}
     ],
     "streams": {"depth": {"source": "BARO|x", "rows": 600, "rate_hz": 10.0, "longest_gap_s": 0.1}},
+    "unseen": [],
     "capabilities": [{"name": "synthesise roll", "possible": False, "reason": "hardly any motion"}],
 }
 LEGS = [{"id": "train 1", "use": "training", "start_s": 2.0, "end_s": 30.0}]

@@ -37,7 +37,8 @@ def print_pages(pages: Sequence[LogPage]) -> None:
             show(_header(page.health), "")
             _print_streams(page.health["streams"])
             show(Text.assemble(("all run together: ", "dim"), shared_spans(page.health)))
-            show("", *_findings(page.health["findings"]), "", *_uses(page.health), *_axes(page))
+            show("", *_findings(page.health["findings"]), *_unseen(page.health["unseen"]))
+            show("", *_uses(page.health), *_axes(page))
             _print_legs(page.legs)
         print()
 
@@ -95,6 +96,12 @@ def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
             text.append(f"\n{plain(item['remedy'])}", style="dim italic")
         grid.add_row(Text(symbol, style=style), text)
     yield grid
+
+
+def _unseen(rows: Sequence[Mapping[str, Any]]) -> Iterator[Text]:
+    """Yield what nothing in the log tells."""
+    for item in rows:
+        yield Text.assemble((f"? not observable: {item['name']}", "bold"), f" ({item['reason']})")
 
 
 def _axes(page: LogPage) -> Iterator[Text]:

@@ -58,6 +58,7 @@ from auvid.stages.ingest.health.records import (
     rejected_findings,
     sample_findings,
 )
+from auvid.stages.ingest.health.unseen import unseen
 from auvid.stages.ingest.health.unusable_spans import unusable_findings
 from auvid.stages.ingest.health.usability import (
     capabilities,
@@ -125,7 +126,8 @@ def check_health(
     measured += placeholder_findings(log, absent)
     measured += [item for check in OF_VALUES for item in check(real)]
     evidence = velocity_evidence(real)
-    measured = beside_clocks([*measured, *_of_commands(real, evidence)])
+    answers, of_commands = _of_commands(real, evidence)
+    measured = beside_clocks([*measured, *of_commands])
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -139,6 +141,7 @@ def check_health(
         "shared_spans_s": [list(span) for span in common_spans(log) if np.isfinite(span).all()],
         "verdict": verdict(uses, findings),
         "capabilities": uses,
+        "unseen": unseen(real, evidence, answers),
         "excitation": excited,
         "notes": list(info.notes),
     }
@@ -187,8 +190,10 @@ def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Find
     yield from force_findings(log)
 
 
-def _of_commands(log: CheckedLog, evidence: VelocityEvidence) -> list[Finding]:
-    """Return the findings of motion and commands.
+def _of_commands(
+    log: CheckedLog, evidence: VelocityEvidence
+) -> tuple[dict[str, Response], list[Finding]]:
+    """Return how motion follows the commands, and the findings of both.
 
     Commands of another motion say nothing of this one, and those that swing at one
     frequency no more than signs, drag and weight: its other checks go without them.
@@ -203,7 +208,7 @@ def _of_commands(log: CheckedLog, evidence: VelocityEvidence) -> list[Finding]:
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
     others = (item for check in OF_ANSWERS for item in check(log, answers))
-    return _once([*unrelated, *moving, *others], "clock_drift")
+    return answers, _once([*unrelated, *moving, *others], "clock_drift")
 
 
 def _once(findings: Sequence[Finding], name: str) -> list[Finding]:
@@ -317,6 +322,8 @@ def health_blocks(document: Mapping[str, Any], *, force_model: bool = True) -> l
     )
     if not force_model:
         return blocks
+    blocked = [[item["name"], item["reason"]] for item in document["unseen"]]
+    blocks.append(table("Not observable in this log", ["what", "why"], blocked))
     return [
         remark(document["verdict"], "finding"),
         *blocks,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import down_at
 from auvid.stages.columns import ATTITUDE
 from auvid.stages.ingest.health.actuation.push_answers import pushes
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
@@ -19,8 +21,7 @@ the work of the thrusters is that against drag.
 LINEAR_M_S = 0.2
 """Speed at which linear drag is as large as the largest quadratic one."""
 SHORTEST_S, SLICE_S = 50.0, 3.0
-LEVEL_RAD, STILL_M_S, FAST_M_S = 0.35, 0.03, 0.5
-CLEAR = 4.0
+LEVEL_RAD, CLEAR = 0.25, 3.0
 
 
 def force_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -36,7 +37,7 @@ def force_findings(log: CheckedLog) -> Iterator[Finding]:
     t_s, force = t_s[inside], (pushed * np.diag(log.vehicle.mass_matrix))[inside]
     moved = np.column_stack([np.interp(t_s, at, part) for part in velocity.T])
     yield from _drag(log, force, moved)
-    yield from _weight(log, t_s, force, moved)
+    yield from _weight(log)
 
 
 def _drag(log: CheckedLog, force: Array, moved: Array) -> Iterator[Finding]:
@@ -75,30 +76,58 @@ def _drag(log: CheckedLog, force: Array, moved: Array) -> Iterator[Finding]:
     )
 
 
-def _weight(log: CheckedLog, t_s: Array, force: Array, moved: Array) -> Iterator[Finding]:
+@dataclass(frozen=True)
+class BorneWeight:
+    """Weight in water [N], downward, that the thrusters hold, with its deviation."""
+
+    newtons: float
+    sd: float
+
+
+def borne_weight(log: CheckedLog) -> BorneWeight | None:
+    """Return the weight that the thrusters hold; None where nothing shows it.
+
+    Z = -W + a w + b w |w| + c (u^2 + v^2) + d over samples within 14 degrees of level, W
+    the weight in water and c lift; samples within three seconds count as one.
+    """
+    thrust = pushes(log)
+    if thrust is None or log.vehicle is None or not log.has("velocity", "attitude"):
+        return None
+    at, velocity = log.t_s("velocity"), log.body_velocity()
+    if not np.isfinite(velocity).all():
+        return None
+    t_s, pushed = thrust
+    down = pushed[:, 2] * log.vehicle.mass_matrix[2, 2]
+    upright = down_at(t_s, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
+    rows = (t_s >= at[0]) & (t_s <= at[-1]) & (upright > np.cos(LEVEL_RAD))
+    step = float(np.median(np.diff(t_s)))
+    if np.count_nonzero(rows) * step < SHORTEST_S or not np.ptp(down[rows]):
+        return None
+    u, v, w = (np.interp(t_s[rows], at, part) for part in velocity.T)
+    design = np.column_stack([np.ones(u.size), w, w * np.abs(w), u**2 + v**2])
+    size = np.linalg.norm(design, axis=0)
+    design = design[:, size > 0.0]
+    gain = np.linalg.lstsq(design, down[rows], rcond=None)[0]
+    rest = down[rows] - design @ gain
+    inverse = np.linalg.pinv(design.T @ design)
+    sd = float(np.sqrt(inverse[0, 0] * rest.var() * max(SLICE_S / step, 1.0)))
+    return BorneWeight(-float(gain[0]), sd)
+
+
+def _weight(log: CheckedLog) -> Iterator[Finding]:
     """Yield a weight in water that is not what the thrusters hold."""
-    vehicle = log.vehicle
-    assert vehicle is not None
-    down = force[:, 2]
-    if not np.ptp(down) or t_s[-1] - t_s[0] < SHORTEST_S or not log.has("attitude"):
+    vehicle, borne = log.vehicle, borne_weight(log)
+    if vehicle is None or borne is None:
         return
-    tilt = np.abs(log.values("attitude", ATTITUDE)[:, :2])
-    slow = abs(float(moved[:, 2].mean())) < STILL_M_S
-    if float(np.percentile(tilt, 95.0)) > LEVEL_RAD or not slow:
-        return
-    if float(np.percentile(np.abs(moved[:, 0]), 95.0)) > FAST_M_S:
-        return  # lift
-    borne = -float(down.mean())
-    sd = float(down.std()) / np.sqrt((t_s[-1] - t_s[0]) / SLICE_S)
     weight = vehicle.mass_kg * vehicle.gravity
     net = weight - vehicle.displaced_mass_kg * vehicle.gravity
-    if abs(borne - net) - CLEAR * sd < limit("weight_held") * weight:
+    if abs(borne.newtons - net) - CLEAR * borne.sd < limit("weight_held") * weight:
         return
     yield finding(
         "weight_held",
-        f"The vehicle keeps its depth while its thrusters hold {borne:+.1f} +- {2.0 * sd:.1f} N"
-        f" downward weight on average; the vehicle file gives {net:+.1f} N (mass less displaced"
-        f" mass, times gravity).",
+        f"The thrusters hold {borne.newtons:+.1f} +- {2.0 * borne.sd:.1f} N downward weight"
+        f" on average; the vehicle file gives {net:+.1f} N (mass less displaced mass, times"
+        f" gravity).",
         stream="actuators",
-        value=borne - net,
+        value=borne.newtons - net,
     )

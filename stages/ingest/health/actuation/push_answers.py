@@ -60,6 +60,10 @@ CLEAR = 4.0
 """A gain is clear of a number if it is so many standard deviations away."""
 SMALLEST_GAIN, NEARLY_ALL = 0.25, 0.9
 """Least gain of forces in a motion that they explain nearly wholly: 0.3 in healthy logs."""
+ALL_BUT, SURE_SCALE, CLEAR_SCALE = 0.95, 0.1, 1.2
+"""Share of a motion from which on, and deviations within which, its gain is that of force
+over mass, and by what factor two speeds have to differ from the vehicle file.
+"""
 LEAST_FAST = 0.3
 """Share of its changes that the thrusters must explain of a motion that is too fast."""
 
@@ -180,6 +184,7 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
             value=max(slow.values()),
         )
     if len(fast) < 2:
+        yield from _off_scale(response)
         return
     names = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
     parts = [f"{names[axis]} changes {gain:.1f} times as fast" for axis, gain in fast.items()]
@@ -189,6 +194,37 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
         f"Force over mass of the thrusters makes too little of the motion: {listed(parts)}.",
         stream="actuators",
         value=min(far if len(far) > 1 else fast.values()),
+    )
+
+
+def clear_scales(response: Mapping[str, AxisGains]) -> dict[str, float]:
+    """Return the gains of speeds that thrust and drag explain all but wholly.
+
+    What lags, losses or noise take off a gain they take off the share as well.
+    """
+    return {
+        axis: float(gains.gain[0])
+        for axis, gains in response.items()
+        if axis in "uvw" and gains.explained > ALL_BUT and CLEAR * gains.sd[0] < SURE_SCALE
+    }
+
+
+def _off_scale(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
+    """Yield force over mass that is off by a fifth where nothing blurs it."""
+    scales = clear_scales(response)
+    if len(scales) < 2:
+        return
+    small = all(gain > CLEAR_SCALE for gain in scales.values())
+    if not small and any(gain > 1.0 / CLEAR_SCALE for gain in scales.values()):
+        return
+    words = dict(zip("uvw", SPEEDS, strict=True))
+    parts = [f"{words[axis]} changes {gain:.2f} times as fast" for axis, gain in scales.items()]
+    yield finding(
+        "response_scale",
+        f"Force over mass of the thrusters makes too {'little' if small else 'much'} of the"
+        f" motion: {listed(parts)}.",
+        stream="actuators",
+        value=min(scales.values()),
     )
 
 

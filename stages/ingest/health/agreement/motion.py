@@ -152,7 +152,7 @@ def motion_findings(
     yield from mixed_commands(log)
     if not log.has("velocity", "attitude"):
         return
-    depth = _depth_gains(log)
+    depth = depth_answers(log)
     others = list(_other_axes(log, depth))
     yield from others
     if others:
@@ -238,8 +238,9 @@ def _poses(log: CheckedLog) -> tuple[Array, Array, Array, Array]:
     )
 
 
-def _depth_gains(log: CheckedLog) -> AxisGains | None:
-    if not log.has("depth"):
+def depth_answers(log: CheckedLog) -> AxisGains | None:
+    """Return the gains of the velocity in the depth rate, where it shows them."""
+    if not log.has("depth", "velocity", "attitude"):
         return None
     return depth_gains(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
 

@@ -1132,6 +1132,19 @@ def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float
     assert log.finding("velocity_turned")["value"] == pytest.approx(angle_deg, abs=1.5)  # deg
 
 
+def test_a_velocity_that_accelerometer_or_track_shows_is_not_listed_as_unseen() -> None:
+    log = sound()
+    turn, scale = "turn of the velocity log", "scale of surge and sway"
+    names = " ".join(item["name"] for item in log.health()["unseen"])
+    assert turn not in names
+    assert scale not in names
+    for name in ACCEL:
+        log.streams["imu"][name] = np.full(log.t_s("imu").size, np.nan)
+    names = " ".join(item["name"] for item in log.health()["unseen"])
+    assert turn in names
+    assert scale in names
+
+
 @pytest.mark.parametrize("factor", [1.15, 1.0 / 1.15])
 def test_a_velocity_of_another_scale_is_measured_by_accelerometer_and_track(factor: float) -> None:
     log = sound()

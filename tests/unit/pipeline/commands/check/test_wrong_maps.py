@@ -637,6 +637,17 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "depth_zero_unseen",
         "not observable",
     ),
+    "thrust curve 1.3 times too strong": (thrust_in(1.3), "response_scale", "too much"),
+    "mass and displaced mass in pounds": (
+        vehicle("mass", "displaced_mass", factor=2.2046),
+        "response_scale",
+        "too little",
+    ),
+    "displaced mass 15 % too large": (
+        vehicle("displaced_mass", factor=1.15),
+        "weight_held",
+        "the vehicle file gives -20",
+    ),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -715,6 +726,7 @@ NOT_STOPPING = (
     "velocity_frozen",
     "velocity_unsigned",
     "response_scale",
+    "weight_held",
     "depth_zero_unseen",
     "rejected_samples",
     "velocity_outliers",
@@ -764,6 +776,26 @@ def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
     ]
     assert hit, [(item["id"], item["text"], item["remedy"]) for item in stopping]
     assert mistakes()[name] in [item["id"] for item in hit]
+
+
+def unseen(case: Case) -> list[str]:
+    """What the log cannot show."""
+    raw = tuple(
+        RawFile(name, np.frombuffer(_csv(values), np.uint8), case.maps[name])
+        for name, values in case.files.items()
+    )
+    inputs = ingest.Inputs(RawLog("log", raw), None, case.vehicle)
+    return [item["name"] for item in ingest.run(inputs, ingest.Params()).health["unseen"]]
+
+
+def test_what_a_log_cannot_show_is_listed_by_name() -> None:
+    """The slow dive hides the scale of the thrust, which the made log shows."""
+    of_dive, of_example = unseen(_whole_dive()), unseen(_example())
+    assert {"scale of the thrust", "mass and added mass", "steady current"} <= set(of_dive)
+    assert "scale of surge and sway of the velocity" in of_dive
+    assert "weight in water (displaced mass)" not in of_dive
+    assert "scale of the thrust" not in of_example
+    assert {"steady current", "rate of a clock that all sensors share"} <= set(of_example)
 
 
 def driven(pulses: npt.NDArray[np.float64], seed: int) -> Case:

@@ -1,0 +1,137 @@
+"""What a log cannot show, by name and reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+
+from auvid.hydro.identification.checks.answers import PlanarTurn
+from auvid.hydro.identification.checks.response import Response
+from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight
+from auvid.stages.ingest.health.actuation.push_answers import (
+    clear_scales,
+    push_responses,
+    pushes,
+)
+from auvid.stages.ingest.health.agreement.motion import depth_answers
+from auvid.stages.ingest.health.agreement.velocity_axes import SURE_ODDS, VelocityEvidence
+from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.number_format import percent
+
+Unseen = tuple[str, str]
+"""What is not observable, and why."""
+SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.12, 0.8
+"""Turn and scale of a velocity that would be seen for certain (four standard deviations),
+and share of a depth rate or an answer from which on its clock would be.
+"""
+SURE_WEIGHT = 0.06
+"""Part of the weight that the thrusters must show (three standard deviations)."""
+CLEAR, CLEAR_WEIGHT = 4.0, 3.0
+
+
+def unseen(
+    log: CheckedLog, evidence: VelocityEvidence, answers: Mapping[str, Response]
+) -> list[dict[str, str]]:
+    """Return what the log cannot show: {name, reason}."""
+    if log.under_water is False:
+        return []
+    rows = [*_forces(log), *_velocity(log, evidence), *_clocks(log, evidence, answers)]
+    return [{"name": name, "reason": reason} for name, reason in rows]
+
+
+def _forces(log: CheckedLog) -> Iterator[Unseen]:
+    if not log.has("actuators") or log.vehicle is None or log.vehicle.thrusters is None:
+        return
+    if pushes(log) is None:
+        reason = "the outputs are recorded too slowly or not all, so that no force is made of them"
+    elif not log.has("velocity"):
+        reason = "nothing measures the velocity"
+    elif len(clear_scales(dict(push_responses(log, "uvw")))) > 1:
+        reason = ""
+    else:
+        reason = (
+            "thrust and drag explain too little of surge, sway and heave to tell them from losses,"
+            " and drag is known no better; coasts (docs/coasting.md) or drag with a stated spread"
+            " (docs/howto/priors.md) tell it"
+        )
+    if reason:
+        yield "scale of the thrust", reason
+        yield (
+            "mass and added mass",
+            "a motion shows force over mass alone, and the scale of the thrust is not observable;"
+            " what no body has is tested by the vehicle file (body_size, added_mass_size)",
+        )
+    else:
+        yield (
+            "thrust and mass by themselves",
+            "the motion shows their ratio, which agrees or is named above",
+        )
+    borne = borne_weight(log)
+    weight = log.vehicle.mass_kg * log.vehicle.gravity
+    if borne is None:
+        yield "weight in water (displaced mass)", "no minute of level motion shows what is held"
+    elif CLEAR_WEIGHT * borne.sd > SURE_WEIGHT * weight:
+        yield (
+            "weight in water (displaced mass)",
+            f"the thrusters show it to +- {CLEAR_WEIGHT * borne.sd:.0f} N only",
+        )
+
+
+def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
+    if not log.has("velocity"):
+        return
+    if not log.has("water_velocity"):
+        yield (
+            "steady current",
+            "one velocity alone does not tell the ground from the water; a current ends up in drag"
+            " and constant forces",
+        )
+    turns = [turn for turn in (evidence.of_accelerometer, evidence.of_track) if turn is not None]
+    if not any(math.degrees(CLEAR * turn.sd) < SURE_TURN_DEG for turn in turns):
+        yield (
+            "turn of the velocity log about the vertical (below 45 degrees)",
+            _why(log, evidence),
+        )
+    if not any(_tells_scale(turn) for turn in turns):
+        yield "scale of surge and sway of the velocity", _why(log, evidence)
+    if not log.has("depth"):
+        return
+    depth = depth_answers(log)
+    if depth is None or depth.explained < SURE_SHARE:
+        share = "" if depth is None else f", {percent(max(depth.explained, 0.0))} explained"
+        yield (
+            "scale and clock of depth against velocity",
+            f"the depth changes too little by what the velocity says{share}",
+        )
+
+
+def _tells_scale(turn: PlanarTurn) -> bool:
+    """Return whether scale and what noise takes off it stay within a bound."""
+    return 1.0 - turn.explained + CLEAR * turn.sd < SURE_SCALE
+
+
+def _why(log: CheckedLog, evidence: VelocityEvidence) -> str:
+    answer = evidence.answer
+    if answer is None:
+        reason = "no accelerometer with gravity in it beside a velocity log"
+    else:
+        share = 0.0 if answer.turn is None else max(answer.turn.explained, 0.0)
+        reason = f"the accelerometer explains {percent(share)} of the changes of surge and sway"
+    track = "" if log.has("position") else ", and there is no position"
+    return f"{reason}{track}; stage check_installation joins all legs"
+
+
+def _clocks(
+    log: CheckedLog, evidence: VelocityEvidence, answers: Mapping[str, Response]
+) -> Iterator[Unseen]:
+    yield "rate of a clock that all sensors share", "a log has no second clock"
+    answer = evidence.answer
+    odds = 0.0 if answer is None else float(answer.odds.max())
+    if log.has("velocity") and odds < SURE_ODDS:
+        yield "clock of the velocity against the inertial unit", "nothing shows it clearly"
+    best = max((item.explained for item in answers.values()), default=0.0)
+    if log.has("actuators") and best < SURE_SHARE:
+        yield (
+            "clock of the outputs to some tenths of a second",
+            f"the outputs explain {percent(best)} of a motion at most",
+        )
