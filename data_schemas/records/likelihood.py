@@ -49,7 +49,9 @@ class LagFit(Model):
     standard_error_s: float | None
     """Its standard error; null at its bound, and of one stated without a spread."""
     verdict: Literal["identified", "weak", "inseparable", "at its bound", "stated"]
-    """Inseparable: from an inertia. Stated: by the vehicle file."""
+    """Inseparable: from an inertia, or from the lag of the velocity log. Stated: by the
+    vehicle file.
+    """
     correlations: dict[str, float] = Field(default_factory=dict)
     """Inertia fitted beside it -> correlation with the lag."""
 

@@ -260,7 +260,9 @@ class LagEntry(Model):
     standard_error_s: float | None
     """Its standard error; null at its bound, and of one stated without a spread."""
     verdict: Literal["identified", "weak", "inseparable", "at its bound", "stated"]
-    """Inseparable: from an inertia. Stated: by the vehicle file."""
+    """Inseparable: from an inertia, or from the lag of the velocity log. Stated: by the
+    vehicle file.
+    """
 
 
 class FreeRunEntry(Model):

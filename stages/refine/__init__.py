@@ -105,7 +105,14 @@ class Params:
         low=1.0,
         high=10_000.0,
     )
-    thrust_lag: bool = param("1", True, meaning="fit a lag of the actuators, one for all")
+    thrust_lag: bool = param(
+        "1",
+        True,
+        meaning=(
+            "fit a lag of the actuators, one for all; false: hold that of synthesise, which is"
+            " the vehicle file's (actuators.lag) or that which the training legs show"
+        ),
+    )
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ SMALLEST_FORCE = 1e-3
 class CardUnknowns:
     """The unknowns of a model card on a vehicle, with start, prior and limits.
 
-    `lag`: whether a lag of the actuators is one of them.
+    `lag`: whether a lag of the actuators is one of them; else that of the card is held.
     """
 
     card: ModelCard
@@ -96,6 +96,7 @@ class CardUnknowns:
             self.terms,
             inertia=entries,
             lag=self.lag,
+            held_lag_s=self.card.lag_s,
             # Added mass can only add to the diagonal of the rigid body's inertia.
             lower={f"M[{i},{j}]": float(rigid[i, j]) for i, j in entries if i == j},
             upper=upper,
@@ -177,8 +178,8 @@ class SensorFit:
 
     @property
     def lag_s(self) -> float:
-        """Return the lag of the actuators [s], 0 where none was fitted."""
-        return float(self.limited.values[-1]) if self.problem.lag else 0.0
+        """Return the lag of the actuators [s], that of the card where none was fitted."""
+        return float(self.limited.values[-1]) if self.problem.lag else self.problem.card.lag_s
 
     def without(self, legs: Collection[int]) -> SensorFit:
         """Return the fit to all other legs, one step away, within the same limits."""

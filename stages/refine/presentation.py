@@ -128,7 +128,7 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
         )
         words += (
             f"; its correlation with the lag is {item.correlation:.2f}."
-            if card.lag is not None
+            if card.lag is not None and card.lag.correlations
             else "."
         )
     if card.limits:

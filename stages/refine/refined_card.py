@@ -313,8 +313,9 @@ def _by_axis(values: Array) -> dict[str, float]:
 
 
 def _lag(fit: SensorFit) -> LagFit | None:
+    """Return the lag that was fitted, else that of the card, which was held."""
     if not fit.problem.lag:
-        return None
+        return fit.problem.card.lag
     unknowns = fit.problem.unknowns
     j = unknowns.index(Unknown(ALL_AXES, LAG))
     value, error = float(fit.limited.values[j]), float(fit.estimate.standard_errors[j])

@@ -389,8 +389,12 @@ def _lag(
         )
     if lag is None or not (lag.clear and lag.of_thrusters):
         return None, []
-    fit = LagFit(value_s=lag.value_s, standard_error_s=lag.sd_s, verdict="identified")
-    return fit, [remark(lag_words(lag, spread))]
+    fit = LagFit(
+        value_s=lag.value_s,
+        standard_error_s=lag.sd_s,
+        verdict="identified" if lag.by_gyro else "inseparable",
+    )
+    return fit, [remark(lag_words(lag, spread), "note" if lag.by_gyro else "warning")]
 
 
 def _low_pass_blocks(inputs: Inputs, leaning: Mapping[str, Sequence[str]]) -> list[Block]:

@@ -89,6 +89,18 @@ class ActuatorLag:
         return bool(axes >= CLEAR_AXES and away)
 
     @property
+    def by_gyro(self) -> bool:
+        """Return whether an axis of rotation shows it clearly.
+
+        A velocity log that is late looks like late thrusters on X, Y and Z, on no other.
+        """
+        return any(self.by_axis[axis][0] > CLEAR * self.by_axis[axis][1] for axis in self._turning)
+
+    @property
+    def _turning(self) -> list[str]:
+        return [axis for axis in AXES[3:] if axis in self.by_axis]
+
+    @property
     def of_thrusters(self) -> bool:
         """Return whether thrusters can be so late."""
         return SHORTEST_S <= self.value_s <= LONGEST_S

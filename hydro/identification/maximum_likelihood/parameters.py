@@ -35,15 +35,16 @@ class UnknownParameters:
 
     `terms`: axis -> basis terms, and `CONSTANT` for a constant force of the axis.
     `inertia`: entries (row, column) of the mass matrix M = M_RB - M_A, e.g. (5, 5) for
-    yaw; `lag`: whether the actuators follow their record with a lag [s]. `fixed`: axis
-    -> term -> coefficient of viscous terms that are not fitted. `lower` and `upper`
-    bound theta; `prior` weighs it.
+    yaw; `lag`: whether a lag [s] of the actuators behind their record is fitted, in place
+    of `held_lag_s`. `fixed`: axis -> term -> coefficient of viscous terms that are not
+    fitted. `lower` and `upper` bound theta; `prior` weighs it.
     """
 
     vehicle: Vehicle
     terms: Mapping[str, Sequence[str]]
     inertia: tuple[tuple[int, int], ...] = ()
     lag: bool = False
+    held_lag_s: float = 0.0
     fixed: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     lower: Mapping[str, float] = field(default_factory=dict)
     upper: Mapping[str, float] = field(default_factory=dict)
@@ -104,8 +105,8 @@ class UnknownParameters:
         return out
 
     def lag_s(self, theta: Array) -> float:
-        """Return the lag of the actuators [s], 0 where it is not a parameter."""
-        return float(theta[-1]) if self.lag else 0.0
+        """Return the lag of the actuators [s]."""
+        return float(theta[-1]) if self.lag else self.held_lag_s
 
     @cached_property
     def _frame(self) -> tuple[Tables, NDArray[np.int64]]:

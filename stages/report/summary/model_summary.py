@@ -20,7 +20,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, INSEPARABLE
 from auvid.stages.base import Document
 from auvid.stages.model_use import (
     GUESS,
@@ -217,6 +217,8 @@ def _lag_words(card: ModelCard, lag: LagFit) -> str:
     late = estimate(lag.value_s, NORMAL_95 * error) if error else significant(lag.value_s)
     words = f"their force follows the record {late} s late, as "
     words += "the vehicle file states" if lag.verdict == "stated" else "the data show"
+    if lag.verdict == INSEPARABLE and not lag.correlations:
+        words += ", not separable from the lag of the velocity log"
     items = {(axis, item.term): item for axis, part in card.axes.items() for item in part.terms}
     shares = {
         place: abs(moved / value)

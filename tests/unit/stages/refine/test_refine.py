@@ -192,6 +192,26 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert ("filter error calls none identified" in words) == (estimator == "filter_error")
 
 
+def test_a_lag_of_the_card_is_held_where_none_is_fitted(twin: refine.Inputs) -> None:
+    """Held at the true lag the roll damping is right, without one a third is missing."""
+    first, true = twin.model_card["symmetric"], TRUTH["K"]["p"]
+    errors = []
+    for lag in (LagFit(value_s=LAG_S, standard_error_s=None, verdict="stated"), None):
+        start = collection({"symmetric": first.model_copy(update={"lag": lag})})
+        refined = outputs(
+            replace(twin, model_card=start), estimator="output_error", thrust_lag=False
+        )
+        (card,) = refined.model_card.values()
+        assert card.lag == lag
+        assert card.likelihood is not None
+        errors.append(abs(card.predictor["K"]["p"] - true))
+        if lag is not None:
+            assert card.likelihood.weighted_residual == pytest.approx(1.0, abs=0.05)
+            assert f"{LAG_S:g} s, stated" in str(refined.section)
+    assert errors[0] < 0.06 * abs(true)
+    assert errors[1] > 2.0 * errors[0]
+
+
 def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:
     (card,) = outputs(limited, estimator="output_error").model_card.values()
     residual_of, fused = limited.residual["a"], limited.fused["a"]

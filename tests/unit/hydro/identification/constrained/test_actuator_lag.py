@@ -75,6 +75,28 @@ def test_one_driven_axis_determines_no_lag() -> None:
     assert not lag.clear
 
 
+def late_velocity(leg: DrivenLeg, samples: int) -> DrivenLeg:
+    """Return a leg whose velocity log, no gyro, is late by so many samples."""
+    nu, nu_dot = leg.nu.copy(), leg.nu_dot.copy()
+    for part, exact in ((nu, leg.nu), (nu_dot, leg.nu_dot)):
+        part[samples:, :3] = exact[:-samples, :3]
+    return replace(leg, nu=nu, nu_dot=nu_dot, tau_bar=leg.tau_bar + 30.0 * (nu_dot - leg.nu_dot))
+
+
+def test_a_late_velocity_log_is_told_by_an_axis_that_turns() -> None:
+    """Without yaw it passes for a lag of the thrusters, and the lag says so."""
+    still = measured_lag([late_velocity(driven_leg(0.0, axes=(0, 1, 2)), 3)])
+    assert still is not None
+    assert still.clear
+    assert not still.by_gyro
+    turning = measured_lag([late_velocity(driven_leg(0.0, axes=(0, 1, 5)), 3)])
+    assert turning is not None
+    assert not turning.clear
+    thrusters = measured_lag([driven_leg(0.1)])
+    assert thrusters is not None
+    assert thrusters.by_gyro
+
+
 def test_no_lag_is_taken_where_there_is_none() -> None:
     lag = measured_lag([driven_leg(0.0)])
     assert lag is not None

@@ -266,6 +266,10 @@ def test_the_lag_of_the_actuators_is_said_with_its_interval_and_what_it_moved(
     words = "their force follows the record 0.140 ± 0.059 s late, as the data show; it moved Y_v by"
     assert use.reason.startswith(words)
     assert use.reason.index("Y_v") < use.reason.index("X_u"), "the most moved first"
+    tied = lag.model_copy(update={"verdict": "inseparable"})
+    run.cards["coe"] = card.model_copy(update={"lag": tied})
+    (use,) = (use for use in summary_of(run).uses if use.label == "Actuators")
+    assert "not separable from the lag of the velocity log" in use.reason
     stated = lag.model_copy(update={"standard_error_s": None, "verdict": "stated"})
     run.cards["coe"] = card.model_copy(update={"lag": stated})
     (use,) = (use for use in summary_of(run).uses if use.label == "Actuators")
