@@ -252,9 +252,9 @@ def lag_words(lag: ActuatorLag, spread_s: float | None) -> str:
         for axis, (value, sd) in lag.by_axis.items()
         if sd < lag.value_s
     )
-    apart = ""
+    beside_velocity = ""
     if not lag.by_gyro:
-        apart = (
+        beside_velocity = (
             " No axis of rotation shows it, so it is not separable from the lag of the velocity"
             " log: force and motion of the models fit together either way, but a simulator needs it"
             " only if it is of the actuators. State one of the two (actuators.lag, or the lag of"
@@ -264,7 +264,7 @@ def lag_words(lag: ActuatorLag, spread_s: float | None) -> str:
         f"The force follows the record of the actuators by {lag.value_s:.2g} +-"
         f" {NORMAL_95 * lag.sd_s:.1g} s (95 %), as a first-order lag{usual}: {axes} s by axis. All"
         " models go with this lag; without it linear damping comes out too small and quadratic too"
-        f" large. stages.synthesise.actuator_lag: none leaves it out.{apart}"
+        f" large. stages.synthesise.actuator_lag: none leaves it out.{beside_velocity}"
     )
 
 
