@@ -178,7 +178,7 @@ class SensorFit:
 
     @property
     def lag_s(self) -> float:
-        """Return the lag of the actuators [s], that of the card where none was fitted."""
+        """Return the lag of the actuators [s], the card's where none was fitted."""
         return float(self.limited.values[-1]) if self.problem.lag else self.problem.card.lag_s
 
     def without(self, legs: Collection[int]) -> SensorFit:
