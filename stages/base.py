@@ -127,15 +127,33 @@ def collection(items: Mapping[str, T]) -> Collection[T]:
     return Collection({key: partial(items.__getitem__, key) for key in items})
 
 
-def port(schema: str, *, many: bool = False, optional: bool = False, by_rows: bool = False) -> Any:
+def part_of(tables: Mapping[str, T], key: str, columns: Sequence[str]) -> T:
+    """Return a table of a mapping, of a collection with those of `columns` alone."""
+    return tables.part(key, columns) if isinstance(tables, Collection) else tables[key]
+
+
+def port(
+    schema: str,
+    *,
+    many: bool = False,
+    optional: bool = False,
+    by_rows: bool = False,
+    columns: tuple[str, ...] = (),
+) -> Any:
     """An input or output artefact of this schema.
 
     `many` output: a mapping key -> artefact (model cards by model). `optional`: None
     when the producer gave none. `by_rows`: the runner gives `Rows`, and the stage loads
-    those that it needs.
+    those that it needs. `columns`: of a table only those, with its clock.
     """
     default = None if optional else MISSING
-    metadata = {"port": schema, "many": many, "optional": optional, "by_rows": by_rows}
+    metadata = {
+        "port": schema,
+        "many": many,
+        "optional": optional,
+        "by_rows": by_rows,
+        "columns": columns,
+    }
     return field(default=default, metadata=metadata)
 
 

@@ -24,6 +24,7 @@ from auvid.pipeline.execution.progress import Progress, Silent
 from auvid.pipeline.execution.task import Outcome, Task
 from auvid.pipeline.execution.task_inputs import (
     Artefact,
+    ColumnsOnDisk,
     Log,
     Many,
     RowsOnDisk,
@@ -417,8 +418,11 @@ class Run:
             return Many({str(key): artefact for key, artefact in of_item.items()})
         artefact = of_item.get(place.item if producer.many else None)
         if artefact is not None:
-            by_rows = ports(stage.inputs)[feed.port].get("by_rows")
-            return RowsOnDisk(artefact) if by_rows else artefact
+            spec = ports(stage.inputs)[feed.port]
+            if spec.get("by_rows"):
+                return RowsOnDisk(artefact)
+            columns = spec.get("columns")
+            return ColumnsOnDisk(artefact, columns) if columns else artefact
         if feed.optional:
             return Value(None)
         meaning = schema(producer.schema).meaning.rstrip(".")

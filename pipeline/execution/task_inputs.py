@@ -107,6 +107,21 @@ class RowsOnDisk:
         return self.artefact.load(times=(start_us, end_us))
 
 
+@dataclass(frozen=True)
+class ColumnsOnDisk:
+    """A table of which a stage takes some columns; which is part of its code."""
+
+    artefact: Artefact
+    columns: tuple[str, ...]
+
+    @property
+    def fingerprint(self) -> str:
+        return self.artefact.fingerprint
+
+    def load(self) -> Any:
+        return self.artefact.load(self.columns)
+
+
 def artefacts_of(manifest: Manifest, port: Port, item: str) -> dict[str | None, Artefact]:
     """Return what a port gave for an item, by key (None for a single one).
 

@@ -22,13 +22,20 @@ from auvid.hydro.identification.coasting.decay import fit_decay
 from auvid.hydro.identification.coasting.finding import CoastRule
 from auvid.hydro.identification.coasting.thrust_scale import common_scale, drag_and_scale
 from auvid.stages.base import Collection, Document, Stage, param, port
-from auvid.stages.coast.coast_records import DEGREES, SegmentTables, segment_coasts
+from auvid.stages.coast.coast_records import (
+    COMMANDS,
+    DEGREES,
+    FORCE_COLUMNS,
+    SegmentTables,
+    segment_coasts,
+)
 from auvid.stages.coast.presentation import (
     AxisCoasts,
     coast_rows,
     coast_section,
     drag_rows,
 )
+from auvid.stages.columns import ACCELERATION, ATTITUDE, VELOCITY
 from auvid.stages.sensor_motion import VelocityLogPlacement
 from auvid.stages.steps import counted
 
@@ -110,9 +117,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             segment,
             fusion,
             inputs.log_info[str(segment.log)],
-            inputs.fused[key],
-            inputs.residual[key],
-            inputs.resampled[key],
+            inputs.fused.part(key, (*ATTITUDE, *VELOCITY, *ACCELERATION)),
+            inputs.residual.part(key, FORCE_COLUMNS),
+            inputs.resampled.part(key, COMMANDS),
             None if inputs.samples_imu is None else inputs.samples_imu.get(key),
             None if inputs.samples_velocity is None else inputs.samples_velocity.get(key),
         )

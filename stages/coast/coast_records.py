@@ -10,6 +10,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
@@ -35,6 +36,20 @@ from auvid.stages.sensor_motion import VelocityLogPlacement
 DEGREES = {"u": 0, "v": 1, "w": 2, "r": 5}
 """Velocity -> its place; roll and pitch swing about upright, they do not coast."""
 ACTUATORS = ("thrusters", "propeller")
+FORCE_COLUMNS = tuple(
+    name
+    for part in (
+        "tau_bar",
+        "restoring",
+        "rigid_body_coriolis",
+        "added_mass_coriolis",
+        "fins",
+        *ACTUATORS,
+    )
+    for name in force_columns(part)
+)
+"""Of the residual force, beside its clock."""
+COMMANDS = tuple(schema("actuators").columns)
 STILL_REV_S = 0.05
 """A propeller that turns slower stands."""
 

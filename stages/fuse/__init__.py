@@ -191,15 +191,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
     edge_s = default_edge_s(params.cutoff_hz) if params.edge_s is None else params.edge_s
     keep = _inside_edges(motion.t_s, edge_s, inputs.segment)
-    columns = {
-        "t_s": motion.t_s,
-        **named(POSE, pose),
-        **named(VELOCITY, over_ground - drift),
-        **named(POSE_RATE, eta_dot(pose, over_ground)),
-        **named(ACCELERATION, nu_dot),
-        **_standard_deviations(result, inputs.segment, len(motion.t_s), params.method),
-    }
-    fused = make_table("fused", {name: values[keep] for name, values in columns.items()})
+    fused = make_table(
+        "fused",
+        {
+            "t_s": motion.t_s[keep],
+            **named(POSE, pose[keep]),
+            **named(VELOCITY, (over_ground - drift)[keep]),
+            **named(POSE_RATE, eta_dot(pose[keep], over_ground[keep])),
+            **named(ACCELERATION, nu_dot[keep]),
+            **_standard_deviations(result, inputs.segment, keep, params.method),
+        },
+    )
     settings = {
         "method": params.method,
         "as_published": params.as_published,
@@ -271,9 +273,9 @@ def _fuse(
 
 
 def _standard_deviations(
-    result: FusionResult, segment: SegmentRecord, n: int, method: str
+    result: FusionResult, segment: SegmentRecord, keep: Mask, method: str
 ) -> dict[str, Array]:
-    """Return the standard deviations that are known, as columns (n,).
+    """Return the standard deviations that are known of the rows kept, as columns.
 
     Those of velocity from the smoother, else the sensor's noise within its spline's
     bandwidth. None for the velocity of method `thesis`, whose integrated errors grow
@@ -281,12 +283,14 @@ def _standard_deviations(
     """
     if result.velocity_sd is None and method != "kinematic":
         return {}
-    columns = {} if result.velocity_sd is None else named(VELOCITY_SD[:3], result.velocity_sd)
+    columns = {}
+    if result.velocity_sd is not None:
+        columns = named(VELOCITY_SD[:3], result.velocity_sd[keep])
     for name, column in zip(VELOCITY, VELOCITY_SD, strict=True):
         item = segment.smoothing.get(name)
         if column not in columns and item and item.cutoff_hz and item.noise_sd is not None:
             share = min(1.0, 2.0 * item.cutoff_hz / item.sample_hz)
-            columns[column] = np.full(n, item.noise_sd * np.sqrt(share))
+            columns[column] = np.full(np.count_nonzero(keep), item.noise_sd * np.sqrt(share))
     return columns
 
 

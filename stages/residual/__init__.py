@@ -10,6 +10,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
+from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import Array
@@ -37,9 +38,9 @@ from auvid.stages.residual.presentation import residual_section, residual_views,
 @dataclass(frozen=True)
 class Inputs:
     segment: SegmentRecord = port("segment")
-    fused: pa.Table = port("fused")
+    fused: pa.Table = port("fused", columns=(*POSE, *VELOCITY, *VELOCITY_SD, *ACCELERATION))
     fusion: FusionRecord = port("fusion")
-    resampled: pa.Table = port("resampled")
+    resampled: pa.Table = port("resampled", columns=("voltage_v", *schema("actuators").columns))
     vehicle: Vehicle = port("vehicle")
     log_info: LogInfo = port("log_info")
 

@@ -73,6 +73,8 @@ from auvid.stages.synthesise.presentation import (
 from auvid.stages.synthesise.training import (
     EXCITATION,
     FROM_ERRORS,
+    RESIDUAL_COLUMNS,
+    STATE_COLUMNS,
     DataErrors,
     LegTables,
     TrainingData,
@@ -249,7 +251,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if lag.standard_error_s is not None:
             spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s}
             vehicle = replace(vehicle, spreads=spreads)
-    with_ratio = all(has_columns(inputs.residual[key], ("eta_ratio",)) for key in training)
+    with_ratio = all(
+        has_columns(inputs.residual.part(key, ("eta_ratio",)), ("eta_ratio",)) for key in training
+    )
     models = declared if with_ratio else [without_propeller_terms(model) for model in declared]
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
@@ -265,6 +269,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     for name, leg in zip(names, legs(), strict=True):
         own = TrainingData.of(leg, terms, vehicle, excitation=params.excitation)
         parts[name] = parts[name].merge(own) if name in parts else own
+        del leg  # the next pass starts without the samples of the last leg
     data = reduce(TrainingData.merge, parts.values())
     factors = {name: part.factor for name, part in parts.items()}
     others = others_of(factors)
@@ -360,9 +365,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 def _tables(inputs: Inputs, key: str) -> LegTables:
     return LegTables(
-        inputs.residual[key],
+        inputs.residual.part(key, RESIDUAL_COLUMNS),
         inputs.segment[key],
-        None if inputs.fused is None else inputs.fused[key],
+        None if inputs.fused is None else inputs.fused.part(key, STATE_COLUMNS),
         None if inputs.fusion is None else inputs.fusion[key],
         None if inputs.controls is None else inputs.controls[key],
     )
@@ -476,7 +481,15 @@ def _with_motion(
             field="stages.synthesise.inertia",
         )
     terms, fused = _motion_terms(structures), inputs.fused
-    return [motion_factor(inputs.residual[key], fused[key], terms, lag_s) for key in training]
+    return [
+        motion_factor(
+            inputs.residual.part(key, RESIDUAL_COLUMNS),
+            fused.part(key, STATE_COLUMNS),
+            terms,
+            lag_s,
+        )
+        for key in training
+    ]
 
 
 def _motion_terms(structures: Sequence[ViscousModel]) -> tuple[str, ...]:

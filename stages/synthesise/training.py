@@ -80,6 +80,14 @@ SPLINES = {
 """Splines that bound how fast each acceleration can be, by the method of fuse."""
 FEWEST_LEANING = 2
 """Coefficients of a model that a low-pass leans before it is called too low."""
+RESIDUAL_COLUMNS = (
+    "eta_ratio",
+    *VELOCITY,
+    *VELOCITY_SD,
+    *(name for part in ("tau_bar", *ACTUATORS) for name in force_columns(part)),
+)
+"""Of the residual force, beside its clock: not its other components."""
+STATE_COLUMNS = (*POSE, *ACCELERATION)
 Fits = Mapping[tuple[str, str], AxisFit]
 """Least-squares fits by model and axis."""
 T = TypeVar("T")

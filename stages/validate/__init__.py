@@ -355,7 +355,7 @@ def _forces(
 def _fused(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table | None:
     """Return the state of a segment where a model's inertia needs it."""
     if inputs.fused is not None and any(model.added_mass.any() for model in models.values()):
-        return inputs.fused[key]
+        return inputs.fused.part(key, ACCELERATION)
     return None
 
 
@@ -465,10 +465,12 @@ def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> p
     force = np.empty((6, n * len(models)))
     for number, model in enumerate(models.values()):
         force[:, number * n : (number + 1) * n] = model.force(residual, fused).T
+    t_s = np.tile(clock(residual), len(models))
+    del residual, fused
     columns: dict[str, Any] = {
         "segment": pa.repeat(key, n * len(models)),
         "model": pa.concat_arrays([pa.repeat(name, n) for name in models]),
-        "t_s": np.tile(clock(residual), len(models)),
+        "t_s": t_s,
     }
     return make_table("predictions", columns | named(force_columns("tau"), force.T))
 

@@ -15,6 +15,7 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.stages.base import part_of
 from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import GREEN, ROLES, Ink
@@ -151,10 +152,10 @@ def free_paths(flown: pa.Table, t_s: Array, pose: Array) -> list[Array]:
 def _force(tables: Mapping[str, pa.Table], segment: str, samples: int) -> Array | None:
     """Return the residual force (n, 3) [N] of a segment in body axes, or None."""
     name = next((name for name in tables if name.split("/")[1:] == [segment, "residual"]), None)
-    if name is None or not has_columns(tables[name], FORCE):
+    table = None if name is None else part_of(tables, name, FORCE)
+    if table is None or table.num_rows != samples or not has_columns(table, FORCE):
         return None
-    force = matrix(tables[name], FORCE)
-    return force if len(force) == samples else None
+    return matrix(table, FORCE)
 
 
 def _send_forces(out: Recording, entity: str, times: Array, pose: Array, vectors: Array) -> None:

@@ -8,8 +8,10 @@ blueprint opens on the tab `Answer` and shows the whole time range.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
+from itertools import groupby
+from operator import itemgetter
 
 import numpy as np
 import pyarrow as pa
@@ -21,8 +23,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import has_columns, matrix
 from auvid.hydro.arrays import Array
-from auvid.stages.base import Collection as Artefacts
-from auvid.stages.base import Document
+from auvid.stages.base import Document, part_of
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import (
     AXIS_INKS,
@@ -58,9 +59,14 @@ from auvid.stages.steps import counted
 MODELS_SHOWN = 3
 PARTS_KEPT = 8
 """In memory beside the table of a group: what groups of it are drawn less."""
+MOST_COLUMNS = 3
+"""Loaded at once of a table with series one below the other: it is a long one."""
+CLOCKS = ("t_s", "t_us", "time_us")
 BAND, GAP = 2.0, 20.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
+Placed = tuple[str, str, str, list[Document]]
+"""Table, entity, owner and groups of what is sent together."""
 
 
 def record(
@@ -160,31 +166,30 @@ def _send_groups(
     clock: Clock,
     preferred: Sequence[str],
 ) -> dict[str, LoggedSeries]:
-    """Send every group that has its table; nothing of one table stays for the next.
+    """Send every group that has its table; nothing of one piece stays for the next.
 
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
     logged: dict[str, LoggedSeries] = {}
-    load = lru_cache(maxsize=1)(tables.__getitem__)
-    load_part = lru_cache(maxsize=PARTS_KEPT)(partial(_part, tables))
+    load = lru_cache(maxsize=1)(partial(part_of, tables))
+    load_part = lru_cache(maxsize=PARTS_KEPT)(partial(part_of, tables))
     bundles = [
-        (find_table(tables, owner, str(bundle[0]["table"])), entity, owner, bundle)
+        (name, entity, owner, bundle)
         for entity, owner, bundle in _bundles(groups)
+        if (name := find_table(tables, owner, str(bundle[0]["table"]))) is not None
     ]
-    bundles.sort(key=lambda item: str(item[0]))  # a long table is read once
+    pieces = _pieces(sorted(bundles, key=itemgetter(0)))
     rows: dict[tuple[str, ...], pa.Table] = {}
     parts: list[pa.Table] = []
-    before = ""
-    for name, entity, owner, bundle in counted("recording: group", bundles):
-        if name is None:
-            continue
-        if name != before:
-            before = name
+    before: tuple[str, ...] = ()
+    for (name, entity, owner, bundle), columns in counted("recording: group", pieces):
+        if (name, *columns) != before:
+            before = (name, *columns)
             rows.clear()
             parts.clear()
             load.cache_clear()
             load_part.cache_clear()
-        parts = [_rows(load(name), group, rows) for group in bundle]
+        parts = [_rows(load(name, columns), group, rows) for group in bundle]
         times = clock.seconds(name, parts[0])
         if (
             times is None
@@ -203,7 +208,8 @@ def _send_groups(
         out.series(entity, *parted(times, values))
         out.stream.flush()
         is_drawn = _drawn_at_first(bundle, preferred)
-        drawn = _settled(bundle, values)[:, is_drawn]
+        drawn = _settled(bundle, values[:, is_drawn], is_drawn)
+        del values
         limits = telling_range(
             list(drawn.T),
             [role for role, kept in zip(_roles_drawn(bundle), is_drawn, strict=True) if kept],
@@ -222,12 +228,39 @@ def parted(times: Array, values: Array) -> tuple[Array, Array]:
     if not steps.size:
         return times, values
     places = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    if not places.size:
+        return times, values
     middles = 0.5 * (times[places - 1] + times[places])
     return np.insert(times, places, middles), np.insert(values, places, np.nan, axis=0)
 
 
-def _part(tables: Mapping[str, pa.Table], name: str, columns: Sequence[str]) -> pa.Table:
-    return tables.part(name, columns) if isinstance(tables, Artefacts) else tables[name]
+def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
+    """Return what is sent in the order of loading, each with the columns to load.
+
+    bundles: in the order of tables.
+    """
+    pieces = []
+    for _, of_table in groupby(bundles, key=itemgetter(0)):
+        members = list(of_table)
+        filters = {name for *_, groups in members for item in groups for name in _filter(item)}
+        if filters:
+            members.sort(key=lambda item: _columns(item[3][0]))
+        piece: list[Placed] = []
+        columns: dict[str, None] = {}
+        for member in members:
+            own = dict.fromkeys(name for item in member[3] for name in _columns(item))
+            if filters and piece and len(columns | own) > MOST_COLUMNS:
+                pieces += [(item, (*columns, *sorted(filters), *CLOCKS)) for item in piece]
+                piece, columns = [], {}
+            piece.append(member)
+            columns |= own
+        pieces += [(item, (*columns, *sorted(filters), *CLOCKS)) for item in piece]
+    return pieces
+
+
+def _filter(group: Document) -> dict[str, str]:
+    """Return what the rows of a group have in other columns."""
+    return {name: str(value) for name, value in (group.get("filter") or {}).items()}
 
 
 def _edges_only(group: Document) -> bool:
@@ -256,8 +289,8 @@ def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
     return roles
 
 
-def _settled(bundle: Sequence[Document], values: Array) -> Array:
-    """Return the series (n, k) that set the range of a plot.
+def _settled(bundle: Sequence[Document], values: Array, is_drawn: Sequence[bool]) -> Array:
+    """Return the series (n, k) that set the range of a plot, of those that are drawn.
 
     Of bands the later half, because estimates begin with any spread.
     """
@@ -268,7 +301,7 @@ def _settled(bundle: Sequence[Document], values: Array) -> Array:
         for line in range(_lines_of(group))
     ]
     settled = values.copy()
-    settled[: len(values) // 2, edges] = np.nan
+    settled[: len(values) // 2, np.array(edges)[list(is_drawn)]] = np.nan
     return settled
 
 
@@ -320,7 +353,7 @@ def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> lis
 
 def _rows(table: pa.Table, group: Document, rows: dict[tuple[str, ...], pa.Table]) -> pa.Table:
     """Return the rows of a group; `rows`: those of other groups, by their filter."""
-    filters = {name: str(value) for name, value in (group.get("filter") or {}).items()}
+    filters = _filter(group)
     chosen = tuple(part for pair in filters.items() for part in pair)
     if chosen not in rows:
         for name, value in filters.items():

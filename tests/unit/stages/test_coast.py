@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,7 @@ from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import coast, fuse, resample, residual
-from auvid.stages.base import collection
+from auvid.stages.base import Collection, collection
 from tests.support.motions import log_document, shipped_vehicle
 
 VEHICLE = shipped_vehicle("bluerov2_heavy")
@@ -132,6 +134,22 @@ def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: 
     assert "heave (" in remarks(outputs, "note")
     taken = [item for item in outputs.coasts.to_pylist() if item["use"] == "taken"]
     assert {item["velocity"] for item in taken} >= {"u"}
+
+
+def test_columns_that_coasts_do_not_need_stay_on_disk() -> None:
+    twin = inputs(VEHICLE, sticks=surge(3.5, 4.0))
+
+    def in_part(tables: Collection[pa.Table]) -> Collection[pa.Table]:
+        def part_of(key: str, columns: Sequence[str]) -> pa.Table:
+            names = tables[key].column_names
+            return tables[key].select([name for name in names if name in {"t_s", *columns}])
+
+        return Collection({key: partial(pytest.fail, "loaded whole") for key in tables}, part_of)
+
+    parts = {name: in_part(getattr(twin, name)) for name in ("fused", "residual", "resampled")}
+    outputs = coast.run(replace(twin, **parts), coast.Params())
+    complete = coast.run(twin, coast.Params())
+    np.testing.assert_equal(outputs.coasts.to_pydict(), complete.coasts.to_pydict())
 
 
 def test_coasts_of_less_than_a_second_are_too_few_in_plain_words() -> None:

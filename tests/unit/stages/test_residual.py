@@ -18,6 +18,7 @@ from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_fo
 from auvid.hydro.dynamics.equations_of_motion import Control
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 from auvid.stages import residual
+from auvid.stages.base import ports
 from auvid.stages.columns import forces
 from tests.support.dynamics_oracles import inverse_dynamics
 from tests.support.motions import (
@@ -64,6 +65,12 @@ def rov_table(
     return make_table("resampled", {"t_s": motion.t_s, **columns})
 
 
+def as_loaded(port: str, table: pa.Table) -> pa.Table:
+    """The columns of a table that the runner loads for a port."""
+    columns = {"t_s", *ports(residual.Inputs)[port]["columns"]}
+    return table.select([name for name in table.column_names if name in columns])
+
+
 def run(
     motion: Motion,
     table: pa.Table,
@@ -75,9 +82,9 @@ def run(
 ) -> residual.Outputs:
     residual_inputs = residual.Inputs(
         segment_document(),
-        fused_table(motion),
+        as_loaded("fused", fused_table(motion)),
         fusion_document(**(fusion or {})),
-        table,
+        as_loaded("resampled", table),
         shipped_vehicle(vehicle),
         log_document(parameters=dict(parameters or {})),
     )

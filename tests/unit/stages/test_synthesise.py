@@ -5,7 +5,7 @@ model cards say of what data cannot determine.
 from __future__ import annotations
 
 import tracemalloc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -19,6 +19,7 @@ from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.models import ModelCard, TermCard
 from auvid.data_schemas.records.priors import PriorSourcesRecord
+from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.constants import NORMAL_95
@@ -245,6 +246,25 @@ def test_memory_is_that_of_one_leg_and_the_fit_that_of_one_pass() -> None:
     conditions = axis_excitation(nu)
     for name, item in card.conditions.items():
         assert item.rms == pytest.approx(conditions[name].rms, rel=1e-12)
+
+
+def test_columns_that_a_fit_does_not_need_stay_on_disk() -> None:
+    """Of the residual force its parts beside the actuators, and the pose rates of the state."""
+    column_names: dict[str, None] = {}
+
+    def part_of(key: str, columns: Sequence[str]) -> pa.Table:
+        column_names.update(dict.fromkeys(columns))
+        table = lazy_leg(0)
+        return table.select([name for name in table.column_names if name in {"t_s", *columns}])
+
+    inputs = lazy_inputs(1)
+    (key,) = inputs.residual
+    part = Collection({key: partial(pytest.fail, "loaded whole")}, part_of)
+    params = synthesise.Params(models=("linear",))
+    cards = synthesise.run(replace(inputs, residual=part), params).model_card
+    assert cards["linear"] == synthesise.run(inputs, params).model_card["linear"]
+    assert "restoring_X_N" in schema("residual").columns
+    assert not {name for name in column_names if name.startswith(("restoring", "drag", "lift"))}
 
 
 def test_triangular_factor_holds_the_gram_matrix_of_columns_and_forces() -> None:

@@ -15,8 +15,10 @@ import pyarrow as pa
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.execution.task import Task, execute
+from auvid.pipeline.execution.task_inputs import ColumnsOnDisk, artefacts_of
 from auvid.pipeline.graph import Graph
 from auvid.pipeline.store.atomic_files import SYSTEM_REFUSALS
+from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import Collection, Stage, port
 
 
@@ -114,3 +116,17 @@ def test_memory_that_runs_out_is_no_fault_of_auvid(tmp_path: Path) -> None:
     assert outcome.crash is None
     assert "8.21 MiB. Raise its limit (ulimit -v), cut long legs" in str(outcome.fault)
     assert files(tmp_path) == []
+
+
+def test_of_a_table_on_disk_the_columns_of_a_port_are_loaded(tmp_path: Path) -> None:
+    """With its clock, and what it lacks is not missed; its content counts as a whole."""
+    task = task_of(tmp_path, lambda _: table())
+    record = execute(task).record
+    assert record is not None
+    manifest = Manifest(tmp_path)
+    manifest.write({"campaign": record}, ["campaign"])
+    artefact = artefacts_of(manifest, task.outputs[0], "campaign")["a"]
+    assert artefact.load().column_names == ["t_s", "z_m"]
+    part = ColumnsOnDisk(artefact, ("w_m_s",))
+    assert part.load().column_names == ["t_s"]
+    assert part.fingerprint == artefact.fingerprint

@@ -29,6 +29,8 @@ from auvid.stages.report import Params, collect, render_recording, run
 from auvid.stages.report.clock import make_clock
 from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
 from auvid.stages.report.recording.recording import (
+    MOST_COLUMNS,
+    _pieces,
     _rows,
     _settled,
     _values,
@@ -344,13 +346,47 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
     np.testing.assert_allclose(
         without_band, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12
     )  # rounding
-    settled = _settled([{**band, "roles": ["fitted"]}], without_band)
+    fitted = {**band, "roles": ["fitted"]}
+    settled = _settled([fitted], without_band, [True] * 3)
     np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
+    thinner = _settled([fitted], without_band[:, [0, 2]], [True, False, True])
+    np.testing.assert_array_equal(np.isnan(thinner), [[False, True], [False, False]])
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
     np.testing.assert_allclose(
         _values(table, less, names, _part_of(names), "x"), [[-2.0], [-3.0]], rtol=1e-12
     )
+
+
+def test_columns_that_are_not_drawn_stay_on_disk(example: ExampleRun) -> None:
+    def part_of(key: str, columns: Sequence[str]) -> pa.Table:
+        table = example.tables[key]
+        return table.select([column for column in table.column_names if column in columns])
+
+    loaders = {key: partial(example.tables.__getitem__, key) for key in example.tables}
+    loaders["validate/predictions/train"] = partial(pytest.fail, "loaded whole")
+    inputs = replace(example.inputs(), tables=Collection(loaders, part_of))
+    save = partial(render_recording, inputs, Params(), collect(example.inputs()))
+    assert b"".join(saved_pieces(save))
+
+
+def test_a_long_table_is_loaded_a_few_columns_at_a_time() -> None:
+    """Forces of all models stand one below the other; each is loaded once for both plots."""
+    columns = force_columns("tau")
+    bundles = [
+        (table, f"{plot}/{name}", "validate/train", [{"columns": [name], **filters}])
+        for table, filters in (("a/long", {"filter": {"model": "coe"}}), ("b/short", {}))
+        for plot in ("residual", "error")
+        for name in columns
+    ]
+    pieces = _pieces(bundles)
+    assert sorted(item for item, _ in pieces) == sorted(bundles)
+    loads = dict.fromkeys((item[0], loaded) for item, loaded in pieces)
+    forces = [(table, {*loaded} & {*columns}) for table, loaded in loads]
+    assert [table for table, _ in forces] == ["a/long", "a/long", "b/short"]
+    assert max(len(part) for table, part in forces if table == "a/long") == MOST_COLUMNS
+    assert forces[0][1].isdisjoint(forces[1][1])
+    assert forces[2][1] == set(columns)
 
 
 def test_rows_of_a_filter_are_those_of_the_table() -> None:
