@@ -101,6 +101,7 @@ def check_table(table: pa.Table, name: str, *, file: object = None, in_part: boo
     spec = schema(name)
     where = file if file is not None else f"table '{name}'"
     faults: list[PipelineError] = []
+    places = {key: place for place, key in enumerate(table.column_names)}
     for key in table.column_names:
         if key not in spec.columns:
             faults.append(
@@ -109,11 +110,11 @@ def check_table(table: pa.Table, name: str, *, file: object = None, in_part: boo
                 )
             )
     for column in spec.columns.values():
-        if column.name not in table.column_names:
+        if column.name not in places:
             if not (column.optional or in_part):
                 faults.append(SchemaError("missing column", file=where, field=column.name))
             continue
-        faults += _column_faults(table[column.name], column, where)
+        faults += _column_faults(table.column(places[column.name]), column, where)
     if spec.clock and not faults and table.num_rows > 1:
         steps = np.diff(numbers(table[spec.clock]))
         bad = np.flatnonzero(steps <= 0)

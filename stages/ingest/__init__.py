@@ -190,7 +190,7 @@ def _no_streams(log: RawLog, files: Sequence[DecodedFile]) -> DataError:
     most = sorted(counts, key=lambda name: -counts[name])[:8]
     notes = "".join(f". {note.rstrip('.')}" for item in files for note in item.log.notes)
     return DataError(
-        f"the log has no message that fills a stream{notes}",
+        f"the log has no message that auvid reads{notes}",
         file=", ".join(file.name for file in log.files) or f"log '{log.id}'",
         value=", ".join(f"{name} ({counts[name]})" for name in most) or "no records",
         remedy="docs/streams.md lists the messages that streams are made from.",

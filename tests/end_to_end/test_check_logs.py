@@ -390,7 +390,7 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
         "zeros.BIN": "empty",
         "picture.BIN": "no reader recognises",
         "letter.txt": "no reader recognises|column map",
-        "headers.BIN": "no message that fills a stream",
+        "headers.BIN": "no message that auvid reads",
         "plain.csv": "column map",
         "folder": "is a folder",
         "missing.BIN": "is not there",

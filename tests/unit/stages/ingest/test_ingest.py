@@ -206,7 +206,7 @@ def test_files_on_different_clocks() -> None:
 
 def test_nothing_but_definitions() -> None:
     head = SMALL.read_bytes()[:89]
-    with pytest.raises(DataError, match="no message that fills a stream"):
+    with pytest.raises(DataError, match="no message that auvid reads"):
         run(RawFile("stub.BIN", np.frombuffer(head, np.uint8)))
 
 
