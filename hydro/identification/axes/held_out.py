@@ -34,6 +34,8 @@ BENT_WORTH = 0.9
 """A dead band and a curve are two numbers more, and drag may be taken for one."""
 LEAST_ERROR = 1.0
 """Errors below that [%] count as that: both fits are as good as the measurement."""
+FEWEST_WINDOWS = 4
+"""Windows from which on one half of them may judge the other."""
 FIRST_DEAD_BAND, FIRST_CURVE = 0.03, 1.3
 """Where the search for a dead band [full commands] and a curve begins."""
 
@@ -64,7 +66,20 @@ def percent_of(measured: Array, simulated: Array) -> float:
 
 
 def score(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> dict[str, float]:
-    """Return the fit [%] on windows by velocity, each from its measured start.
+    """Return the fit [%] on windows by velocity, each from its measured start."""
+    return _percents(pool, [_flown(pool, fit, windows)])
+
+
+def _percents(pool: Pool, parts: Sequence[Sequence[tuple[Array, Array]]]) -> dict[str, float]:
+    """Return the fit [%] by velocity on all parts together, each of `_flown`."""
+    return {
+        velocity: percent_of(*(np.concatenate(side) for side in zip(*pairs, strict=True)))
+        for velocity, pairs in zip(pool.structure.velocities, zip(*parts, strict=True), strict=True)
+    }
+
+
+def _flown(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> list[tuple[Array, Array]]:
+    """Return measured and simulated signal (n,) of each velocity over windows.
 
     The constant of a window is 0, its expected value, and no moment of the hull acts: the
     model has none without speeds.
@@ -78,18 +93,16 @@ def score(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> dict[str
     )
     theta = fit.values[: len(pool.structure.terms)]
     k, rows = len(pool.structure.velocities), loop_rows(flown, fit.drive)
-    measured: list[list[Array]] = [[] for _ in range(k)]
-    simulated: list[list[Array]] = [[] for _ in range(k)]
+    pairs: list[list[tuple[Array, Array]]] = [[] for _ in range(k)]
     for window in windows:
         start = np.append(pool.prepared[window.leg].start[window.first], np.zeros(k))
         states = motion(flown, rows[window.leg], theta, window, start)[:, :, 0]
         for i, pair in enumerate(signals(flown, window, states)):
-            measured[i].append(pair[0])
-            simulated[i].append(pair[1])
-    return {
-        velocity: percent_of(np.concatenate(measured[i]), np.concatenate(simulated[i]))
-        for i, velocity in enumerate(pool.structure.velocities)
-    }
+            pairs[i].append(pair)
+    return [
+        (np.concatenate([pair[0] for pair in own]), np.concatenate([pair[1] for pair in own]))
+        for own in pairs
+    ]
 
 
 def signals(pool: Pool, window: MotionWindow, states: Array) -> list[tuple[Array, Array]]:
@@ -105,7 +118,18 @@ def signals(pool: Pool, window: MotionWindow, states: Array) -> list[tuple[Array
 
 
 def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
-    """Return the fit on every other window by the rest, both ways."""
+    """Return the fit on every other window by the rest, both ways.
+
+    Of fewer than `FEWEST_WINDOWS` each is flown by the others, and all count together: one
+    window by itself fits too little, and one that hardly moves judges too little.
+    """
+    if 1 < len(pool.windows) < FEWEST_WINDOWS:
+        parts = []
+        for number, window in enumerate(pool.windows):
+            rest = (*pool.windows[:number], *pool.windows[number + 1 :])
+            fit = fit_pool(replace(pool, windows=rest), first)
+            parts.append(_flown(pool, fit, [window]))
+        return (HeldOut("windows in turn", _percents(pool, parts), len(pool.windows)),)
     out = []
     halves = (pool.windows[0::2], pool.windows[1::2])
     for train, test, what in ((*halves, "even windows"), (*halves[::-1], "odd windows")):

@@ -373,6 +373,18 @@ def test_the_climb_of_a_tilted_hull_is_no_heave() -> None:
     assert any("climb" in note for note in fit.notes)
 
 
+def test_three_windows_are_flown_in_turn_by_the_other_two() -> None:
+    """One by itself fitted a window at rest, and flew the others at -1e6 %."""
+    leg = axis_leg(5, YAW, seconds=30.0)
+    rate, force = leg.rate["r"].copy(), leg.force["N"].copy()
+    rate[200:400] = 0.005 * np.random.default_rng(1).standard_normal(200)
+    force[200:400] = 0.0
+    still = replace(leg, rate={**leg.rate, "r": rate}, force={**leg.force, "N": force})
+    (turns,) = fit_axis([still], "N", try_lag=False).held_out
+    assert (turns.what, turns.windows) == ("windows in turn", 3)
+    assert turns.percent["r"] > 80.0
+
+
 def test_a_lag_beside_speeds_that_nothing_measures_has_a_tenth_of_itself_for_its_error() -> None:
     """The inertia trades with it: its interval has what the lag may be off by."""
     plain = axis_leg(5, YAW, lag_s=0.4)
