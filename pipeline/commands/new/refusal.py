@@ -147,7 +147,7 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
     if not log.has("actuators"):
         if any(GCS_CSV in note for note in log.info.notes):
             return "Take the .tlog of the same dive: this CSV never holds outputs"
-        unnamed = [words for words in more if "--commands" in words]
+        unnamed = [words for words in more if "--commands" in words or "never move" in words]
         if unnamed:
             return " ".join(unnamed)
         if str(log.info.files[0].format).startswith("CSV"):

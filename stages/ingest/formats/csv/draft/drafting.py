@@ -220,10 +220,7 @@ def _with_columns(
         item.name for item in columns if COMMANDS.search(item.words) and item.name not in used
     ]
     if unmatched and not any(item.field.startswith(("pwm_", "command_")) for item in kept):
-        remarks.append(
-            f"{', '.join(unmatched)} may be commands, and neither name nor motion tells of which"
-            f" axis: name them with --commands surge={unmatched[0]},..."
-        )
+        remarks.append(_unmatched_words(unmatched, values))
     return replace(
         draft,
         columns=kept,
@@ -231,6 +228,20 @@ def _with_columns(
         repeating=repeating_streams(kept, values),
         unused=tuple(item.name for item in columns if item.name not in used),
         remarks=tuple(remarks),
+    )
+
+
+def _unmatched_words(names: Sequence[str], values: Mapping[str, Array]) -> str:
+    """Return what to do about columns that may be commands, which no axis answers."""
+    finite = [values[name][np.isfinite(values[name])] for name in names]
+    if not any(np.ptp(column) for column in finite if column.size):
+        return (
+            f"{', '.join(names)} never move: closed-loop set points at rest drive nothing. Log the"
+            " outputs of the controller, or what it commands of surge, sway, heave, yaw"
+        )
+    return (
+        f"{', '.join(names)} may be commands, and neither name nor motion tells of which"
+        f" axis: name them with --commands surge={names[0]},..."
     )
 
 

@@ -141,14 +141,20 @@ def test_each_of_several_refused_logs_has_its_line(tmp_path: Path) -> None:
     assert "no column" in lines[2]
 
 
-def test_numbered_commands_that_nothing_answers_are_asked_for_by_name(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [(1.0, "name them with --commands surge=actuator_1"), (0.0, "never move: closed-loop set")],
+)
+def test_numbered_commands_that_nothing_answers_are_named_with_what_to_do(
+    tmp_path: Path, size: float, words: str
+) -> None:
     run = tank_run(1, duration_s=30.0)
     rng = np.random.default_rng(2)
     names = {"t_s", "x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"}
     columns = {name: run[name] for name in run if name in names}
-    columns |= {f"actuator_{n}": rng.uniform(-1.0, 1.0, run["t_s"].size) for n in (1, 2)}
+    columns |= {f"actuator_{n}": rng.uniform(-size, size, run["t_s"].size) for n in (1, 2)}
     write_csv(tmp_path / "run.csv", columns)
-    with pytest.raises(NoCampaignError, match="--commands surge=actuator_1") as refusal:
+    with pytest.raises(NoCampaignError, match=words) as refusal:
         new_campaign("numbered", [tmp_path / "run.csv"])
     assert len(str(refusal.value).split("\n")) == 1
     assert "no actuators" in str(refusal.value)
