@@ -88,7 +88,7 @@ from auvid.stages.synthesise.training import (
     moved_by_lag,
     others_of,
 )
-from auvid.stages.synthesise.wiring import wiring_blocks
+from auvid.stages.synthesise.wiring import torque_blocks, wiring_blocks
 from auvid.stages.synthesise.within_limits import (
     DAMPING,
     PhysicalLimits,
@@ -358,7 +358,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name, terms in leaning_terms(fits, coloured, data.errors.low_pass).items()
         },
     )
-    wiring = wiring_blocks((_tables(inputs, key) for key in training), vehicle)
+    wiring = [
+        *wiring_blocks((_tables(inputs, key) for key in training), vehicle),
+        *torque_blocks((inputs.residual[key] for key in training), vehicle),
+    ]
     warnings = [*lag_blocks, *low_pass, *wiring, *(remark(words, "warning") for words in conflicts)]
     return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
 

@@ -1,13 +1,17 @@
-"""Whether training legs show exchanged outputs, a reversed, weak or dead thruster."""
+"""What training legs show of wrong thrusters, and of a propeller's torque."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.tables import has_columns, matrix
+from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.torque_sign import RollLeg, torque_share
 from auvid.hydro.identification.fleet.thruster_strength import (
     BLOCK_S,
     ThrusterLeg,
@@ -52,6 +56,34 @@ def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
         return [*(remark(line, "warning") for line in words), *blocks]
     fault = missing_thruster(parts, vehicle.thrusters.allocation)
     return blocks if fault is None else [remark(_missing_words(fault, vehicle), "warning"), *blocks]
+
+
+def torque_blocks(tables: Iterable[pa.Table], vehicle: Vehicle) -> list[Block]:
+    """Return a warning on a propeller's torque of the wrong sign, from residual tables."""
+    if vehicle.propeller is None:
+        return []
+    roll = AXES.index("K")
+    legs = [
+        RollLeg(
+            matrix(table, VELOCITY),
+            matrix(table, force_columns("tau_bar"))[:, roll],
+            matrix(table, force_columns("propeller"))[:, roll],
+            float(np.mean(np.diff(clock(table)))),
+        )
+        for table in tables
+        if has_columns(table, force_columns("propeller"))
+    ]
+    share = torque_share(legs)
+    if share is None or not share.backward:
+        return []
+    words = (
+        "The torque of the propeller rolls the vehicle the other way than the vehicle file says:"
+        f" the training legs show {share.value:.2g} +- {NORMAL_95 * share.standard_error:.1g} of it"
+        " (95 %). Turn the signs of actuators.propeller.torque_coefficient: they are negative where"
+        " the propeller turns clockwise seen from astern. Roll damping and its constant are wrong"
+        " until then."
+    )
+    return [remark(words, "warning")]
 
 
 def thruster_legs(

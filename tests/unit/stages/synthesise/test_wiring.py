@@ -12,7 +12,9 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.arrays import Array
 from auvid.stages.columns import VELOCITY, force_columns, named
 from auvid.stages.synthesise.training import LegTables
-from auvid.stages.synthesise.wiring import wiring_blocks
+from auvid.stages.synthesise.wiring import torque_blocks, wiring_blocks
+from tests.support.motions import shipped_vehicle
+from tests.unit.hydro.identification.checks.test_torque_sign import roll_leg
 from tests.unit.hydro.identification.fleet.test_wiring import HEAVY, B, leg
 
 
@@ -36,6 +38,22 @@ def test_the_outputs_and_the_remedy_are_named() -> None:
     (reversed_one,) = wiring_blocks([tables(turned)], HEAVY)
     assert str(reversed_one["text"]).startswith("Thruster output 6 looks reversed")
     assert "MOT_6_DIRECTION" in str(reversed_one["text"])
+
+
+def test_a_torque_of_the_wrong_sign_names_the_figure_of_the_file() -> None:
+    texts = []
+    for feels in (1.0, -1.0):
+        flown = roll_leg(feels)
+        force = {name: np.zeros((len(flown.nu), 6)) for name in ("tau_bar", "propeller")}
+        force["tau_bar"][:, 3], force["propeller"][:, 3] = flown.moment, flown.torque
+        columns = {"t_s": flown.step_s * np.arange(len(flown.nu)), **named(VELOCITY, flown.nu)}
+        for name, values in force.items():
+            columns |= named(force_columns(name), values)
+        table = pa.table(columns)
+        assert torque_blocks([table], HEAVY) == [], "it has no propeller"
+        texts.append([str(b["text"]) for b in torque_blocks([table], shipped_vehicle("vt690"))])
+    assert texts[0] == []
+    assert "Turn the signs of actuators.propeller.torque_coefficient" in texts[1][0]
 
 
 def test_right_wiring_and_missing_thrusts_say_nothing() -> None:
