@@ -59,7 +59,7 @@ def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
 
 
 def torque_blocks(tables: Iterable[pa.Table], vehicle: Vehicle) -> list[Block]:
-    """Return a warning on a propeller's torque of the wrong sign, from residual tables."""
+    """Return a warning on a propeller whose torque has the wrong sign, or nothing."""
     if vehicle.propeller is None:
         return []
     roll = AXES.index("K")

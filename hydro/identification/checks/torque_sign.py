@@ -31,7 +31,7 @@ RIDGE = 1e-10
 
 @dataclass(frozen=True)
 class RollLeg:
-    """Velocities (n, 6), residual roll moment (n,), torque of the file (n,) on a clock."""
+    """Velocities (n, 6), residual roll moment (n,) and torque of the file (n,)."""
 
     nu: Array
     moment: Array
