@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from auvid.data_schemas.records.logs import FileInfo, LogInfo
+from auvid.stages.page.first_screen import CoefficientRow
 from auvid.stages.page.html import render
 from auvid.stages.presentation import remark, section
 from auvid.stages.report.summary.figure_summary import summarise_results
@@ -247,3 +250,14 @@ def test_flights_are_summed_up_by_the_least_and_the_largest_in_words() -> None:
         "RMS cross-track: 4.573×10⁻⁵ kg (helix, undisturbed) to 0.2475 kg (helix, side force)."
     )
     assert [item.quantity for item in summary.figures][1] == "RMS cross-track, helix, side force"
+
+
+def test_coefficients_that_are_not_identified_wait_behind_the_figures_that_are_shown() -> None:
+    weak = CoefficientRow("Z_w", "heave damping", "N s/m", "weak", -9.0, -58.0, 40.0)
+    found = {"axes": {"title": "Heave", "rows": [row("Z_w/M", -0.07, verdict="weak")]}}
+    summary = replace(summarise_results(found, {}, {}, VEHICLE), coefficients=(weak,))
+    page = render("Dive", "", "", summary, {}).decode()
+    assert "Nothing was identified" in page
+    assert re.search(r'<tr class="rest"><th scope="row" data-v="Z_w">', page)
+    alone = render("Dive", "", "", replace(summary, figures=()), {}).decode()
+    assert re.search(r'<tr><th scope="row" data-v="Z_w">', alone)
