@@ -125,7 +125,7 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
         ]
         for item in fits.fitted
     ]
-    note = "Held out is the least of what was held out; the lag is fixed where it has no error."
+    note = "Held out: the lowest of the fits on what was held out. A lag without error is assumed."
     blocks = [table("Fit of the rate, axis by axis", heads, rows, note=note)]
     legs = [row for item in fits.fitted for row in _leg_rows(item)]
     if len({row[1] for row in legs}) > 1:

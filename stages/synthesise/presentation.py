@@ -84,7 +84,7 @@ def synthesise_section(
     methods: dict[str, list[str]] = {}
     for card in cards.values():
         methods.setdefault(_method(card), []).append(card.title)
-    words = [f"{', '.join(titles)}: {note}" for note, titles in methods.items()]
+    words = [f"{'; '.join(titles)}: {note}" for note, titles in methods.items()]
     blocks += fold("How the numbers and their intervals came about", list(map(text, words)))
     for card in cards.values():
         blocks += _model_blocks(card)
@@ -229,9 +229,10 @@ def _remarks(card: ModelCard) -> list[dict[str, Any]]:
         if item.verdict == IDENTIFIED and item.term != CONSTANT and breaks_symmetry(axis, item.term)
     ]
     if lopsided:
+        several = len(lopsided) > 1
         words = (
-            f"{card.title}: {', '.join(lopsided)} are identified, though a hull symmetric"
-            " to port and starboard has no such terms."
+            f"{card.title}: {', '.join(lopsided)} {'are' if several else 'is'} identified, though a"
+            f" hull symmetric to port and starboard has no such term{'s' * several}."
         )
         blocks.append(
             remark(

@@ -449,7 +449,8 @@ def test_lopsided_force_is_remarked() -> None:
         if block["kind"] == "remark" and "symmetric" in block["text"]
     ]
     assert len(notes) == 1
-    assert notes[0].startswith("Linear: Y u are identified")
+    assert notes[0].startswith("Linear: Y u is identified")
+    assert "has no such term." in notes[0]
 
 
 def test_trim_takes_the_constant_and_does_not_count_as_a_term() -> None:
