@@ -254,10 +254,10 @@ def test_flights_are_summed_up_by_the_least_and_the_largest_in_words() -> None:
 
 def test_coefficients_that_are_not_identified_wait_behind_the_figures_that_are_shown() -> None:
     weak = CoefficientRow("Z_w", "heave damping", "N s/m", "weak", -9.0, -58.0, 40.0)
-    found = {"axes": {"title": "Heave", "rows": [row("Z_w/M", -0.07, verdict="weak")]}}
-    summary = replace(summarise_results(found, {}, {}, VEHICLE), coefficients=(weak,))
+    results = {"axes": {"title": "Heave", "rows": [row("Z_w/M", -0.07, verdict="weak")]}}
+    summary = replace(summarise_results(results, {}, {}, VEHICLE), coefficients=(weak,))
     page = render("Dive", "", "", summary, {}).decode()
     assert "Nothing was identified" in page
     assert re.search(r'<tr class="rest"><th scope="row" data-v="Z_w">', page)
-    alone = render("Dive", "", "", replace(summary, figures=()), {}).decode()
-    assert re.search(r'<tr><th scope="row" data-v="Z_w">', alone)
+    without_figures = render("Dive", "", "", replace(summary, figures=()), {}).decode()
+    assert re.search(r'<tr><th scope="row" data-v="Z_w">', without_figures)
