@@ -35,8 +35,22 @@ def unseen(
     """Return what the log cannot show: {name, reason}."""
     if log.under_water is False:
         return []
-    rows = [*_forces(log), *_velocity(log, evidence), *_clocks(log, evidence, answers)]
+    rows = [
+        *_attitude(log),
+        *_forces(log),
+        *_velocity(log, evidence),
+        *_clocks(log, evidence, answers),
+    ]
     return [{"name": name, "reason": reason} for name, reason in rows]
+
+
+def _attitude(log: CheckedLog) -> Iterator[Unseen]:
+    if log.has("imu") and not log.has("attitude"):
+        yield "unit, signs and axes of the gyro", "there is no attitude that turns with it"
+    elif log.has("attitude") and not log.has("imu"):
+        yield "unit and signs of the attitude", "there is no gyro that turns with it"
+    if log.accelerometer() is None and log.has("attitude"):
+        yield "zero and signs of roll and pitch", "there is no accelerometer that shows gravity"
 
 
 def _forces(log: CheckedLog) -> Iterator[Unseen]:

@@ -25,6 +25,13 @@ NAMED_UNITS = {
 """Reading at rest over 9.81 m/s^2, and what makes it so."""
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 
+LEAST_OF_GRAVITY = 0.3
+"""Part of gravity from which on a reading is one of another scale and of no convention."""
+SCALED_REMEDY = (
+    "No convention reads so at rest: its unit or scale is wrong. Check the unit of its columns,"
+    " take another accelerometer, or leave its columns out (stages.fuse.method: kinematic needs none)."
+)
+
 
 def accelerometer_findings(log: CheckedLog) -> Iterator[Finding]:
     """Compare the accelerometer with gravity, or say that there is none."""
@@ -63,7 +70,14 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
             f"The accelerometer reads {size:.2f} m/s^2 (median length);"
             f" {convention or 'specific_force'} at rest is {expected:g}{_cause(size, estimate)}."
         )
-        yield finding("accelerometer_convention", text, stream="imu", value=size)
+        scaled = size > LEAST_OF_GRAVITY * STANDARD_GRAVITY and expected > 0.0
+        yield finding(
+            "accelerometer_convention",
+            text,
+            stream="imu",
+            value=size,
+            remedy=SCALED_REMEDY if scaled else "",
+        )
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         wrong = list(_direction(log, accelerometer, estimate.angle))
         yield from wrong or _tilt_axes(log, accelerometer)

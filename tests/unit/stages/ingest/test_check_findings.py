@@ -1132,6 +1132,21 @@ def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float
     assert log.finding("velocity_turned")["value"] == pytest.approx(angle_deg, abs=1.5)  # deg
 
 
+def test_an_accelerometer_of_half_the_scale_is_sent_to_its_unit() -> None:
+    log = sound()
+    scaled("imu", ACCEL, 0.54)(log)
+    assert "unit or scale is wrong" in log.finding("accelerometer_convention")["remedy"]
+
+
+def test_without_attitude_the_unit_of_the_gyro_is_listed_as_unseen() -> None:
+    log = sound()
+    names = [item["name"] for item in log.health()["unseen"]]
+    assert "unit, signs and axes of the gyro" not in names
+    del log.streams["attitude"]
+    names = [item["name"] for item in log.health()["unseen"]]
+    assert "unit, signs and axes of the gyro" in names
+
+
 def test_a_velocity_that_accelerometer_or_track_shows_is_not_listed_as_unseen() -> None:
     log = sound()
     turn, scale = "turn of the velocity log", "scale of surge and sway"
