@@ -28,6 +28,8 @@ BETTER = 25.0
 """Least logarithm of the likelihood over the best other explanation, samples of half a
 second taken as independent. Right wiring has at most 1 in the logs that were tried.
 """
+EQUALLY = 10.0
+"""Logarithm of the likelihood within which another cause is named beside the best one."""
 LEAST_RISE = 0.1
 """By how much more of an axis the outputs must explain where they are joined otherwise."""
 
@@ -50,7 +52,8 @@ class OtherOrder:
 
     Places count from 0; `geometry`: place of another allocation that was tried instead.
     `share` and `own` (k,): share of each axis that it explains, and that the order as it
-    stands does. `log_ratio` over the best other explanation.
+    stands does. `log_ratio` over the best other explanation. `equals`: orders and
+    geometries that explain the motion about as well.
     """
 
     source: tuple[int, ...]
@@ -59,6 +62,7 @@ class OtherOrder:
     own: Array
     log_ratio: float
     geometry: int | None = None
+    equals: tuple[tuple[Order, int | None], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -100,10 +104,17 @@ def joined_outputs(
         place = int(np.argmax(otherwise))
         fit = max(plain, otherwise[place])
         if best is None or fit > best[0]:
-            source, backward = orders[place] if place < len(orders) else (orders[0][0], None)
+            causes: list[tuple[Order, int | None]] = [(order, None) for order in orders]
+            causes += [((orders[0][0], None), number) for number in range(len(geometries))]
+            (source, backward), geometry = causes[place]
             shares = axes.shares(rows[place]), axes.shares(allocation)
-            geometry = place - len(orders) if place >= len(orders) else None
-            other = OtherOrder(source, backward, *shares, otherwise[place] - plain, geometry)
+            equals = tuple(
+                cause
+                for cause, fits in zip(causes, otherwise, strict=True)
+                if otherwise[place] - fits < EQUALLY and cause is not causes[place]
+            )
+            ratio = otherwise[place] - plain
+            other = OtherOrder(source, backward, *shares, ratio, geometry, equals)
             own = axes.likelihood(allocation)
             near = (n for n in range(len(direction)) if own - otherwise[n] < BETTER)
             best = fit, other, tuple(near)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,6 +18,11 @@ ACCELEROMETER = "accelerometer_"
 """How the findings begin that method `kinematic`, which takes no accelerometer, is
 not concerned by.
 """
+TOO_LATE = {
+    1e8: "A time of day since 1970 is not meant: subtract the time of the first record.",
+    1e4: "Milliseconds or a time of day? Divide, or subtract the time of the first record.",
+}
+"""Start of a leg beyond which it is probably of another clock or unit [s], and words."""
 ONE_CHANNEL = {"w": "heave", "r": "yaw"}
 """Channels that a log shows without a velocity sensor: depth rate and gyro."""
 
@@ -34,8 +40,10 @@ def refusal(
     """
     method = str(params["fuse"].method) if "fuse" in params else ""
     forceless = "residual" in params and bool(params["residual"].allow_no_actuation)
-    return _stopped(campaign, health, method) or _starved(
-        campaign, health, stages, method, forceless=forceless
+    return (
+        _stopped(campaign, health, method)
+        or _outside(campaign, health)
+        or _starved(campaign, health, stages, method, forceless=forceless)
     )
 
 
@@ -65,6 +73,28 @@ def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) ->
             "Where the log is right, accept what was found, for the campaign or one log:"
             f" accept: [{', '.join(names)}]."
         ),
+    )
+
+
+def _outside(campaign: Campaign, health: Mapping[str, Document]) -> DataError | None:
+    """Return the legs that begin behind the end of their log, all in one error."""
+    lines, remedies = [], []
+    for name, leg in campaign.legs.items():
+        length = float(health[leg["log"]]["duration_s"]) if leg["log"] in health else math.inf
+        start = float(leg.get("start_s") or 0.0)
+        if start < length:
+            continue
+        lines.append(
+            f"\n  leg '{name}': start_s is {start:g}, log '{leg['log']}' has {length:.1f} s"
+        )
+        remedies += [words for low, words in TOO_LATE.items() if start > low][:1]
+    if not lines:
+        return None
+    return DataError(
+        f"{'legs lie' if len(lines) > 1 else 'a leg lies'} outside the log:{''.join(lines)}\n"
+        f"auvid check {campaign.name} shows the log and what its legs cover",
+        file=campaign.file.path,
+        remedy=" ".join(dict.fromkeys(["start_s counts seconds of the log.", *remedies])),
     )
 
 

@@ -69,6 +69,13 @@ class CheckedLog:
         kept = {name: table for name, table in tables.items() if table.num_rows}
         return replace(self, tables=kept, _times={})
 
+    def without_accelerometer(self) -> CheckedLog:
+        """Return the log as if its inertial unit had no accelerometer."""
+        imu = self.tables["imu"].drop_columns(
+            [name for name in ACCELEROMETER if name in self.tables["imu"].column_names]
+        )
+        return replace(self, tables={**self.tables, "imu": imu}, _times={})
+
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
         """Return time stamps (n,) in seconds from the start of the log."""
         return np.asarray((time_us - int(self.info.start_us)) / 1e6)

@@ -125,9 +125,11 @@ def check_health(
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     measured += [item for check in OF_VALUES for item in check(real)]
+    if any(item["id"] in OF_GRAVITY for item in measured):
+        real = real.without_accelerometer()  # it is no evidence against others
     evidence = velocity_evidence(real)
     answers, of_commands = _of_commands(real, evidence)
-    measured = beside_clocks([*measured, *of_commands])
+    measured = beside_tilts(beside_clocks([*measured, *of_commands]))
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -169,6 +171,19 @@ def beside_clocks(findings: list[Finding]) -> list[Finding]:
             }
         )
     return kept
+
+
+def beside_tilts(findings: list[Finding]) -> list[Finding]:
+    """Say of signs of the velocity that a tilt of the wrong sign turns them too."""
+    tilts = [item for item in findings if item["id"] == "accelerometer_axes"]
+    if not tilts:
+        return findings
+    return [
+        {**item, "text": f"{item['text']} A tilt of the wrong sign does so too: {tilts[0]['id']}."}
+        if item["id"] == "velocity_sign" or (item["id"], item["stream"]) == ("response_sign", "imu")
+        else item
+        for item in findings
+    ]
 
 
 def _clocks_of(sign: Finding, findings: list[Finding]) -> list[str]:
@@ -247,6 +262,13 @@ OF_VALUES = (
     body_findings,
 )
 """Checks of what a log says, without numbers that stand for none."""
+OF_GRAVITY = (
+    "accelerometer_unit",
+    "accelerometer_convention",
+    "accelerometer_direction",
+    "accelerometer_axes",
+)
+"""Findings of an accelerometer that is no evidence against other sensors."""
 OF_CLOCKS = (
     "gyro_lag",
     "velocity_lag",

@@ -20,7 +20,7 @@ from auvid.stages.number_format import percent
 
 Unseen = tuple[str, str]
 """What is not observable, and why."""
-SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.12, 0.8
+SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.06, 0.8
 """Turn and scale of a velocity that would be seen for certain (four standard deviations),
 and share of a depth rate or an answer from which on its clock would be.
 """

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
@@ -41,6 +42,11 @@ SLENDER, MOST_OF_TURNS = 5.0, 4.5
 """Length over diameter of a slender hull, and most added inertia of pitch and yaw as a
 part of the inertia; 14 vehicles have up to 2.2.
 """
+THRUST_OF_WEIGHT, PULSES_US = (0.005, 5.0), (1100.0, 1900.0, 41)
+"""Most force of a thruster over the weight of the displaced water, .05 to 1 in six vehicle
+files, and first, last and number of the pulses at which it is sought.
+"""
+LONGEST_LAG_S = 5.0
 LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
 """Of the distance of the outermost of three thrusters or more, which sit outside the hull."""
 
@@ -155,6 +161,7 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
                 f" has a radius of {radius:.3g} m.{cause}",
                 value=length / radius,
             )
+    yield from _thrust_and_lag(vehicle)
     below = float(vehicle.r_B[2] - vehicle.r_G[2])
     if below > limit("buoyancy_low"):
         actuators = vehicle.document.actuators
@@ -165,6 +172,29 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
             f"The centre of buoyancy of the vehicle file lies {below:.3g} m below its centre of"
             " gravity: at rest the vehicle would turn over.",
             value=below,
+        )
+
+
+def _thrust_and_lag(vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield a thrust and a lag in another unit."""
+    weight, low, high = vehicle.displaced_mass_kg * vehicle.gravity, *THRUST_OF_WEIGHT
+    if vehicle.thrusters is not None:
+        count = vehicle.thrusters.allocation.shape[1]
+        pulses = np.repeat(np.linspace(*PULSES_US)[:, None], count, axis=1)
+        most = float(np.abs(thruster_forces(vehicle.thrusters, pulses)).max())
+        if most and not low * weight <= most <= high * weight:
+            yield finding(
+                "body_size",
+                f"The strongest thruster of the vehicle file gives {most:.3g} N at most; its"
+                f" displaced water weighs {weight:.3g} N. The thrust curve is in another unit.",
+                value=most / weight,
+            )
+    if abs(vehicle.dvl.lag_s) > LONGEST_LAG_S:
+        yield finding(
+            "body_size",
+            f"The vehicle file gives a lag of the velocity log of {vehicle.dvl.lag_s:g} s; sensors"
+            " take tenths of a second. It may be in ms.",
+            value=vehicle.dvl.lag_s,
         )
 
 

@@ -40,7 +40,8 @@ def force_clock_findings(log: CheckedLog) -> Iterator[Finding]:
         "command_late" if lag < 0.0 else "commands_early" if lag > LONGEST_S else "command_delay",
         f"The force of the outputs accelerates {listed([MOTION_WORDS[axis] for axis in agreeing])}"
         f" best if it acts {abs(lag):.1f} s {'before' if lag < 0.0 else 'after'} its stamp, drag"
-        f" beside it: the outputs are stamped {late}, or the velocity {early}.",
+        f" beside it: the outputs are stamped {late}, or the velocity {early}"
+        f"{', or a clock drifts' if abs(lag) >= limit('clock_drift') else ''}.",
         stream="actuators",
         value=abs(lag),
     )

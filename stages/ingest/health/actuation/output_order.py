@@ -24,8 +24,8 @@ from auvid.stages.number_format import percent
 
 ORDER_WINDOW_S, LEAST_ORDER_WINDOWS, ANSWERS_S = 0.5, 100, (0.0, 0.1, 0.2, 0.3)
 LEAST_ALLOCATION = 1e-6
-FIRST_TURN = 3
-"""Row of roll in an allocation; those before are speeds."""
+FIRST_TURN, MOST_CAUSES = 3, 3
+"""Row of roll in an allocation, those before are speeds; and causes named beside the best."""
 OTHER_PLACES: Mapping[str, tuple[tuple[int, int, int], tuple[float, float, float]]] = {
     "x of the positions counted backward": ((0, 1, 2), (-1.0, 1.0, 1.0)),
     "y of the positions counted to the left": ((0, 1, 2), (1.0, -1.0, 1.0)),
@@ -112,10 +112,15 @@ def _joined_wrong(
         if order.geometry is None
         else f"The vehicle file has {places[order.geometry]} of the thrusters: the other way"
     )
+    others = [
+        _cause(source, backward, geometry, outputs, places)
+        for (source, backward), geometry in order.equals
+    ]
+    also = f" As well explained: {'; '.join(others[:MOST_CAUSES])}." if others else ""
     return finding(
         "response_order",
         f"{what} {words[axis]} answers the thrusters of the vehicle file ({otherwise} of what drag"
-        f" leaves of its changes), as it stands it hardly does ({as_it_is}).",
+        f" leaves of its changes), as it stands it hardly does ({as_it_is}).{also}",
         stream="actuators",
         value=order.log_ratio,
         fields=() if order.geometry is not None else tuple(names),
@@ -166,3 +171,21 @@ def _order_words(order: OtherOrder, outputs: tuple[int, ...]) -> str:
         return f"Outputs {first} and {second} look exchanged: the other way round"
     listing = ", ".join(str(outputs[source]) for source in order.source)
     return f"The outputs come in another order: with {listing} for {outputs[0]} to {outputs[-1]}"
+
+
+def _cause(
+    source: tuple[int, ...],
+    backward: int | None,
+    geometry: int | None,
+    outputs: tuple[int, ...],
+    places: list[str],
+) -> str:
+    """Return another cause in words, in the middle of a sentence."""
+    if geometry is not None:
+        return f"the vehicle file has {places[geometry]}"
+    if backward is not None:
+        return f"output {outputs[backward]} acts backward"
+    moved = [outputs[place] for place, other in enumerate(source) if other != place]
+    if len(moved) == 2:
+        return f"outputs {moved[0]} and {moved[1]} exchanged"
+    return f"the outputs in the order {', '.join(str(outputs[place]) for place in source)}"

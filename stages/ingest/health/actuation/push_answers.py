@@ -212,7 +212,7 @@ def clear_scales(response: Mapping[str, AxisGains]) -> dict[str, float]:
 def _off_scale(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield force over mass that is off by a fifth where nothing blurs it."""
     scales = clear_scales(response)
-    if len(scales) < 2:
+    if len(scales) < 2 or min(scales.values()) < SMALLEST_GAIN:
         return
     small = all(gain > CLEAR_SCALE for gain in scales.values())
     if not small and any(gain > 1.0 / CLEAR_SCALE for gain in scales.values()):
@@ -436,12 +436,12 @@ def _right_lag(log: CheckedLog, axis: str, least: float, lags_s: Sequence[float]
 
 
 def _late_by_tilts(log: CheckedLog, turned: Mapping[str, AxisGains]) -> list[Finding]:
-    """Return that outputs are late, where only roll and pitch are turned and say so.
+    """Return that outputs are late, where turns alone go the wrong way and say so.
 
     A hull that rights itself turns within tenths of a second; surge, sway and heave have
     to follow the outputs better if those act so much earlier, too.
     """
-    if not turned or not set(turned) <= {"p", "q"}:
+    if not {"p", "q"} & set(turned) or not set(turned) <= {"p", "q", "r"}:
         return []
     lags = [_right_lag(log, axis, LEAST_TILTED, EARLIER_S) for axis in turned]
     lags_there = [lag for lag in lags if lag is not None]

@@ -101,11 +101,12 @@ def response_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Itera
     lead = late_outputs(log, answers)
     if lead is not None:
         axis, best = lead
+        drifts = -best.lag_s > limit("clock_drift")
         yield finding(
             "command_late",
             f"{MOTION_WORDS[axis].capitalize()} moves {-best.lag_s:.2f} s before the outputs that"
             f" drive it ({percent(round(best.explained, 2))} explained): the outputs are stamped"
-            " late, or the sensors early.",
+            f" late, or the sensors early{', or a clock drifts' if drifts else ''}.",
             stream="actuators",
             value=-best.lag_s,
         )

@@ -12,7 +12,7 @@ from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
 from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
 """Largest standard deviation of a gain of gravity, and the least share that it explains."""
@@ -25,11 +25,14 @@ NAMED_UNITS = {
 """Reading at rest over 9.81 m/s^2, and what makes it so."""
 UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivative": 0.0}
 
+SIDES = str.maketrans("xy", "yx")
+"""The gyro's axis about which gravity turns into an axis of the accelerometer."""
 LEAST_OF_GRAVITY = 0.3
 """Part of gravity from which on a reading is one of another scale and of no convention."""
 SCALED_REMEDY = (
     "No convention reads so at rest: its unit or scale is wrong. Check the unit of its columns,"
-    " take another accelerometer, or leave its columns out (stages.fuse.method: kinematic needs none)."
+    " take another accelerometer, or leave its columns out: stages.fuse.method: kinematic needs"
+    " none."
 )
 
 
@@ -109,6 +112,14 @@ def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     if gains is None:
         return
     (x_own, x_other), (y_other, y_own) = gains
+    turned = [
+        place
+        for place, item in enumerate((x_own, y_own))
+        if _is_gravity(item) and item is not None and item.gain[0] < 0.0
+    ]
+    if turned:
+        yield _turned_tilt(turned)
+        return
     crossed = all(_is_gravity(item) for item in (x_other, y_other))
     if not crossed or _is_gravity(x_own) or _is_gravity(y_own):
         return
@@ -122,6 +133,26 @@ def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
         stream="imu",
         value=float(min(abs(x_other.gain[0]), abs(y_other.gain[0]))),
         fields=ACCELEROMETER[:2],
+    )
+
+
+def _turned_tilt(turned: list[int]) -> Finding:
+    """Return the finding of tilts that gravity goes against; places of x and y."""
+    axes = listed(["xy"[place] for place in turned])
+    angles = listed([("pitch", "roll")[place] for place in turned])
+    several = len(turned) > 1
+    return finding(
+        "accelerometer_axes",
+        f"The accelerometer's {axes} read{'s' * (not several)} gravity the wrong way round as"
+        f" {angles} turn{'s' * (not several)}: {axes} of the accelerometer, or {angles} together"
+        f" with the gyro's {axes.translate(SIDES)}, ha{'ve' if several else 's'} the wrong sign.",
+        stream="imu",
+        value=-1.0,
+        fields=[ACCELEROMETER[place] for place in turned],
+        remedy=(
+            "Set sign: -1 for these columns of the accelerometer, or for the angle and its rate"
+            " (frame: flu where the body axes are forward, left, up)."
+        ),
     )
 
 

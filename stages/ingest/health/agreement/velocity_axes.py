@@ -194,17 +194,21 @@ def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
     """Yield a velocity that is too large or small against accelerometer or track."""
     if evidence.of_accelerometer is not None:
         turn = evidence.of_accelerometer
-        yield from _scale(log, turn, turn.scale, "the accelerometer adds up to")
+        bounds = turn.scale, turn.scale / turn.explained
+        yield from _scale(log, turn, bounds, "the accelerometer adds up to")
     if evidence.of_track is not None:
         turn = evidence.of_track
         words = f"the track ({log.source('position')}) shows"
-        yield from _scale(log, turn, 1.0 / turn.scale, words)
+        bounds = 1.0 / turn.scale, turn.explained / turn.scale
+        yield from _scale(log, turn, bounds, words)
 
 
-def _scale(log: CheckedLog, turn: PlanarTurn, scale: float, words: str) -> Iterator[Finding]:
-    """Yield a scale that is off, clear of what noise of either side takes off it."""
+def _scale(
+    log: CheckedLog, turn: PlanarTurn, bounds: tuple[float, float], words: str
+) -> Iterator[Finding]:
+    """Yield a scale that is off, as fitted and without what noise took off it."""
+    scale, low, high = bounds[0], *sorted(bounds)
     least, sd = limit("scale_off"), CLEAR * turn.sd * scale
-    low, high = sorted((scale * turn.explained, scale / turn.explained))
     if low - sd < 1.0 + least and high + sd > 1.0 - least:
         return
     yield finding(

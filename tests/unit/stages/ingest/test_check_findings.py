@@ -1132,6 +1132,30 @@ def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float
     assert log.finding("velocity_turned")["value"] == pytest.approx(angle_deg, abs=1.5)  # deg
 
 
+@pytest.mark.parametrize(
+    ("place", "words"), [(0, "x of the accelerometer, or pitch"), (1, "y of the accelerometer, or")]
+)
+def test_a_tilt_against_gravity_is_named_with_both_causes(place: int, words: str) -> None:
+    log = sound()
+    scaled("imu", ACCEL[place : place + 1], -1.0)(log)
+    assert words in log.finding("accelerometer_axes")["text"]
+    assert "velocity_sign" not in log.ids()  # a turned accelerometer is no evidence
+
+
+@pytest.mark.parametrize("factor", [1e-3, 102.0])
+def test_a_thrust_curve_in_another_unit_is_of_no_body(factor: float) -> None:
+    log = sound()
+    thrust_times(factor)(log)
+    texts = [item["text"] for item in log.health()["findings"] if item["id"] == "body_size"]
+    assert any("strongest thruster" in text for text in texts)
+
+
+def test_a_lag_of_the_velocity_log_in_ms() -> None:
+    log = sound()
+    of_a_vehicle("bluerov2_heavy", "sensors", "dvl", "lag", value=150.0)(log)
+    assert "may be in ms" in log.finding("body_size")["text"]
+
+
 def test_an_accelerometer_of_half_the_scale_is_sent_to_its_unit() -> None:
     log = sound()
     scaled("imu", ACCEL, 0.54)(log)

@@ -178,3 +178,22 @@ def test_outputs_that_the_vehicle_listens_to_must_be_there(campaign: Any) -> Non
     log.vehicle = loaded.vehicle
     del log.streams["actuators"]["pwm_7_us"]
     assert "no pwm_7_us among the actuators" in str(fault(loaded, log, sound()))
+
+
+def test_legs_outside_their_log_stop_a_run_in_one_message(campaign: Any) -> None:
+    legs = campaign().file.path
+    text = legs.read_text()
+    text = text.replace("log: one, use", "log: one, start_s: 1700000000, use")
+    legs.write_text(text.replace("log: two, use", "log: two, start_s: 59000, use"))
+    stop = fault(load_campaign(legs.parent, kinds=KINDS, vehicles=VEHICLES), sound(), sound())
+    assert stop is not None
+    for words in ("leg 'train'", "leg 'check'", "log 'two' has 60.0 s", "since 1970", "Millisec"):
+        assert words in str(stop)
+
+
+def test_a_leg_that_ends_behind_its_log_goes_on(campaign: Any) -> None:
+    manifest = campaign().file.path
+    text = manifest.read_text().replace("log: one, use", "log: one, start_s: 10, end_s: 99, use")
+    manifest.write_text(text)
+    again = load_campaign(manifest.parent, kinds=KINDS, vehicles=VEHICLES)
+    assert fault(again, sound(), sound()) is None

@@ -326,6 +326,14 @@ def vehicle(*keys: str, factor: float, of: str = "rigid_body") -> Change:
     return change
 
 
+def places_exchanged(case: Case) -> None:
+    """The vehicle file has x and y of the thrusters' positions exchanged."""
+    document = case.vehicle.document.model_dump(mode="python", exclude_none=True)
+    entry = document["actuators"]["thrusters"]["position"]
+    entry["value"] = np.array(entry["value"], dtype=float)[:, [1, 0, 2]].tolist()
+    case.vehicle = vehicle_from_document(document)
+
+
 def shifted(case: Case) -> None:
     """Each output column is taken for the next."""
     entries = [case.entry(name) for name in PULSES]
@@ -708,6 +716,12 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
     "velocity 0.6 s early": (late(-0.6, *SPEED), "velocity_lag", "before the accelerometer"),
     "depth 0.5 s late": (late(0.5, "depth_m"), "velocity_lag", "depth comes"),
     "clock of the velocity 2 % slow": (slow(0.98, *SPEED), "clock_drift", "clock of the velocity"),
+    "pitch and its rate turned": (sign("theta_rad", GYRO[1]), "accelerometer_axes", "or pitch"),
+    "x and y of the thrusters' places exchanged": (
+        places_exchanged,
+        "response_order",
+        "x and y of the positions exchanged",
+    ),
     "a tenth of the added mass": (
         vehicle(*ADDED, factor=0.1, of="added_mass"),
         "added_mass_size",
@@ -719,7 +733,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "Z_wdot",
     ),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-10:-2]
+WHOLE_DIVE = tuple(DIVE_CASES)[-12:-2]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",
