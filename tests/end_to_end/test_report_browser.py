@@ -10,9 +10,13 @@ from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from auvid.stages.page.html import render
+from auvid.stages.presentation import panel, plot, remark, section, series, table
 from auvid.stages.report import Params, run
+from auvid.stages.report.summary.figure_summary import summarise_results
 from tests.support.browser import Browser, chromium
 from tests.support.campaign_runs import copy_workspace, run_campaign
 from tests.support.example_run import example_run
@@ -199,6 +203,45 @@ def test_axe_finds_no_violation(
 ) -> None:
     violations = accessibility_faults(browser, report, width=width, dark=dark, opened=opened)
     assert violations == []
+
+
+@pytest.fixture(scope="module")
+def page_of_figures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the page of a campaign without models: figures, bounds, plots and remarks."""
+    rows = [
+        {"quantity": f"rms cross-track, helix, {name}", "value": value, "unit": "m", "low": low}
+        | {"high": 2.0 * value, "verdict": verdict, "note": "Helix", "headline": True}
+        for name, value, low, verdict in (("side_force", 0.2, 0.1, "held"), ("late", 0.3, 0.2, ""))
+    ]
+    bound = {"quantity": "2.9, has no printed value: bounds met of 4", "value": 3.0, "unit": "1"}
+    bound |= {"verdict": "missed", "evidence": "unprinted", "headline": True}
+    results = {
+        "control": {"title": "Control", "rows": rows},
+        "check_published": {"title": "Printed", "rows": [bound]},
+    }
+    t_s = np.linspace(0.0, 60.0, 50)
+    lines = [series(name, t_s, np.sin(t_s), "estimate") for name in ("side force", "late")]
+    blocks = [
+        remark("The helix is left.", "warning"),
+        remark("All stay.", "finding"),
+        table("Errors", ["flight", "error"], [["late", 0.3], ["side force", 0.2]], note="RMS"),
+        plot("Distance", [panel("cross-track", "m", lines)]),
+    ]
+    sections = {"control": section("Control", blocks, order=1, look_for="Whether it stays.")}
+    summary = summarise_results(results, {}, sections, example_run({"train": 4.0}).vehicle)
+    file = tmp_path_factory.mktemp("figures") / "report.html"
+    file.write_bytes(render("Helix", "Torpedo", "", summary, sections))
+    return file
+
+
+@pytest.mark.parametrize(("width", "dark", "opened"), [(1440, False, True), (390, True, False)])
+def test_axe_finds_no_violation_on_a_page_without_models(
+    browser: Browser, page_of_figures: Path, width: int, dark: bool, opened: bool
+) -> None:
+    assert (
+        accessibility_faults(browser, page_of_figures, width=width, dark=dark, opened=opened) == []
+    )
+    assert browser.evaluate("document.documentElement.scrollWidth") <= width
 
 
 def accessibility_faults(
