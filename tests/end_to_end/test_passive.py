@@ -83,7 +83,7 @@ def test_force_and_speed_of_a_carriage_give_newtons_in_two_commands(workspace: P
     assert written.output.splitlines() == [
         "wrote campaigns/tank",
         "  passive: 1 leg from 1 log",
-        "  vehicle: vehicle, a body under tow: its masses turn drag over mass into newtons",
+        "  vehicle: vehicle.yaml (a body under tow: its masses turn drag over mass into newtons)",
         "  to check: campaign.yaml (4), columns/tank.yaml (1), vehicle.yaml (6)",
         "",
         "    auvid run tank",

@@ -51,6 +51,7 @@ from auvid.pipeline.commands.new.refusal import (
     unreadable,
 )
 from auvid.pipeline.commands.new.vehicle_choice import (
+    OWN_FILE,
     VehicleChoice,
     choose_vehicle,
     vehicle_of_text,
@@ -179,7 +180,7 @@ def write_campaign(
     lines = [
         f"{feed.kind}: {len(legs.legs)} leg{'s' * (len(legs.legs) != 1)} from"
         f" {len(kept)} log{'s' * (len(kept) > 1)}",
-        f"vehicle: {choice.name}, {choice.why}",
+        f"vehicle: {'vehicle.yaml' if choice.name == OWN_FILE else choice.name} ({choice.why})",
         *command_lines(list(by_id.values())),
         f"to check: {', '.join(f'{file} ({count})' for file, count in sorted(marks.items()))}",
         *_unused(list(by_id.values())),

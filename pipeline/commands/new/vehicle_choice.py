@@ -23,6 +23,8 @@ from auvid.pipeline.commands.check.axes_route import (
 )
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 
+OWN_FILE = "vehicle"
+"""Name of a vehicle that no bundled one is like."""
 FRAME_NAMES = {
     0: "BlueROV1",
     3: "vectored 6-DOF, 90 degrees",
@@ -136,10 +138,10 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
         return VehicleChoice("slocum", why, _as_guess(text, why), guessed=True)
     if log.has("tow"):
         why = "a body under tow: its masses turn drag over mass into newtons"
-        return VehicleChoice("vehicle", why, _skeleton(log, ""))
+        return VehicleChoice(OWN_FILE, why, _skeleton(log, ""))
     if normalised:
         why = "commands have no unit of force: only ratios to its mass come out"
-        return VehicleChoice("vehicle", why, _skeleton(log, ""))
+        return VehicleChoice(OWN_FILE, why, _skeleton(log, ""))
     frame = log.info.parameters.get("FRAME_CONFIG")
     if frame is not None and int(frame) in FRAMES:
         name = FRAMES[int(frame)]
@@ -181,7 +183,7 @@ def _of_glider(text: str, log: CheckedLog) -> str:
 def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> VehicleChoice:
     if not driven:
         text = _skeleton(log, FILL_IN_FINS)
-        return VehicleChoice("vehicle", "a skeleton", text, "propeller and fins")
+        return VehicleChoice(OWN_FILE, "a skeleton", text, "propeller and fins")
     about = (
         f"FRAME_CONFIG {int(frame)} ({FRAME_NAMES.get(int(frame), 'unknown')}) of the log has no"
         " bundled vehicle"
@@ -190,16 +192,14 @@ def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> Veh
     )
     block = FILL_IN.format(ones=[1] * len(driven), outputs=list(driven))
     why = f"a skeleton, {about}"
-    return VehicleChoice(
-        "vehicle", why, _skeleton(log, block), "position and axis of each thruster"
-    )
+    return VehicleChoice(OWN_FILE, why, _skeleton(log, block), "position and axis of each thruster")
 
 
 def _skeleton(log: CheckedLog, actuators: str) -> str:
     template = resources.files(__package__ or "") / "vehicle_skeleton.yaml"
     title = f'"Vehicle of {log.info.vehicle or "a log that names none"}"'
     text = template.read_text(encoding="utf-8")
-    return _with_remedies(text.format(name="vehicle", title=title, actuators=actuators))
+    return _with_remedies(text.format(name=OWN_FILE, title=title, actuators=actuators))
 
 
 def _annotated(path: Path, log: CheckedLog) -> str:
