@@ -42,7 +42,7 @@ def refusal(
     forceless = "residual" in params and bool(params["residual"].allow_no_actuation)
     return (
         _stopped(campaign, health, method)
-        or _outside(campaign, health)
+        or _outside(campaign, health, params)
         or _starved(campaign, health, stages, method, forceless=forceless)
     )
 
@@ -76,12 +76,18 @@ def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) ->
     )
 
 
-def _outside(campaign: Campaign, health: Mapping[str, Document]) -> DataError | None:
-    """Return the legs that begin behind the end of their log, all in one error."""
+def _outside(
+    campaign: Campaign, health: Mapping[str, Document], params: Mapping[str, Any]
+) -> DataError | None:
+    """Return the legs behind the end of their log, or too short, all in one error."""
+    least = float(params["resample"].min_segment_s) if "resample" in params else 0.0
     lines, remedies = [], []
     for name, leg in campaign.legs.items():
         length = float(health[leg["log"]]["duration_s"]) if leg["log"] in health else math.inf
         start = float(leg.get("start_s") or 0.0)
+        took = float(length if leg.get("end_s") is None else leg["end_s"]) - start
+        if start < length and took < least:
+            lines.append(f"\n  leg '{name}' takes {took:.3g} s; {least:g} s are needed")
         if start < length:
             continue
         lines.append(
@@ -91,10 +97,12 @@ def _outside(campaign: Campaign, health: Mapping[str, Document]) -> DataError | 
     if not lines:
         return None
     return DataError(
-        f"{'legs lie' if len(lines) > 1 else 'a leg lies'} outside the log:{''.join(lines)}\n"
+        f"legs that lie outside the log or are too short:{''.join(lines)}\n"
         f"auvid check {campaign.name} shows the log and what its legs cover",
         file=campaign.file.path,
-        remedy=" ".join(dict.fromkeys(["start_s counts seconds of the log.", *remedies])),
+        remedy=" ".join(
+            dict.fromkeys(["start_s and end_s count seconds from the start of the log.", *remedies])
+        ),
     )
 
 
@@ -111,7 +119,8 @@ def _places(campaign: Campaign, log: str, item: Document) -> str:
             for index, column in enumerate(map_file.value["columns"])
             if column["field"] in item["fields"]
         ]
-        if "time_us" in item["fields"]:
+        here = any(column["stream"] == item["stream"] for column in map_file.value["columns"])
+        if "time_us" in item["fields"] and (here or item["stream"] is None):
             rows.append(map_file.line("time"))
         if rows:
             numbers = ", ".join(str(row) for row in rows)

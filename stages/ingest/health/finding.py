@@ -14,6 +14,7 @@ import pyarrow as pa
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
@@ -32,6 +33,8 @@ ELSEWHERE = re.compile(
 MAV_TYPE_SUBMARINE = 12
 MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 to Motor12
 MOTORS = 8
+SWING_US = 40.0
+"""Pulses beyond the dead band of a speed controller."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,12 @@ class CheckedLog:
     def column(self, stream: str, name: str) -> Array:
         """Return one column of a stream (n,)."""
         return column(self.tables[stream], name)
+
+    def swings(self, output: str) -> bool:
+        """Return whether an output leaves neutral to both sides."""
+        pulses = self.column("actuators", output)
+        low, high = np.nanmin(pulses, initial=NEUTRAL_US), np.nanmax(pulses, initial=NEUTRAL_US)
+        return bool(low < NEUTRAL_US - SWING_US and high > NEUTRAL_US + SWING_US)
 
     def body_velocity(self) -> Array:
         """Return the velocity (n, 3) without the mounting of the vehicle file."""

@@ -73,6 +73,8 @@ DEPTH_FACTOR = 10.0
 """Depth comes in steps of millimetres to centimetres, so the same value for a while is
 nothing odd.
 """
+ROUNDING = 1e-5
+"""Part of the length of a log within which a column is that of the time."""
 UNSIGNED_LOW = 0.2
 """Part of its usual size that a motion without signs falls below."""
 USUAL_RUNS = 5
@@ -291,6 +293,12 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
             yield finding("gyro_saturated", text, stream="imu", value=clipped[worst])
 
 
+def _is_time(t_s: Array, values: Array) -> bool:
+    """Return whether a column rises or falls by one a second, to rounding."""
+    rising = np.sign(values[-1] - values[0]) * values - t_s
+    return bool(np.ptp(rising) < ROUNDING * np.ptp(t_s))
+
+
 def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Finding]:
     values, t_s = log.values(stream, names), log.t_s(stream)
     still = _constant(names, values)
@@ -303,6 +311,16 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
                 " same in every sample.",
                 stream=stream,
                 fields=(names[first], names[second]),
+            )
+    for number, name in enumerate(names):
+        if number not in still and _is_time(t_s, values[:, number]):
+            yield finding(
+                "columns_alike",
+                f"{name} of {stream} ({log.source(stream)}) counts the seconds of its own time"
+                " stamps: the column of the time is mapped to it.",
+                stream=stream,
+                fields=(name,),
+                remedy="Correct the columns of the column map.",
             )
     if stream == "velocity" and (values[:, 1:].min() >= 0.0 or values[:, 1:].max() <= 0.0):
         low, high = np.percentile(np.abs(values[:, 1:]), (5.0, 95.0), axis=0)

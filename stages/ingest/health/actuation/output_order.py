@@ -75,7 +75,9 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
     )
     words = [(*SPEEDS, *RATES)[row] for row in driven]
     if joined.other is not None:
-        yield _joined_wrong(joined.other, words, thrusters.outputs, list(places), names)
+        wrong = _joined_wrong(joined.other, words, thrusters.outputs, list(places), names)
+        wrong["text"] += _of_another_vehicle(log, names)
+        yield wrong
     elif len(joined.unseen) == len(names):
         yield finding(
             "outputs_unanswered",
@@ -94,6 +96,19 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=float(len(joined.unseen)),
         )
+
+
+def _of_another_vehicle(log: CheckedLog, names: list[str]) -> str:
+    """Return that outputs move which the vehicle file has no thruster for."""
+    actuators = log.tables["actuators"]
+    others = [
+        name.removeprefix("pwm_").removesuffix("_us")
+        for name in actuators.column_names
+        if name.startswith("pwm_") and name not in names and log.swings(name)
+    ]
+    if not others:
+        return ""
+    return f" Or it is the file of another vehicle: it has no thruster on {listed(others)}."
 
 
 def _joined_wrong(

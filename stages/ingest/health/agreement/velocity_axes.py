@@ -34,6 +34,10 @@ SURE_TURN_RAD, TURNED_ROUND = math.radians(4.0), 135.0
 """Largest standard error of a turn, and the angle [deg] beyond which one axis or both
 have the wrong sign.
 """
+CLEAR_TURN = 3.0
+"""Standard deviations beyond the limit at which a turn counts: the worst of 27 sound legs
+is 5.4 +- 1.25 degrees.
+"""
 BETTER_MIRRORED = 0.3
 """By how much more of a track a mirrored one must explain."""
 MIRRORS = {
@@ -176,7 +180,7 @@ def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
     if turn is None:
         return
     off = math.degrees(turn.angle)
-    if not max(limit("velocity_turned"), math.degrees(CLEAR * turn.sd)) < abs(off) < TURNED_ROUND:
+    if not limit("velocity_turned") + math.degrees(CLEAR_TURN * turn.sd) < abs(off) < TURNED_ROUND:
         return
     yield finding(
         "velocity_turned",

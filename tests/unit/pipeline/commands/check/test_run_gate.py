@@ -16,6 +16,7 @@ from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.stages import KINDS
 from auvid.stages.fuse import Params as FuseParams
+from auvid.stages.resample import Params as ResampleParams
 from tests.support.sound_log import Log, sound
 
 VEHICLES = {"rov": Path(__file__).resolve().parents[5] / "vehicles" / "bluerov2_heavy.yaml"}
@@ -189,6 +190,18 @@ def test_legs_outside_their_log_stop_a_run_in_one_message(campaign: Any) -> None
     assert stop is not None
     for words in ("leg 'train'", "leg 'check'", "log 'two' has 60.0 s", "since 1970", "Millisec"):
         assert words in str(stop)
+
+
+def test_legs_in_minutes_stop_a_run(campaign: Any) -> None:
+    manifest = campaign().file.path
+    text = manifest.read_text().replace("log: one, use", "log: one, end_s: 0.9, use")
+    manifest.write_text(text)
+    again = load_campaign(manifest.parent, kinds=KINDS, vehicles=VEHICLES)
+    health = {"one": sound().health(), "two": sound().health()}
+    params = {"fuse": FuseParams(method="smoother"), "resample": ResampleParams()}
+    stop = refusal(again, health, KINDS["identification"], params)
+    assert stop is not None
+    assert "leg 'train' takes 0.9 s; 5 s are needed" in str(stop)
 
 
 def test_a_leg_that_ends_behind_its_log_goes_on(campaign: Any) -> None:

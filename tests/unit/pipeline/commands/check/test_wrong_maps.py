@@ -645,6 +645,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "depth_zero_unseen",
         "not observable",
     ),
+    "time mapped to depth as well": (
+        lambda case: case.entry("depth_m").update(column="time_s"),
+        "columns_alike",
+        "column of the time",
+    ),
     "thrust curve 1.3 times too strong": (thrust_in(1.3), "response_scale", "too much"),
     "mass and displaced mass in pounds": (
         vehicle("mass", "displaced_mass", factor=2.2046),
