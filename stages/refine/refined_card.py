@@ -324,6 +324,9 @@ def _lag(fit: SensorFit) -> LagFit | None:
         for item, unknown in zip(fit.problem.card.inertia, fit.problem.inertia, strict=True)
     }
     tied = any(1.0 - value**2 < 1.0 / VIF_LIMIT for value in correlations.values())
+    first = fit.problem.card.lag
+    if first is not None and first.verdict == INSEPARABLE:
+        tied = True  # the motion leaves it open whether the velocity log is late
     fixed = bool(fit.estimate.at_bound[j]) or not np.isfinite(error)
     word = AT_BOUND if fixed else INSEPARABLE if tied else _clear(value, error)
     return LagFit.model_validate(

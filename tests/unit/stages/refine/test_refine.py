@@ -212,6 +212,16 @@ def test_a_lag_of_the_card_is_held_where_none_is_fitted(twin: refine.Inputs) -> 
     assert errors[1] > 2.0 * errors[0]
 
 
+def test_a_lag_that_may_be_the_velocity_logs_stays_inseparable(twin: refine.Inputs) -> None:
+    lag = LagFit(value_s=LAG_S, standard_error_s=0.01, verdict="inseparable")
+    start = twin.model_card["symmetric"].model_copy(update={"lag": lag})
+    inputs = replace(twin, model_card=collection({"symmetric": start}))
+    (card,) = outputs(inputs, estimator="output_error").model_card.values()
+    assert card.lag is not None
+    assert card.lag.verdict == "inseparable"
+    assert card.lag.value_s == pytest.approx(LAG_S, abs=0.015)
+
+
 def test_the_force_error_of_a_card_is_that_of_its_predictor(limited: refine.Inputs) -> None:
     (card,) = outputs(limited, estimator="output_error").model_card.values()
     residual_of, fused = limited.residual["a"], limited.fused["a"]
