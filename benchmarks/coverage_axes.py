@@ -108,7 +108,7 @@ def row(kind: str, seed: int) -> dict[str, list[float]]:
             if item.name.startswith("steady"):
                 out[f"{velocity} steady"] = [item.value, item.low, item.high, steady]
             if item.name.startswith("time constant at"):
-                tau = -1.0 / (a + 2.0 * b * speed)
+                tau = -1.0 / (a + 2.0 * b * float(f"{speed:.2g}"))  # as the name has it
                 out[f"{velocity} tau"] = [item.value, item.low, item.high, tau]
     return {name: [float(x) for x in values] for name, values in out.items()}
 

@@ -43,6 +43,7 @@ from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     maximise,
     solve_scaled,
 )
+from auvid.hydro.identification.regression.standard_errors import widened_by
 
 LONGEST_STEP_S = 0.05
 """Longest step of the simulation: RK4 is then within 1e-4 of the state for time constants
@@ -435,7 +436,8 @@ def _covariances(
     """Return covariance by windows left out, by information, variances without priors.
 
     CR3: (W - 1) / W sum over windows of d d', d = -(H - H_w)^-1 s_w: H, H_w information
-    of all and of one window, its own unknowns taken out, s_w its score.
+    of all and of one window, its own unknowns taken out, s_w its score. As few windows tell
+    most of a coefficient, its errors are those of so few (`wider`).
     """
     g, count = len(best.common), len(work.pool.windows)
     free = np.flatnonzero(~at_bound)
@@ -454,7 +456,26 @@ def _covariances(
     )
     out = np.zeros((3, g, g))
     cell = np.ix_(free, free)
+    moves *= wider(full, parts)
     out[0][cell] = (count - 1) / count * moves.T @ moves
     out[1][cell] = solve_scaled(full, np.eye(free.size))
     out[2][cell] = solve_scaled(data, np.eye(free.size))
     return out[0], out[1], np.diag(out[2])
+
+
+def wider(full: Array, parts: Sequence[Array]) -> Array:
+    """Return by how much an error (f,) is larger than W - 1 degrees of freedom say.
+
+    full (f, f), parts (W of them): information of all windows, with priors, and of each.
+    Degrees of freedom by the windows' expected shares p_w of the variance, the diagonal of
+    (H - H_w)^-1 H_w (H - H_w)^-1: (sum p)^2 / sum p^2 (Satterthwaite; Bell and McCaffrey
+    2002), less one of W. Student's t at 95 % over that of W - 1.
+    """
+    count, shares = len(parts), []
+    for part in parts:
+        once = solve_scaled(full - part, part)
+        shares.append(np.maximum(np.diag(solve_scaled(full - part, once.T)), 1e-300))
+    p = np.array(shares)
+    degrees = np.sum(p, axis=0) ** 2 / np.sum(p**2, axis=0) * (count - 1) / count
+    usual = widened_by(count - 1)
+    return np.array([widened_by(float(item)) / usual for item in degrees])

@@ -217,7 +217,7 @@ class LeftOutBlocks:
         return covariance
 
 
-def widened_by(degrees: int) -> float:
+def widened_by(degrees: float) -> float:
     """Return the 97.5 % point of Student's t over the normal's, at least one degree.
 
     1.96 standard errors that are multiplied by it are half of the 95 % interval.

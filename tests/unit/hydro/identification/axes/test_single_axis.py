@@ -14,7 +14,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
-from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool
+from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool, wider
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import (
     AxisRecord,
@@ -26,6 +26,7 @@ from auvid.hydro.identification.axes.record import (
 from auvid.hydro.identification.axes.single_axis import fit_axis, refusal, speed_share, surge_input
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
+from auvid.hydro.identification.regression.standard_errors import widened_by
 from tests.support.axis_legs import axis_leg, scaled_force
 
 YAW = {"r": (-1.0, -0.8, 3.0, 0.03)}
@@ -371,6 +372,17 @@ def test_the_climb_of_a_tilted_hull_is_no_heave() -> None:
     assert plain.inertia.value > 1.2 * HULL_INERTIA[2], values
     assert fit.held_out[0].percent["w"] > plain.held_out[0].percent["w"] + 5.0
     assert any("climb" in note for note in fit.notes)
+
+
+def test_a_coefficient_that_one_window_tells_has_the_errors_of_few() -> None:
+    """Windows alike have W - 1 degrees of freedom; of one and its shadows little is known."""
+    alike = [np.eye(2)] * 6
+    assert wider(np.sum(alike, axis=0), alike) == pytest.approx([1.0, 1.0])
+    # The second coefficient is told by the first window, all but a hundredth of each other.
+    uneven = [np.diag([1.0, 1.0 if number == 0 else 0.01]) for number in range(6)]
+    even, one = wider(np.sum(uneven, axis=0) + np.diag([0.0, 1.0]), uneven)
+    assert even == pytest.approx(1.0)
+    assert one == pytest.approx(widened_by(1) / widened_by(5), rel=0.02)
 
 
 def test_three_windows_are_flown_in_turn_by_the_other_two() -> None:
