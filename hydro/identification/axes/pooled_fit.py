@@ -475,7 +475,7 @@ def wider(full: Array, parts: Sequence[Array]) -> Array:
     for part in parts:
         once = solve_scaled(full - part, part)
         shares.append(np.maximum(np.diag(solve_scaled(full - part, once.T)), 1e-300))
-    p = np.array(shares)
-    degrees = np.sum(p, axis=0) ** 2 / np.sum(p**2, axis=0) * (count - 1) / count
+    p = np.array(shares) / np.sum(shares, axis=0)
+    degrees = (count - 1) / count / np.sum(p**2, axis=0)
     usual = widened_by(count - 1)
     return np.array([widened_by(float(item)) / usual for item in degrees])

@@ -383,6 +383,8 @@ def test_a_coefficient_that_one_window_tells_has_the_errors_of_few() -> None:
     even, one = wider(np.sum(uneven, axis=0) + np.diag([0.0, 1.0]), uneven)
     assert even == pytest.approx(1.0)
     assert one == pytest.approx(widened_by(1) / widened_by(5), rel=0.02)
+    # What no window tells, its prior alone, has no shares: all count alike.
+    assert wider(np.eye(2), [np.diag([0.1, 0.0])] * 6) == pytest.approx([1.0, 1.0])
 
 
 def test_three_windows_are_flown_in_turn_by_the_other_two() -> None:
