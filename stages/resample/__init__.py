@@ -187,15 +187,7 @@ def sensor_lags(vehicle: Vehicle, changed: Mapping[str, float]) -> dict[str, flo
 
     Raises `CampaignError` for an unknown sensor.
     """
-    lags = {
-        "imu": vehicle.imu.lag_s,
-        "attitude": vehicle.imu.lag_s,
-        "depth": vehicle.depth_sensor.lag_s,
-        "velocity": vehicle.dvl.lag_s,
-        "actuators": 0.0,
-        "battery": 0.0,
-        "water_velocity": vehicle.dvl.lag_s,
-    }
+    lags = {**vehicle.sensor_lags_s, "actuators": 0.0, "battery": 0.0}
     for sensor in changed:
         if sensor not in lags:
             raise CampaignError(

@@ -86,6 +86,17 @@ class Vehicle:
         return self.mass_kg * self.gravity
 
     @property
+    def sensor_lags_s(self) -> dict[str, float]:
+        """How late the samples of each stream are [s], of those that have a lag."""
+        return {
+            "imu": self.imu.lag_s,
+            "attitude": self.imu.lag_s,
+            "depth": self.depth_sensor.lag_s,
+            "velocity": self.dvl.lag_s,
+            "water_velocity": self.dvl.lag_s,
+        }
+
+    @property
     def buoyancy(self) -> float:
         """B [N]: the weight of the displaced water."""
         return self.displaced_mass_kg * self.gravity

@@ -65,12 +65,21 @@ class CheckedLog:
 
     def between(self, start_s: float, end_s: float) -> CheckedLog:
         """Return the log between two times [s] from its start."""
-        tables = {}
+        tables, times = {}, {}
         for name, table in self.tables.items():
-            first, last = np.searchsorted(self.t_s(name), (start_s, end_s))
-            tables[name] = table.slice(int(first), int(last - first))
-        kept = {name: table for name, table in tables.items() if table.num_rows}
-        return replace(self, tables=kept, _times={})
+            first, last = np.searchsorted(self.t_s(name), (start_s, end_s)).tolist()
+            if last > first:
+                tables[name] = table.slice(first, last - first)
+                times[name] = self.t_s(name)[first:last]
+        return replace(self, tables=tables, _times=times)
+
+    def in_time(self) -> CheckedLog:
+        """Return the log on one clock, without the lags of the vehicle file."""
+        if self.vehicle is None:
+            return self
+        lags = self.vehicle.sensor_lags_s
+        times = {name: self.t_s(name) - lags.get(name, 0.0) for name in self.tables}
+        return replace(self, _times=times)
 
     def without_accelerometer(self) -> CheckedLog:
         """Return the log as if its inertial unit had no accelerometer."""
@@ -82,6 +91,12 @@ class CheckedLog:
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
         """Return time stamps (n,) in seconds from the start of the log."""
         return np.asarray((time_us - int(self.info.start_us)) / 1e6)
+
+    @property
+    def beyond_stated(self) -> str:
+        """Words that follow a lag; empty where the vehicle file states none."""
+        lags = {} if self.vehicle is None else self.vehicle.sensor_lags_s
+        return " beyond the lags that the vehicle file states" if any(lags.values()) else ""
 
     def values(self, stream: str, names: Iterable[str]) -> Array:
         """Return columns of a stream as an array (n, k)."""

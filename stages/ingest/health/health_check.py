@@ -121,7 +121,7 @@ def check_health(
     excited = excitation(log)
     uses = capabilities(log, excited)
     absent = placeholders(log)
-    real = without_placeholders(log, absent)
+    real = without_placeholders(log, absent).in_time()
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     measured += [item for check in OF_VALUES for item in check(real)]

@@ -403,13 +403,11 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     if tonal and there < SURE_OF_TONE:
         return  # lags repeat with the period
     slowest = max(float(np.median(np.diff(log.t_s(name)))) for name in ("depth", "velocity"))
-    stated_s = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
-    off = abs(at) if at > 0.0 else stated_s - at
     sure = there - zero > LAG_GAIN or odds > SURE_ODDS
-    if off > max(limit("velocity_lag"), slowest) and there > 0.8 and sure:
+    if abs(at) > max(limit("velocity_lag"), slowest) and there > 0.8 and sure:
         late, early = ("velocity", "depth") if at > 0.0 else ("depth", "velocity")
         text = (
-            f"The {late} comes {abs(at):.1f} s after the {early}: read so much earlier it explains"
-            f" {there:.2f} of the depth rate, as it stands {zero:.2f}."
+            f"The {late} comes {abs(at):.1f} s after the {early}{log.beyond_stated}: read so much"
+            f" earlier it explains {there:.2f} of the depth rate, as it stands {zero:.2f}."
         )
         yield finding("velocity_lag", text, stream=late, value=abs(at))

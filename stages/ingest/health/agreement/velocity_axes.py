@@ -23,10 +23,8 @@ from auvid.stages.ingest.health.finding import (
 )
 
 LAGS_S = tuple(np.round(np.arange(-15, 31) * 0.1, 1).tolist())
-EARLIEST_S, LATEST_S, LAG_SPREAD_S = -0.2, 0.4, 0.25
-"""Usual lags of a velocity log behind the accelerometer, and beyond that of its vehicle
-file.
-"""
+USUAL_LAGS_S = (-0.2, 0.4)
+"""Of a velocity log behind the accelerometer, beyond those of the vehicle file."""
 SURE_ODDS = 25.0
 """Logarithm of the likelihood of a lag over all usual ones, from which on it counts."""
 LEAST_EXPLAINED = 0.6
@@ -242,15 +240,13 @@ def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Findi
             fields=("time_us",),
         )
         return
-    stated_s = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
-    usual = (EARLIEST_S, max(LATEST_S, stated_s + LAG_SPREAD_S))
     lag = answer.lag_s
-    if abs(lag) < limit("velocity_lag") or answer.better_than(usual) < SURE_ODDS:
+    if abs(lag) < limit("velocity_lag") or answer.better_than(USUAL_LAGS_S) < SURE_ODDS:
         return
     yield finding(
         "velocity_lag",
         f"The velocity ({log.source('velocity')}) comes {abs(lag):.1f} s"
-        f" {'after' if lag > 0.0 else 'before'} the accelerometer.",
+        f" {'after' if lag > 0.0 else 'before'} the accelerometer{log.beyond_stated}.",
         stream="velocity",
         value=abs(lag),
         fields=LINEAR_VELOCITY,

@@ -46,6 +46,7 @@ IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 Spoil = Callable[[Log], None]
 SPOIL: dict[str, Spoil] = {}
+CLOCKS = ("velocity_lag", "command_delay", "command_late", "commands_early", "clock_drift")
 
 
 def spoils(name: str) -> Callable[[Spoil], Spoil]:
@@ -890,6 +891,21 @@ def test_the_clock_of_the_outputs_by_when_their_force_acts(late_s: float, name: 
     texts = [item for item in log.health()["findings"] if "The force of the" in item["text"]]
     assert [item["id"] for item in texts] == ([] if name is None else [name])
     assert all(item["value"] == pytest.approx(abs(late_s - 0.1), abs=0.31) for item in texts)
+
+
+@pytest.mark.parametrize(("late_s", "stated_s"), [(0.8, 0.8), (0.5, 0.5), (0.0, 0.8), (0.8, 0.0)])
+def test_a_lag_that_the_vehicle_file_states_is_no_finding_and_one_that_is_not_there_is(
+    late_s: float, stated_s: float
+) -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    of_a_vehicle("bluerov2_heavy", "sensors", "dvl", "lag", value=stated_s)(log)
+    log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] + int(1e6 * late_s)
+    clocks = [item for item in log.health()["findings"] if item["id"] in CLOCKS]
+    assert bool(clocks) == (late_s != stated_s)
+    for item in clocks:
+        if item["id"] == "velocity_lag":
+            assert ("vehicle file states" in item["text"]) == bool(stated_s)
 
 
 def test_one_output_that_stands_still_while_its_peers_work_is_named() -> None:
