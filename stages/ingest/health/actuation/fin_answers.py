@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -22,8 +22,12 @@ it is 0.4 s at most.
 """
 DRIVEN = 0.8
 """Share of its changes that fins and drag must explain of an axis that fins drive."""
-SIZES, CLEAR = (0.5, 1.6), 4.0
-"""Gain of the fins' moment over inertia: 0.82 to 0.89 in sound runs of a twin."""
+SIZES, CLEAR = (0.35, 1.6), 4.0
+"""Gain of the fins' moment over inertia: 0.82 to 0.89 in sound runs of a twin, 0.45 to 0.73 of
+a torpedo that an autopilot steers, where the lift of the hull takes part of a turn.
+"""
+SAME_GAIN = 1e-6
+"""Of a fin without a moment in this axis, which either way round makes the same gain."""
 LEAST_GAIN_SD, AS_GOOD = 10.0, 0.02
 """Gain over its standard deviation that tells a size, and a share that is no less than another."""
 PITCH, YAW = 4, 5
@@ -53,18 +57,23 @@ def fin_findings(log: CheckedLog) -> Iterator[Finding]:
             yield from _turned(log, deflection, axis, own)
         elif late:
             yield _off(lag, axis)
-        elif _explained(own) > DRIVEN and _wrong_size(own):
-            yield from _turned(log, deflection, axis, own)
+        elif _explained(own) > DRIVEN:
+            nearest = _nearest_to_one([by_lag[place] for place in usual])
+            if _wrong_size(nearest):
+                yield from _turned(log, deflection, axis, nearest)
 
 
 def _turned(log: CheckedLog, deflection: Array, axis: int, own: AxisGains) -> Iterator[Finding]:
     """Yield one fin that is backward, all of them, or fins of a wrong size."""
     gain, words = float(own.gain[0]), RATES[axis - 3]
+    (now,) = _gains(log, deflection, axis, np.zeros(1))
+    plain = 0.0 if now is None else now.gain[0]
     for place, name in enumerate(NAMES):
         flipped = deflection.copy()
         flipped[:, place] *= -1.0
         (again,) = _gains(log, flipped, axis, np.zeros(1))
-        as_good = again is not None and _explained(again) > _explained(own) - AS_GOOD
+        acts = again is not None and not np.isclose(again.gain[0], plain, rtol=SAME_GAIN)
+        as_good = acts and _explained(again) > _explained(own) - AS_GOOD
         if again is not None and as_good and SIZES[0] < again.gain[0] < SIZES[1]:
             yield finding(
                 "response_order",
@@ -142,6 +151,16 @@ def _odds(gains: AxisGains | None) -> float:
     if gains is None or gains.gain[0] <= 0.0:
         return 0.0
     return -0.5 * gains.count * float(np.log1p(-min(max(gains.explained, 0.0), 1.0 - 1e-9)))
+
+
+def _nearest_to_one(by_lag: Sequence[AxisGains | None]) -> AxisGains:
+    """Return the gains nearest to 1 of the lags at which fins and drag explain an axis.
+
+    An autopilot that follows the rate makes fins of the next moment fit as well, with a
+    gain of its own.
+    """
+    driven = [gains for gains in by_lag if gains is not None and gains.explained > DRIVEN]
+    return min(driven, key=lambda gains: abs(float(gains.gain[0]) - 1.0))
 
 
 def _wrong_size(gains: AxisGains) -> bool:

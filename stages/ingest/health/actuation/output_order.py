@@ -185,7 +185,9 @@ def _order_words(order: OtherOrder, outputs: tuple[int, ...]) -> str:
         first, second = (outputs[place] for place in moved)
         return f"Outputs {first} and {second} look exchanged: the other way round"
     listing = ", ".join(str(outputs[source]) for source in order.source)
-    return f"The outputs come in another order: with {listing} for {outputs[0]} to {outputs[-1]}"
+    in_row = outputs == tuple(range(outputs[0], outputs[-1] + 1))
+    stated = f"{outputs[0]} to {outputs[-1]}" if in_row else ", ".join(map(str, outputs))
+    return f"The outputs come in another order: with {listing} for {stated}"
 
 
 def _cause(

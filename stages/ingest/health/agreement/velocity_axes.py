@@ -182,11 +182,11 @@ def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
         return
     yield finding(
         "velocity_turned",
-        f"Surge and sway of the velocity ({log.source('velocity')}) are turned by {_degrees(turn)}"
-        " about the vertical against what the accelerometer adds up to, clockwise from above"
-        f" ({turn.explained:.2f} explained).",
+        f"The axes of surge and sway of the velocity ({log.source('velocity')}) are turned by"
+        f" {_degrees(turn, -1.0)} about the vertical, clockwise from above and beside a stated"
+        f" mounting, by what the accelerometer adds up to ({turn.explained:.2f} explained).",
         stream="velocity",
-        value=off,
+        value=-off,
         fields=LINEAR_VELOCITY[:2],
         remedy=f"{mounting_remedy(log)}, or that of the inertial unit.",
     )

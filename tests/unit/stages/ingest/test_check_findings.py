@@ -20,7 +20,9 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.checks.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.finding import CheckedLog, finding
 from auvid.stages.ingest.health.health_check import beside_clocks
@@ -621,8 +623,8 @@ def turn_velocity(log: Log, angle_deg: float) -> None:
     """A velocity log that is mounted turned about the vertical, clockwise from above."""
     columns, angle = log.streams["velocity"], np.radians(angle_deg)
     u, v = columns["u_m_s"], columns["v_m_s"]
-    columns["u_m_s"] = np.cos(angle) * u - np.sin(angle) * v
-    columns["v_m_s"] = np.sin(angle) * u + np.cos(angle) * v
+    columns["u_m_s"] = np.cos(angle) * u + np.sin(angle) * v
+    columns["v_m_s"] = np.cos(angle) * v - np.sin(angle) * u
 
 
 @spoils("velocity_turned")
@@ -801,6 +803,11 @@ def test_outputs_in_another_order_are_named_with_the_right_one(
     log = sound()
     drive(log, order)
     assert words in log.finding("response_order")["text"]
+
+
+def test_outputs_that_the_vehicle_file_states_in_no_row_are_listed() -> None:
+    order = OtherOrder((1, 2, 0), None, np.ones(1), np.zeros(1), 9.0)
+    assert "with 5, 2, 9 for 9, 5, 2" in _order_words(order, (9, 5, 2))
 
 
 @pytest.mark.parametrize("number", range(1, 9))
@@ -1146,6 +1153,11 @@ def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float
     log = sound()
     turn_velocity(log, angle_deg)
     assert log.finding("velocity_turned")["value"] == pytest.approx(angle_deg, abs=1.5)  # deg
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    mounting = {"value": [0.0, 0.0, np.radians(angle_deg)], "unit": "rad", "source": "measured"}
+    document["sensors"]["dvl"]["mounting"] = mounting
+    log.vehicle = vehicle_from_document(document)
+    assert "velocity_turned" not in log.ids()
 
 
 @pytest.mark.parametrize(

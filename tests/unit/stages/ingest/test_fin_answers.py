@@ -2,35 +2,52 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from auvid.data_schemas.records.logs import LogInfo
+from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.columns import FINS
+from auvid.stages.ingest.health.actuation.fin_answers import YAW, _gains, _turned
+from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.motions import vehicle_document
 from tests.support.sound_log import Log, micro, sound
 
+REJECTED = ("stream", "reason", "count", "bytes", "first", "last")
 AHEAD_M_S, STEP_S = 1.8, 0.1
 
 
-def yawing(late_s: float = 0.0, factors: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> Log:
-    """A minute of yaw by steps of the fins; recorded angles are late and times factors."""
+def yawing(
+    late_s: float = 0.0,
+    factors: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0),
+    *,
+    autopilot: float = 0.0,
+    damping: float = 0.8,
+) -> Log:
+    """A minute of yaw by steps of the fins; recorded angles are late and times factors.
+
+    An autopilot turns them against the rate, and they come to their angle in 0.12 s.
+    """
     log, rng = sound(), np.random.default_rng(2)
     log.vehicle = vehicle_from_document(vehicle_document("vt690"))
     fins = log.vehicle.fins
     assert fins is not None
     t = np.arange(0.0, 60.0, STEP_S)
     rudder = np.repeat(rng.uniform(-0.3, 0.3, t.size // 30), 30)
-    angles = np.column_stack([0.0 * t, 0.0 * t, rudder, -rudder])
-    ahead = np.column_stack([AHEAD_M_S + 0.0 * t, np.zeros((t.size, 5))])
-    moment = fin_force(fins, ahead, angles, water_density=log.vehicle.water_density)[:, 5]
-    rate = np.zeros(t.size)
+    one, ahead = np.array([[0.0, 0.0, 1.0, -1.0]]), np.array([[AHEAD_M_S, *np.zeros(5)]])
+    moment = fin_force(fins, ahead, 0.01 * one, water_density=log.vehicle.water_density)[0, 5]
+    turning = 100.0 * moment / log.vehicle.mass_matrix[5, 5]
+    rate, there = np.zeros(t.size), 0.0
     for n in range(1, t.size):
-        turning = moment[n - 1] / log.vehicle.mass_matrix[5, 5] - 0.8 * rate[n - 1]
-        rate[n] = rate[n - 1] + STEP_S * turning
+        rudder[n - 1] -= autopilot * rate[n - 1] / turning
+        there += (rudder[n - 1] - there) * (1.0 - np.exp(-STEP_S / 0.12) if autopilot else 1.0)
+        rate[n] = rate[n - 1] + STEP_S * (turning * there - damping * rate[n - 1])
+    angles = np.outer(rudder, one)
     noise = 0.002 * rng.standard_normal((t.size, 3))
     heading = np.cumsum(rate) * STEP_S
     log.streams["imu"] = {
@@ -87,3 +104,23 @@ def test_a_fault_of_the_fins_is_named(
     (item,) = of_fins(yawing(late_s, factors))
     assert item[0] == name
     assert words in item[1]
+
+
+@pytest.mark.parametrize(("autopilot", "damping"), [(3.0, 6.0), (2.0, 6.0), (1.5, 3.0)])
+def test_an_autopilot_that_follows_the_rate_makes_no_wrong_size(
+    autopilot: float, damping: float
+) -> None:
+    assert of_fins(yawing(autopilot=autopilot, damping=damping)) == []
+
+
+def test_a_fin_without_a_moment_in_an_axis_is_not_what_acts_backward_there() -> None:
+    log = yawing()
+    log.ids()
+    tables = {name: make_table(name, columns) for name, columns in log.streams.items()}
+    dropped = make_table("dropped", {name: [] for name in REJECTED})
+    checked = CheckedLog(tables, LogInfo.model_validate(log.info), dropped, log.vehicle)
+    angles = checked.values("actuators", FINS)
+    (own,) = _gains(checked, angles, YAW, np.zeros(1))
+    assert own is not None
+    (item,) = _turned(checked, angles, YAW, replace(own, gain=-own.gain))
+    assert item["id"] == "response_sign"
