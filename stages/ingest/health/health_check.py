@@ -121,13 +121,13 @@ def check_health(
     excited = excitation(log)
     uses = capabilities(log, excited)
     absent = placeholders(log)
-    real = without_placeholders(log, absent).in_time()
+    real = without_placeholders(log, absent)
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     measured += [item for check in OF_VALUES for item in check(real)]
     if any(item["id"] in OF_GRAVITY for item in measured):
         real = real.without_accelerometer()  # it is no evidence against others
-    evidence = velocity_evidence(real)
+    evidence = velocity_evidence(real.in_time())
     answers, of_commands = _of_commands(real, evidence)
     measured = beside_tilts(beside_clocks([*measured, *of_commands]))
     findings = ranked([*measured, *excitation_findings(excited)])

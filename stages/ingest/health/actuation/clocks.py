@@ -44,7 +44,6 @@ def clock_lag_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iter
         yield from drift
     elif not _inside("velocity", velocity):
         off = velocity - USUAL_LAG_S
-        stated = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
         late, early = ("velocity", "gyro") if off > 0.0 else ("gyro", "velocity")
         yield finding(
             "velocity_lag",
@@ -53,7 +52,7 @@ def clock_lag_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iter
             stream="velocity",
             value=abs(off),
             remedy=(
-                f"State a lag of {stated + off:.1f} s for sensors.dvl, or mend its time column"
+                f"State a lag of {off:.1f} s for sensors.dvl, or mend its time column"
                 " (time shift_s); a moving mean comes late by half its length."
             ),
         )

@@ -30,14 +30,22 @@ def force_clock_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     total = np.sum(list(odds.values()), axis=0)
     lag = float(LAGS_S[np.argmax(total)])
-    if float(total.max()) - _usual(total) < SURE_ODDS or 0.0 < lag < limit("command_delay"):
+    stated_s = 0.0 if log.vehicle is None else log.vehicle.dvl.lag_s
+    if (
+        float(total.max()) - _usual(total) < SURE_ODDS
+        or 0.0 < lag < limit("command_delay") + stated_s
+    ):
         return
     agreeing = [axis for axis, own in odds.items() if _follows(own, lag)]
     if len(agreeing) < 2:
         return
     late, early = ("late", "early") if lag < 0.0 else ("early", "late")
     yield finding(
-        "command_late" if lag < 0.0 else "commands_early" if lag > LONGEST_S else "command_delay",
+        "command_late"
+        if lag < 0.0
+        else "commands_early"
+        if lag > LONGEST_S + stated_s
+        else "command_delay",
         f"The force of the outputs accelerates {listed([MOTION_WORDS[axis] for axis in agreeing])}"
         f" best if it acts {abs(lag):.1f} s {'before' if lag < 0.0 else 'after'} its stamp, drag"
         f" beside it: the outputs are stamped {late}, or the velocity {early}"

@@ -188,7 +188,7 @@ def motion_findings(
         )
     if turned.against:
         return
-    late = list(_late(log))
+    late = list(_late(log.in_time()))
     yield from late
     if not any(item["stream"] == "velocity" for item in late):
         yield from late_velocity(log, evidence)
