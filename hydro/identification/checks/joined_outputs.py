@@ -69,11 +69,14 @@ class OtherOrder:
 class JoinedOutputs:
     """How outputs are joined: in another way, or None; thrusters whose way is not seen.
 
-    `unseen`: places of the thrusters of which nothing tells whether they act backward.
+    `unseen`: places of the thrusters of which nothing tells whether they act backward;
+    `alike`: pairs that may as well be exchanged; `places`: geometries that fit as well.
     """
 
     other: OtherOrder | None
     unseen: tuple[int, ...]
+    alike: tuple[tuple[int, int], ...] = ()
+    places: tuple[int, ...] = ()
 
 
 def joined_outputs(
@@ -96,7 +99,8 @@ def joined_outputs(
     as_it_is = _same_wiring(allocation, linear=linear, horizontal=horizontal)
     orders = _orders(allocation.shape[1])
     rows = [_joined(allocation, direction, order) for order in orders] + list(geometries)
-    best: tuple[float, OtherOrder, tuple[int, ...]] | None = None
+    pairs = list(combinations(range(len(direction)), 2))
+    best: tuple[float, OtherOrder, JoinedOutputs] | None = None
     for motion in motions:
         axes = _AxisProducts.of(motion, impulse)
         plain = max(axes.likelihood(each) for each in as_it_is)
@@ -116,13 +120,22 @@ def joined_outputs(
             ratio = otherwise[place] - plain
             other = OtherOrder(source, backward, *shares, ratio, geometry, equals)
             own = axes.likelihood(allocation)
-            near = (n for n in range(len(direction)) if own - otherwise[n] < BETTER)
-            best = fit, other, tuple(near)
+            near = [own - fits < BETTER for fits in otherwise]
+            backward_near, pairs_near = np.split(
+                near[: len(direction) + len(pairs)], [len(direction)]
+            )
+            not_told = JoinedOutputs(
+                None,
+                tuple(np.flatnonzero(backward_near).tolist()),
+                tuple(pairs[n] for n in np.flatnonzero(pairs_near)),
+                tuple(np.flatnonzero(near[len(orders) :]).tolist()),
+            )
+            best = fit, other, not_told
     if best is None:
         return JoinedOutputs(None, ())
-    _, other, unseen = best
+    _, other, not_told = best
     better = other.log_ratio > BETTER and float(np.max(other.share - other.own)) > LEAST_RISE
-    return JoinedOutputs(other, ()) if better else JoinedOutputs(None, unseen)
+    return JoinedOutputs(other, ()) if better else not_told
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+import numpy as np
+
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
+from auvid.stages.columns import OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight
 from auvid.stages.ingest.health.actuation.push_answers import (
     clear_scales,
@@ -24,9 +28,13 @@ SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.06, 0.8
 """Turn and scale of a velocity that would be seen for certain (four standard deviations),
 and share of a depth rate or an answer from which on its clock would be.
 """
-SURE_WEIGHT = 0.06
+SURE_WEIGHT = 0.04
 """Part of the weight that the thrusters must show (three standard deviations)."""
 CLEAR, CLEAR_WEIGHT = 4.0, 3.0
+SURE_ANSWER, RESTING_US, LEAST_REST = 0.95, 15.0, 0.02
+"""Share of a motion that outputs explain whose clock shows to a tenth of a second; and
+within what of neutral, and for what share of a log, outputs rest where it shows.
+"""
 
 
 def unseen(
@@ -89,6 +97,10 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
             "weight in water (displaced mass)",
             f"the thrusters show it to +- {CLEAR_WEIGHT * borne.sd:.0f} N only",
         )
+    pulses = log.values("actuators", log.thrusters()) - NEUTRAL_US
+    resting = np.abs(np.nan_to_num(pulses)).max(axis=1, initial=0.0) < RESTING_US
+    if float(resting.mean()) < LEAST_REST:
+        yield "neutral pulse of the outputs", "they never rest all together"
 
 
 def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
@@ -99,6 +111,11 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
             "steady current",
             "one velocity alone does not tell the ground from the water; a current ends up in drag"
             " and constant forces",
+        )
+    if not log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        yield (
+            "arm of the velocity log",
+            "stage check_installation of a run measures it, over all legs together",
         )
     turns = [turn for turn in (evidence.of_accelerometer, evidence.of_track) if turn is not None]
     if not any(math.degrees(CLEAR * turn.sd) < SURE_TURN_DEG for turn in turns):
@@ -144,7 +161,7 @@ def _clocks(
     if log.has("velocity") and odds < SURE_ODDS:
         yield "clock of the velocity against the inertial unit", "nothing shows it clearly"
     best = max((item.explained for item in answers.values()), default=0.0)
-    if log.has("actuators") and best < SURE_SHARE:
+    if log.has("actuators") and best < SURE_ANSWER:
         yield (
             "clock of the outputs to some tenths of a second",
             f"the outputs explain {percent(best)} of a motion at most",

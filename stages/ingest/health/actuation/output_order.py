@@ -12,6 +12,7 @@ from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation, thrust
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.joined_outputs import (
+    JoinedOutputs,
     OtherOrder,
     WindowMotion,
     joined_outputs,
@@ -86,13 +87,33 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=float(len(names)),
         )
-    elif joined.unseen:
-        numbers = listed([str(thrusters.outputs[place]) for place in joined.unseen])
+    else:
+        yield from _not_told(joined, words, thrusters.outputs, list(places))
+
+
+def _not_told(
+    joined: JoinedOutputs, words: list[str], outputs: tuple[int, ...], places: list[str]
+) -> Iterator[Finding]:
+    """Yield what the motion does not tell of the outputs: direction, order, places."""
+    parts = []
+    if joined.unseen:
+        numbers = listed([str(outputs[place]) for place in joined.unseen])
         several = len(joined.unseen) > 1
+        parts.append(
+            f"Whether output{'s' * several} {numbers} act{'s' * (not several)} forward is not"
+            f" observable: {listed(words)} move too little by {'them' if several else 'it'}."
+        )
+    pairs = [pair for pair in joined.alike if not set(pair) <= set(joined.unseen)]
+    if pairs:
+        names = "; ".join(f"{outputs[first]} and {outputs[last]}" for first, last in pairs)
+        parts.append(f"Whether outputs are exchanged is not observable of {names}.")
+    if joined.places:
+        names = "; ".join(places[number] for number in joined.places)
+        parts.append(f"As well explained with {names} of the thrusters, not observable either.")
+    if parts:
         yield finding(
             "outputs_unseen",
-            f"Whether output{'s' * several} {numbers} act{'s' * (not several)} forward is not"
-            f" observable: {listed(words)} move too little by {'them' if several else 'it'}.",
+            " ".join(parts),
             stream="actuators",
             value=float(len(joined.unseen)),
         )

@@ -27,6 +27,8 @@ UNITS_PER_MS2 = {"specific_force": STANDARD_GRAVITY, "inertial": 0.0, "derivativ
 
 SIDES = str.maketrans("xy", "yx")
 """The gyro's axis about which gravity turns into an axis of the accelerometer."""
+OF_SPECIFIC = 1.0 / 3.0
+"""Part of the limit for a reading that holds gravity, whose length motion hardly changes."""
 LEAST_OF_GRAVITY = 0.3
 """Part of gravity from which on a reading is one of another scale and of no convention."""
 SCALED_REMEDY = (
@@ -68,7 +70,9 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
             " it is in g."
         )
         yield finding("accelerometer_unit", text, stream="imu", value=size)
-    elif abs(size - expected) > limit("accelerometer_convention"):
+    elif abs(size - expected) > limit("accelerometer_convention") * (
+        OF_SPECIFIC if expected else 1.0
+    ):
         text = (
             f"The accelerometer reads {size:.2f} m/s^2 (median length);"
             f" {convention or 'specific_force'} at rest is {expected:g}{_cause(size, estimate)}."

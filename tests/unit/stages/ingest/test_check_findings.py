@@ -1184,6 +1184,23 @@ def test_a_lag_of_the_velocity_log_in_ms() -> None:
     assert "may be in ms" in log.finding("body_size")["text"]
 
 
+def test_outputs_that_may_as_well_be_exchanged_are_listed() -> None:
+    """Nothing turns: the two thrusters of a side push alike."""
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    for name in IMU_COLUMNS:
+        log.streams["imu"][name] = 1e-4 * log.streams["imu"][name]
+    text = log.finding("outputs_unseen")["text"]
+    assert "exchanged is not observable of" in text
+    assert "2 and 3" in text
+
+
+def test_an_accelerometer_that_reads_a_fifth_too_much_is_named() -> None:
+    log = sound()
+    scaled("imu", ACCEL, 1.2)(log)
+    assert "unit or scale is wrong" in log.finding("accelerometer_convention")["remedy"]
+
+
 def test_an_accelerometer_of_half_the_scale_is_sent_to_its_unit() -> None:
     log = sound()
     scaled("imu", ACCEL, 0.54)(log)
