@@ -12,6 +12,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TypeVar
 
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.pipeline.commands.fleet.discovery import Discovery, FleetLog, discover
 from auvid.pipeline.commands.fleet.dive_reports import draw_reports
@@ -169,10 +170,10 @@ def _bring(
         suspected = {task.item for task in stale if _mark(task).exists()}
         try:
             _make(stale, engine, logs, progress)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, PipelineError):
             engine.close()
             for task in stale:
-                if task.item not in suspected:  # it was the user who ended its process
+                if task.item not in suspected:  # the user ended its process, or the cluster went
                     _mark(task).unlink(missing_ok=True)
             raise
         progress.finish(failed=0)

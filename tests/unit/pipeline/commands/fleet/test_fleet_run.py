@@ -326,21 +326,25 @@ def test_the_fleet_is_a_workspace(disk: Path, first: FleetOutcome) -> None:
 class Interrupted(Serial):
     """An engine whose user presses Ctrl-C while a worker is at a log."""
 
+    def __init__(self, end: BaseException) -> None:
+        self.end = end
+
     def map(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         yield execute(tasks[0])
         mark = tasks[1].folder / tasks[1].item / log_work.MARK
         mark.parent.mkdir(parents=True)
         mark.touch()
-        raise KeyboardInterrupt
+        raise self.end
 
 
-def test_ctrl_c_keeps_what_was_finished_and_suspects_no_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("end", [KeyboardInterrupt(), PipelineError("the scheduler has gone away")])
+def test_ctrl_c_and_a_lost_scheduler_keep_what_was_finished_and_suspect_no_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: BaseException
 ) -> None:
     for name in ("a", "b"):
         (tmp_path / f"{name}.BIN").write_bytes(name.encode() * 1000)
-    with pytest.raises(KeyboardInterrupt):
-        run_fleet(tmp_path, tmp_path / "fleet", engine=Interrupted())
+    with pytest.raises(type(end)):
+        run_fleet(tmp_path, tmp_path / "fleet", engine=Interrupted(end))
     assert not list(tmp_path.rglob(log_work.MARK))
     monkeypatch.setattr(fleet_run, "_run_alone", lambda task: pytest.fail("it was no crash"))
     assert run_fleet(tmp_path, tmp_path / "fleet").surveyed == 1
