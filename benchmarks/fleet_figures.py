@@ -34,7 +34,12 @@ import numpy as np
 from scipy.special import betaincinv
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.fleet.alarms import FALSE_ALARMS, alarm_limit, change_odds
+from auvid.hydro.identification.fleet.alarms import (
+    FALSE_ALARMS,
+    alarm_limit,
+    change_odds,
+    change_odds_and_sizes,
+)
 from auvid.hydro.identification.fleet.drag import common_drag
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, outside_share
 from auvid.hydro.identification.fleet.scatter import between_dives
@@ -42,6 +47,7 @@ from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     ALL_DRAGS,
     DRAG_OF_AXIS,
+    RISES,
     alarm_shares,
 )
 
@@ -101,11 +107,19 @@ def selection() -> Iterator[str]:
 
 
 def largest_odds(values: Array, errors: Array) -> Array:
-    """Return the largest odds of a change (n, k) that each fleet had up to each dive."""
-    largest = np.full(values.shape, -np.inf)
+    """Return the largest odds of a rise and of a fall (2, n, k) up to each dive."""
+    largest = np.full((2, *values.shape), -np.inf)
     for end in range(4, values.shape[-1] + 1):
-        largest[:, end - 1] = change_odds(values[:, :end], errors[:, :end]).max(axis=-1)
+        odds, sizes = change_odds_and_sizes(values[:, :end], errors[:, :end])
+        for side, is_of_it in enumerate((sizes > 0.0, sizes <= 0.0)):
+            largest[side, :, end - 1] = np.where(is_of_it, odds, -np.inf).max(axis=-1)
     return np.asarray(np.maximum.accumulate(largest, axis=-1))
+
+
+def raised(odds: Array, rate: float, rises: float = 0.5) -> Mask:
+    """Return which fleets have an alarm by their largest odds (2, n) of a rise and a fall."""
+    limits = [alarm_limit(2.0 * rate * part) for part in (rises, 1.0 - rises)]
+    return np.asarray((odds > np.array(limits)[:, None]).any(axis=0))
 
 
 def lengths(dives: int, fleets: int) -> Iterator[str]:
@@ -119,7 +133,7 @@ def lengths(dives: int, fleets: int) -> Iterator[str]:
             parts.append(
                 largest_odds(values + errors * random.standard_normal(errors.shape), errors)
             )
-        largest = np.concatenate(parts)
+        largest = np.concatenate(parts, axis=1).max(axis=0)
         for count in (each for each in (10, 30, 50, 100, 200, 300) if each <= dives):
             for figures in (1, 12):
                 rate = FALSE_ALARMS / figures
@@ -222,20 +236,21 @@ def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
         values = 1.0 + size * np.sqrt(i2) * random.standard_normal(errors.shape)
         values += errors * random.standard_normal(errors.shape)
         values[: len(change), :, dives // 2 :] += np.array(change)[:, None, None]
-        own = np.array([largest_odds(*pair)[:, -1] for pair in zip(values, errors, strict=True)])
+        own = [largest_odds(*pair)[..., -1] for pair in zip(values, errors, strict=True)]
         drags = [
             common_drag([(values[a, n], errors[a, n]) for a in range(len(change))])
             for n in range(fleets)
         ]
         pairs = [pair for pair in drags if pair is not None]
-        common = largest_odds(*(np.array(part) for part in zip(*pairs, strict=True)))[:, -1]
+        common = largest_odds(*(np.array(part) for part in zip(*pairs, strict=True)))[..., -1]
         names = [f"{DRAG_OF_AXIS}{a}" if a < len(change) else str(a) for a in range(figures)]
-        equal = (own > alarm_limit(FALSE_ALARMS / figures)).any(axis=0)
+        equal = np.any([raised(odds, FALSE_ALARMS / figures) for odds in own], axis=0)
         shares = alarm_shares([*names, ALL_DRAGS])
-        limits = np.array([alarm_limit(FALSE_ALARMS * shares[name]) for name in names])
-        raised = (own > limits[:, None]).any(axis=0)
-        raised |= common > alarm_limit(FALSE_ALARMS * shares[ALL_DRAGS])
-        yield f"{case}: {share(raised)}; equal shares, no drag of all axes {share(equal)}"
+        alarmed = raised(common, FALSE_ALARMS * shares[ALL_DRAGS], RISES)
+        for place, (name, odds) in enumerate(zip(names, own, strict=True)):
+            part = RISES if place < len(change) else 0.5
+            alarmed |= raised(odds, FALSE_ALARMS * shares[name], part)
+        yield f"{case}: {share(alarmed)}; equal shares, no drag of all axes {share(equal)}"
 
 
 BATCH = 25

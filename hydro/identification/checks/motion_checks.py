@@ -8,6 +8,7 @@ Nothing here decides.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,8 @@ FEWEST_WINDOWS = 12
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""
 WINDOW_S = 1.0
+MOST_WINDOWS = 60_000
+"""Windows of all lags that are integrated over in one pass: it bounds the memory."""
 BLOCK_ROWS = 16384
 """Samples that are summed at a time."""
 ROBUST_ROUNDS = 3
@@ -455,7 +458,28 @@ def gains_by_lag(
     gains_at: dict[float, AxisGains] = {}
     if not tried:
         return [None] * lags.size
-    # One pass over the samples serves all lags.
+    # One pass over the samples serves many lags.
+    most = max(MOST_WINDOWS // max(at.size for _, at in tried), 1)
+    for group in (tried[first : first + most] for first in range(0, len(tried), most)):
+        gains_at |= _gains_of(group, t_force, acceleration, t_motion, motion, taken, parts, width_s)
+    return [gains_at.get(float(lag)) for lag in lags]
+
+
+def _gains_of(
+    tried: Sequence[tuple[float, Array]],
+    t_force: Array,
+    acceleration: Array,
+    t_motion: Array,
+    motion: Array,
+    taken: Array,
+    parts: Array,
+    width_s: float,
+) -> dict[float, AxisGains]:
+    """Return the gains at lags with the begins of their windows, by lag, in one pass.
+
+    parts (n, k): what acts beside the forces, of which `taken` is known.
+    """
+    gains_at: dict[float, AxisGains] = {}
     every = np.concatenate([at for _, at in tried])
     later = np.concatenate([at + lag for lag, at in tried])
     edges = np.cumsum([at.size for _, at in tried])[:-1]
@@ -476,4 +500,4 @@ def gains_by_lag(
                 gains.count,
                 gains.own[:count],
             )
-    return [gains_at.get(float(lag)) for lag in lags]
+    return gains_at

@@ -74,9 +74,20 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
     Natural logarithms of the odds against no change, of values (..., k) with standard
     errors (..., k) in order of time, k 4 or more.
     """
+    return change_odds_and_sizes(values, errors, size=size)[0]
+
+
+def change_odds_and_sizes(
+    values: ArrayLike, errors: ArrayLike, *, size: float = SIZE
+) -> tuple[Array, Array]:
+    """Return the log odds of `change_odds`, and how large each change would be.
+
+    Both (..., k - 3); the size is the mean after less that before, in the unit of values.
+    """
     y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
     scatter = between_dives(y, s, grid=GRID)
     difference, variance = _contrast(scatter, y, s)
+    sizes = (scatter.weight[..., None] * difference).sum(axis=-2)
     wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
     prior = variance + wide[..., None]
     ratio = variance / prior
@@ -86,7 +97,7 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
     odds += difference
     odds *= 0.5
     odds += scatter.log_weight[..., None]
-    return _log_sum(odds)
+    return _log_sum(odds), sizes
 
 
 def _log_sum(values: Array) -> Array:
@@ -101,19 +112,26 @@ def change_alarms(
     *,
     false_alarms: float = FALSE_ALARMS,
     shares: Mapping[str, float] = MappingProxyType({}),
+    rises: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[ChangeAlarm, ...]:
     """Return the changes of figures over dives in order of time, earliest first.
 
     `figures`: name -> (values (k,), standard errors (k,)), nan where a dive has none.
     `shares`: name -> its share of the probability of false alarms; the other figures have
-    equal ones of the rest. After an alarm the dives before the change no longer count, and
-    the limit grows with the number of dives: of any number of them without a change an
-    alarm is as rare.
+    equal ones of the rest. `rises`: name -> the part of its share that rises have, falls
+    have what is left; half where it is not named. After an alarm the dives before the change
+    no longer count, and the limit grows with the number of dives: of any number of them
+    without a change an alarm is as rare.
     """
     own = {name: shares[name] for name in figures if name in shares}
     rest = (1.0 - sum(own.values())) / max(len(figures) - len(own), 1)
     watches = [
-        _Watch(name, *map(np.asarray, pair), rate=false_alarms * own.get(name, rest))
+        _Watch(
+            name,
+            *map(np.asarray, pair),
+            rate=false_alarms * own.get(name, rest),
+            rises=rises.get(name, 0.5),
+        )
         for name, pair in figures.items()
     ]
     alarms: list[ChangeAlarm] = []
@@ -125,19 +143,24 @@ def change_alarms(
         for group in alike.values():
             values = np.array([watch.values[watch.level] for watch in group])
             errors = np.array([watch.errors[watch.level] for watch in group])
-            for watch, odds in zip(group, change_odds(values, errors), strict=True):
-                alarms += watch.look(odds)
+            for watch, *looks in zip(group, *change_odds_and_sizes(values, errors), strict=True):
+                alarms += watch.look(*looks)
     return tuple(sorted(alarms, key=lambda alarm: (alarm.dive, alarm.figure)))
 
 
 class _Watch:
     """A figure that is watched dive by dive: from which dive on, and to which."""
 
-    def __init__(self, name: str, values: Array, errors: Array, *, rate: float) -> None:
+    def __init__(
+        self, name: str, values: Array, errors: Array, *, rate: float, rises: float
+    ) -> None:
         self.name = name
         self.values, self.errors = values.astype(np.float64), errors.astype(np.float64)
         self.dives = np.flatnonzero(np.isfinite(self.values) & np.isfinite(self.errors))
-        self.limit = alarm_limit(rate, len(self.dives))
+        # A limit is passed by as many rises as falls.
+        self.rise_limit, self.fall_limit = (
+            alarm_limit(2.0 * rate * part, len(self.dives)) for part in (rises, 1.0 - rises)
+        )
         self.start, self.end = 0, FEWEST_BEFORE + 1
 
     @property
@@ -145,15 +168,15 @@ class _Watch:
         """Return the dives looked at."""
         return self.dives[max(self.start, self.end - MOST_DIVES) : self.end]
 
-    def look(self, odds: Array) -> Iterator[ChangeAlarm]:
-        """Yield an alarm where the odds (c,) pass the limit, and move on."""
+    def look(self, odds: Array, sizes: Array) -> Iterator[ChangeAlarm]:
+        """Yield an alarm where odds (c,) pass the limit of their side, and move on."""
         self.start = max(self.start, self.end - MOST_DIVES)
-        if odds.max() > self.limit:
-            first = FEWEST_BEFORE + int(np.argmax(odds))
-            largest = float(odds.max())
-            yield _alarm(
-                self.name, self.values, self.errors, self.level, first, largest, self.limit
-            )
+        limits = np.where(sizes > 0.0, self.rise_limit, self.fall_limit)
+        passing = np.where(odds > limits, odds, -np.inf)
+        at = int(np.argmax(passing))
+        if np.isfinite(passing[at]):
+            first, largest, limit = FEWEST_BEFORE + at, float(odds[at]), float(limits[at])
+            yield _alarm(self.name, self.values, self.errors, self.level, first, largest, limit)
             self.start += first
             self.end = max(self.end, self.start + FEWEST_BEFORE)
         later = self.end >= MOST_DIVES and self.end + LATER <= len(self.dives)

@@ -39,10 +39,12 @@ FEWEST_DIVES = 2
 """Of a figure: with a number, and that call it identified."""
 ALL_DRAGS = "drag of all axes over its mean"
 DRAG_OF_AXIS = "drag in "
-SHARES = {"all axes": 0.3, "each axis": 0.5, "others": 0.2}
+SHARES = {"all axes": 0.2, "each axis": 0.6, "others": 0.2}
 """Of the probability of false alarms: what fouls a hull shows in all axes (decision 0062), and
-drag is looked for more than other figures (decision 0072).
+drag is looked for more than other figures (decisions 0072, 0079).
 """
+RISES = 0.8
+"""Part of a drag's that rises have: what fouls or loads a hull adds to it (decision 0079)."""
 COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
 COLUMNS += ["verdict", "correlation"]
 """Of table `coefficients`: what is read of it."""
@@ -183,7 +185,7 @@ def _of_vehicle(
         name: (np.where(placed, values, np.nan), errors)
         for name, (values, errors) in watched.items()
     }
-    alarms = change_alarms(in_order, shares=alarm_shares(list(in_order))) if in_order else ()
+    alarms = alarms_of(in_order) if in_order else ()
     changes = {item.name: _changes(item, alarms) for item in figures}
     levels = {
         name: np.searchsorted(firsts, np.arange(len(dives)), side="right")
@@ -211,6 +213,14 @@ def _of_vehicle(
             if firsts and pooled[name].refusal not in UNKNOWN_SINCE
         },
         int((~placed).sum()),
+    )
+
+
+def alarms_of(figures: Mapping[str, tuple[Array, Array]]) -> tuple[ChangeAlarm, ...]:
+    """Return the changes of figures over dives in order, by the shares of the page."""
+    drags = [name for name in figures if name == ALL_DRAGS or name.startswith(DRAG_OF_AXIS)]
+    return change_alarms(
+        figures, shares=alarm_shares(list(figures)), rises=dict.fromkeys(drags, RISES)
     )
 
 

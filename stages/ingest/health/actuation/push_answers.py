@@ -28,6 +28,7 @@ from auvid.stages.ingest.health.finding import (
 from auvid.stages.number_format import significant
 
 LEAST_RESPONSE_HZ = 4.0
+ROWS_AT_ONCE = 16_384
 USUAL_LAGS_S, OTHER_LAGS_S = (0.0, 0.1, 0.2, 0.3), (-1.2, -0.9, -0.6, -0.3, 0.5, 0.7, 1.0, 1.3)
 """Motion behind its thrusters, and lags of clocks that are off, which turn a sign."""
 EARLIER_S, BETTER_EARLIER = (-0.4, -0.3, -0.2, -0.1), 25.0
@@ -87,9 +88,13 @@ def pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     t_s = log.t_s("actuators")
     if t_s.size < 100 or (t_s.size - 1) / (t_s[-1] - t_s[0]) < LEAST_RESPONSE_HZ:
         return None
-    pulses = np.nan_to_num(matrix(log.tables["actuators"], names))
-    forces = thruster_force(vehicle.thrusters, thruster_forces(vehicle.thrusters, pulses))
-    return t_s, forces / np.diag(vehicle.mass_matrix)
+    forces = np.empty((t_s.size, 6))
+    for start in range(0, t_s.size, ROWS_AT_ONCE):
+        pulses = np.nan_to_num(matrix(log.tables["actuators"].slice(start, ROWS_AT_ONCE), names))
+        along = thruster_forces(vehicle.thrusters, pulses)
+        forces[start : start + ROWS_AT_ONCE] = thruster_force(vehicle.thrusters, along)
+    forces /= np.diag(vehicle.mass_matrix)
+    return t_s, forces
 
 
 def push_responses(

@@ -9,6 +9,7 @@ import pytest
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.checks import motion_checks
 from auvid.hydro.identification.checks.motion_checks import (
     BLOCK_ROWS,
     AxisGains,
@@ -16,6 +17,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     depth_gains,
     down_at,
     fitted_gains,
+    gains_by_lag,
     integrals,
     velocity_lag,
 )
@@ -113,3 +115,22 @@ def test_lag_is_that_of_the_best_of_all_fits(late_s: float) -> None:
     )
     assert at_zero == gains(T_ATTITUDE, seen_s).explained
     np.testing.assert_allclose(gains(T_ATTITUDE, T_VELOCITY).gain, 1.0, atol=0.02)
+
+
+def test_many_lags_take_the_memory_of_a_few_and_give_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rng = np.random.default_rng(6)
+    t = 0.1 * np.arange(20_000)
+    force, motion = np.cumsum(rng.normal(size=(2, t.size)), axis=1) * 0.01
+    lags = np.linspace(-1.0, 1.0, 41)
+    every = gains_by_lag(t, force[:, None], t, motion, lags_s=lags)
+    monkeypatch.setattr(motion_checks, "MOST_WINDOWS", 12_000)
+    tracemalloc.start()
+    few = gains_by_lag(t, force[:, None], t, motion, lags_s=lags)
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    np.testing.assert_equal(few, every)
+    assert len({None if gains is None else float(gains.gain[0]) for gains in few}) == len(lags)
+    windows_of_all = 8 * lags.size * t.size * 0.1 / 0.5
+    assert used < 8 * windows_of_all  # all at once take 32 times as much as their begins

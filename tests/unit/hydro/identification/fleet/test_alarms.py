@@ -73,6 +73,19 @@ def test_figures_of_unlike_dives_are_watched_as_each_by_itself() -> None:
     assert set(together) == {alarm for alarms in single for alarm in alarms}
 
 
+def test_rises_have_their_part_of_the_false_alarms_and_falls_the_rest() -> None:
+    """A change between the two limits is an alarm on the side that has the larger part."""
+    values = np.array([10.0, 10.3, 9.8, 10.1, 9.9, 10.48, 10.58, 10.38, 10.53])
+    errors = np.full(9, 0.1)
+    for sign in (1.0, -1.0):
+        figures = {"drag X": (sign * values, errors)}
+        odds = max(change_odds(sign * values[:k], errors[:k]).max() for k in range(4, 10))
+        assert alarm_limit(2 * 0.02 * 0.9) < odds < alarm_limit(0.02) < alarm_limit(2 * 0.02 * 0.1)
+        assert change_alarms(figures, false_alarms=0.02) == ()
+        alarms = change_alarms(figures, false_alarms=0.02, rises={"drag X": 0.9})
+        assert [alarm.limit for alarm in alarms] == [alarm_limit(0.036)] * (sign > 0.0)
+
+
 def test_a_second_change_is_counted_from_the_first() -> None:
     values = np.concatenate([VALUES, [12.2, 12.1, 9.9, 10.0, 10.2, 10.1]])
     errors = np.concatenate([ERRORS, np.full(6, 0.1)])

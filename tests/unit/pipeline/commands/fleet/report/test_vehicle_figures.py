@@ -13,6 +13,7 @@ from auvid.pipeline.commands.fleet.fleet_folder import TABLES
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     VehicleFigures,
     alarm_shares,
+    alarms_of,
     vehicle_figures,
 )
 
@@ -137,3 +138,14 @@ def test_false_alarms_are_shared_out_and_drags_have_most() -> None:
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares[drags[0]] == shares[drags[1]] > 2.0 * shares["X_u*v"]
     assert alarm_shares(["X_u*v"]) == {"X_u*v": 1.0}
+
+
+def test_a_rise_of_drag_is_looked_for_more_than_a_fall() -> None:
+    values = np.array([10.0, 10.3, 9.8, 10.1, 9.9, 10.48, 10.58, 10.38, 10.53])
+    errors = np.full(9, 0.1)
+    others = {f"X_{number}": (np.full(9, 1.0), errors) for number in range(4)}
+    drag = "drag in surge at 0.3 m/s"
+    (alarm,) = alarms_of({drag: (values, errors), **others})
+    assert alarm.figure == drag
+    assert alarms_of({drag: (-values, errors), **others}) == ()
+    assert alarms_of({"X_u*v": (values, errors), **others}) == ()
