@@ -14,13 +14,12 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.motion_checks import (
-    FEWEST_WINDOWS,
     WINDOW_S,
-    fitted_gains,
     integrals,
     track_windows,
     windows,
 )
+from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
 
 LONGEST_DELAY_S = 0.6
 """Thrusters, their controllers and the record take no longer to act."""

@@ -1,4 +1,4 @@
-"""AxisGains between two records of one motion, axis by axis.
+"""Gains between two records of one motion, axis by axis.
 
 A body velocity is compared with what its integral does (depth, position) and with what
 its rate follows (accelerometer, actuator forces), over windows that do not overlap: a
@@ -9,15 +9,21 @@ Nothing here decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.checks.robust_gains import (
+    FEWEST_WINDOWS,
+    AxisGains,
+    fitted_gains,
+    robust_fits,
+    solved,
+    stacked,
+)
 
-FEWEST_WINDOWS = 12
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""
 WINDOW_S = 1.0
@@ -25,110 +31,8 @@ MOST_WINDOWS = 60_000
 """Windows of all lags that are integrated over in one pass: it bounds the memory."""
 BLOCK_ROWS = 16384
 """Samples that are summed at a time."""
-ROBUST_ROUNDS = 3
-ROBUST_SPREADS = 4.0
-LAG_GAINS, MAIN_PART = (0.75, 1.33), 0.3
-"""Gains at a right lag of the axes that move the depth so much of what the first does."""
-"""Windows further off than so many spreads (1.48 times the median) are left out."""
-
-
-@dataclass(frozen=True)
-class AxisGains:
-    """Gain of each axis (k,) with its standard deviation (k,).
-
-    `explained`: share of the variance of the windows that the axes explain together;
-    `count` of windows. `own`: share of the variance of each axis that neither the others
-    nor what stands beside them can stand for; where it is small, so is what its gain says.
-    """
-
-    gain: Array
-    sd: Array
-    explained: float
-    count: int
-    own: Array
-
-
-@dataclass(frozen=True)
-class _RobustFit:
-    """A least-squares fit without its outliers: rows used, their misfit, gain."""
-
-    used: Array
-    target: Array
-    rest: Array
-    gain: Array
-
-    @property
-    def variance(self) -> float:
-        """Return the variance of what the fit leaves."""
-        return float(self.rest @ self.rest) / (len(self.rest) - len(self.gain))
-
-    @property
-    def near_one(self) -> bool:
-        """Return whether all columns that move the target much have gains near one."""
-        gain = self.gain[:-1]
-        part = np.abs(gain) * self.used[:, :-1].std(axis=0)
-        main = gain[part > MAIN_PART * part.max()]
-        return bool(((main > LAG_GAINS[0]) & (main < LAG_GAINS[1])).all())
-
-    @property
-    def explained(self) -> float:
-        """Return the share of the variance that the fit explains."""
-        spread = float(np.var(self.target))
-        return 1.0 - self.variance / spread if spread > 0.0 else 0.0
-
-
-def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
-    """Return the least-squares gains of y (n,) on design (n, k), a constant beside.
-
-    y = design g + c, outliers left out; sd from the scatter of windows that do not
-    overlap. A column without motion has an infinite sd. None for too few windows.
-    """
-    fit = _robust_fit(y, design)
-    if fit is None:
-        return None
-    moment = fit.used.T @ fit.used
-    scale = np.sqrt(np.diag(moment))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    inverse = np.linalg.pinv(moment / np.outer(scale, scale), rcond=1e-10) / np.outer(scale, scale)
-    sd = np.sqrt(fit.variance * np.maximum(np.diag(inverse), 0.0))[:-1]
-    sd = np.where(fit.used[:, :-1].std(axis=0) > 0.0, sd, np.inf)
-    sd = np.asarray(sd, dtype=np.float64)
-    spread = fit.used[:, :-1].var(axis=0) * fit.used.shape[0]
-    share = np.diag(inverse)[:-1] * spread
-    own = np.divide(1.0, share, out=np.zeros_like(share), where=share > 0.0)
-    return AxisGains(fit.gain[:-1], sd, fit.explained, fit.used.shape[0], own)
-
-
-def _robust_fit(y: ArrayLike, design: ArrayLike) -> _RobustFit | None:
-    """Return the fit of y (n,) by design (n, k) and a constant; None if too few."""
-    x, target = np.asarray(design, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    good = np.isfinite(target) & np.isfinite(x).all(axis=1)
-    full, target = np.column_stack([x[good], np.ones(np.count_nonzero(good))]), target[good]
-    fewest = FEWEST_WINDOWS + x.shape[1]
-    keep = np.ones(target.size, dtype=np.bool_)
-    for _ in range(ROBUST_ROUNDS):
-        used = full[keep]
-        if len(used) < fewest:
-            return None
-        gain: Array = np.asarray(np.linalg.lstsq(used, target[keep], rcond=None)[0], np.float64)
-        off = np.abs(target - full @ gain)
-        before, spread = keep, 1.4826 * _median(off[keep])
-        keep = off <= ROBUST_SPREADS * max(spread, 1e-12)
-        if np.array_equal(keep, before):  # further rounds repeat this one
-            break
-    used = full[keep]
-    return None if len(used) < fewest else _RobustFit(used, target[keep], off[keep], gain)
-
-
-def _median(values: Array) -> float:
-    """Return the median of values (n,), n >= 1; np.median takes five times as long.
-
-    >>> _median(np.array([3.0, 1.0, 2.0, 9.0]))
-    2.5
-    """
-    low, high = (values.size - 1) // 2, values.size // 2
-    ordered = np.partition(values, (low, high))
-    return 0.5 * float(ordered[low] + ordered[high])
+LAG_GAINS = (0.75, 1.33)
+"""Gains at a right lag of the axes that move the depth most."""
 
 
 def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_S) -> Array:
@@ -395,9 +299,13 @@ def velocity_lag(
             ),
             _rise_and_parts(t_depth + lag, depth, t_attitude, t_velocity, rates),
         ):
-            fit = None if shared is None else _robust_fit(*shared)
-            if fit is not None and (lag == 0.0 or fit.near_one):
-                shares[float(lag)] = max(fit.explained, shares.get(float(lag), -np.inf))
+            if shared is None:
+                continue
+            fit = robust_fits(shared[0][None], shared[1][None])
+            main = fit.main_gains(0)
+            near_one = bool(((main > LAG_GAINS[0]) & (main < LAG_GAINS[1])).all())
+            if fit.count[0] and (lag == 0.0 or near_one):
+                shares[float(lag)] = max(float(fit.explained[0]), shares.get(float(lag), -np.inf))
     if 0.0 not in shares:
         return None
     best = max(shares, key=lambda lag: shares[lag])
@@ -455,14 +363,14 @@ def gains_by_lag(
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
     starts = [windows(start, stop, t_force, t_motion, width_s=width_s) for stop in end]
     tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
-    gains_at: dict[float, AxisGains] = {}
     if not tried:
         return [None] * lags.size
-    # One pass over the samples serves many lags.
+    # One pass over the samples serves many lags, and one batch their fits.
     most = max(MOST_WINDOWS // max(at.size for _, at in tried), 1)
+    by_lag: dict[float, AxisGains] = {}
     for group in (tried[first : first + most] for first in range(0, len(tried), most)):
-        gains_at |= _gains_of(group, t_force, acceleration, t_motion, motion, taken, parts, width_s)
-    return [gains_at.get(float(lag)) for lag in lags]
+        by_lag |= _gains_of(group, t_force, acceleration, t_motion, motion, taken, parts, width_s)
+    return [by_lag.get(float(lag)) for lag in lags]
 
 
 def _gains_of(
@@ -479,25 +387,26 @@ def _gains_of(
 
     parts (n, k): what acts beside the forces, of which `taken` is known.
     """
-    gains_at: dict[float, AxisGains] = {}
     every = np.concatenate([at for _, at in tried])
     later = np.concatenate([at + lag for lag, at in tried])
     edges = np.cumsum([at.size for _, at in tried])[:-1]
-    every_push = np.split(integrals(t_force, acceleration, every, width_s), edges)
-    every_drag = np.split(integrals(t_motion, parts, later, width_s), edges)
-    for (lag, at), pushed, drag in zip(tried, every_push, every_drag, strict=True):
-        ends = [np.interp(side + lag, t_motion, motion) for side in (at, at + width_s)]
-        change = ends[1] - ends[0]
-        off = np.column_stack([drag[:, : taken.shape[1]], np.ones(at.size)])
-        change = change - off @ np.linalg.lstsq(off, change, rcond=None)[0]
-        gains = fitted_gains(change, np.column_stack([pushed, drag]))
-        if gains is not None:
-            count = acceleration.shape[1]
-            gains_at[float(lag)] = AxisGains(
-                gains.gain[:count],
-                gains.sd[:count],
-                gains.explained,
-                gains.count,
-                gains.own[:count],
-            )
-    return gains_at
+    columns = np.hstack(
+        [
+            integrals(t_force, acceleration, every, width_s),
+            integrals(t_motion, parts, later, width_s),
+        ]
+    )
+    change = np.interp(later + width_s, t_motion, motion) - np.interp(later, t_motion, motion)
+    count = acceleration.shape[1]
+    design, target = stacked(np.split(columns, edges)), stacked(np.split(change, edges))
+    there = np.isfinite(target)
+    aside = np.where(there[..., None], design[..., count : count + taken.shape[1]], 0.0)
+    aside = np.concatenate([aside, np.ones((*there.shape, 1))], axis=2)
+    target = target - solved(aside, np.where(there, target, 0.0), there)[1]
+    return {
+        float(lag): AxisGains(
+            gains.gain[:count], gains.sd[:count], gains.explained, gains.count, gains.own[:count]
+        )
+        for (lag, _), gains in zip(tried, robust_fits(target, design).gains(), strict=True)
+        if gains is not None
+    }

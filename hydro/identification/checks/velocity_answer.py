@@ -15,12 +15,12 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
 from auvid.hydro.identification.checks.motion_checks import (
-    FEWEST_WINDOWS,
     WINDOW_S,
     down_at,
     integrals,
     windows,
 )
+from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS
 
 NORMAL_SPREAD = 1.4826
 """Standard deviation of a normal distribution over its median deviation."""

@@ -8,7 +8,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.fins import fin_force
-from auvid.hydro.identification.checks.motion_checks import AxisGains, gains_by_lag
+from auvid.hydro.identification.checks.motion_checks import gains_by_lag
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import ATTITUDE, FINS, GYRO, RATES
 from auvid.stages.ingest.health.actuation.push_answers import coupling
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit

@@ -10,12 +10,8 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.checks.motion_checks import (
-    AxisGains,
-    angles_at,
-    gains_by_lag,
-    response_gains,
-)
+from auvid.hydro.identification.checks.motion_checks import angles_at, gains_by_lag, response_gains
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     CheckedLog,

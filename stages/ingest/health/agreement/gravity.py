@@ -9,7 +9,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
-from auvid.hydro.identification.checks.motion_checks import AxisGains, tilt_gains
+from auvid.hydro.identification.checks.motion_checks import tilt_gains
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed

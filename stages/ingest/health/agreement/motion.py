@@ -11,7 +11,6 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
-    AxisGains,
     accelerometer_changes,
     depth_by_axes,
     depth_gains,
@@ -20,6 +19,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     velocity_lag,
 )
 from auvid.hydro.identification.checks.response import Response, tone_share
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import (
     ATTITUDE,
     GYRO,

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from auvid.hydro.identification.checks.motion_checks import AxisGains, response_gains
+from auvid.hydro.identification.checks.motion_checks import response_gains
 from auvid.hydro.identification.checks.response import Response
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.ingest.health.actuation import responses
 from auvid.stages.ingest.health.actuation.push_answers import OWN_PUSH, weak_forces
 

@@ -12,15 +12,14 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks import motion_checks
 from auvid.hydro.identification.checks.motion_checks import (
     BLOCK_ROWS,
-    AxisGains,
     angles_at,
     depth_gains,
     down_at,
-    fitted_gains,
     gains_by_lag,
     integrals,
     velocity_lag,
 )
+from auvid.hydro.identification.checks.robust_gains import AxisGains, fitted_gains
 
 T_ATTITUDE, T_VELOCITY = np.arange(0.0, 60.0, 0.1), np.arange(0.03, 60.0, 0.125)
 
