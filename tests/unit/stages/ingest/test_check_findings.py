@@ -905,7 +905,6 @@ def test_a_lag_that_the_vehicle_file_states_is_no_finding_and_one_that_is_not_th
     late_s: float, stated_s: float
 ) -> None:
     log = sound()
-    drive(log, RIGHT_ORDER)
     of_a_vehicle("bluerov2_heavy", "sensors", "dvl", "lag", value=stated_s)(log)
     log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] + int(1e6 * late_s)
     clocks = [item for item in log.health()["findings"] if item["id"] in CLOCKS]
