@@ -128,7 +128,8 @@ def robust_fits(y: Array, design: Array) -> RobustFits:
 def solved(full: Array, target: Array, keep: Mask) -> tuple[Array, Array]:
     """Return gains (b, k) of target (b, n) on full (b, n, k), and the fits (b, n).
 
-    By least squares of the rows to keep (b, n). Of columns that say the same the sum has the least squares.
+    By the rows to keep (b, n). Of gains that fit alike, as of two columns that say the
+    same, these have the least sum of squares.
     """
     weighted = full * keep[..., None]
     moment = (weighted.swapaxes(1, 2) @ target[..., None])[..., 0]
