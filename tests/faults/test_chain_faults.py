@@ -170,7 +170,7 @@ REFUSED: dict[str, tuple[Edit, str, tuple[str, ...]]] = {
     "LEG_OUTSIDE_LOG": (
         replaced(MANIFEST, "start_s: 20, end_s: 29", "start_s: 600, end_s: 640"),
         "resample",
-        ("leg 'check' lies outside log 'run'", "600 to 640 s"),
+        ("legs that lie outside the log", "leg 'check': start_s is 600, log 'run' has 29.9 s"),
     ),
     "INERTIA_SINGULAR": (
         edited_vehicle(
