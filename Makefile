@@ -134,6 +134,8 @@ regress: $(RUN)
 # Two or more workers; campaigns that several tests look at run once for all of them. Byte code is
 # kept even where the environment says not to: tests start dozens of programs.
 test test-all: export PYTHONDONTWRITEBYTECODE =
+# What tests write stays in memory where that has 2 GB to spare (they take .3): else they wait for the disk.
+test: export PYTEST_DEBUG_TEMPROOT = $(shell [ -w /dev/shm ] && df -kP /dev/shm | awk 'NR == 2 && $$4 > 2e6 { print "/dev/shm" }')
 test: $(TEST)
 	pytest -n auto --dist worksteal -m "not release"
 

@@ -93,7 +93,7 @@ def write_output(path: Path, content: bytes) -> None:
     with writable(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, "it is a folder")
-        if path.exists() and (not path.is_file() or path.absolute().parts[1] in ("dev", "proc")):
+        if path.exists() and (not path.is_file() or _of_the_system(path)):
             with path.open("ab") as device:
                 device.write(content)
             return
@@ -101,6 +101,12 @@ def write_output(path: Path, content: bytes) -> None:
         target.parent.mkdir(parents=True, exist_ok=True)
         remove_temporary_files(target.parent, of=target.name)
         _write(target, content)
+
+
+def _of_the_system(path: Path) -> bool:
+    """Return whether a path names an open file (/dev/fd/3), not one of a RAM disk."""
+    top, *rest = path.absolute().parts[1:]
+    return top == "proc" or (top == "dev" and rest[:1] != ["shm"])
 
 
 def _write(path: Path, content: bytes | Generator[bytes]) -> None:

@@ -9,6 +9,7 @@ import errno
 import json
 import os
 import stat
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -243,6 +244,15 @@ def test_output_goes_through_links_and_into_what_is_no_file(tmp_path: Path) -> N
         write_output(Path("/dev/full"), b"x")
     with pytest.raises(PipelineError, match="it is a folder"):
         write_output(tmp_path, b"x")
+
+
+@pytest.mark.skipif(not os.access("/dev/shm", os.W_OK), reason="no RAM disk")
+def test_a_file_of_a_ram_disk_is_replaced() -> None:
+    with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
+        path = Path(folder, "page.html")
+        path.write_text("old")
+        write_output(path, b"new")
+        assert path.read_bytes() == b"new"
 
 
 @pytest.mark.parametrize("kind", ["fifo", "device"])
