@@ -353,6 +353,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
     low_pass = _low_pass_blocks(
         inputs,
+        training,
         {
             cards[name].title: terms
             for name, terms in leaning_terms(fits, coloured, data.errors.low_pass).items()
@@ -405,11 +406,14 @@ def _lag(
     return fit, [remark(lag_words(lag, spread), "note" if lag.by_gyro else "warning")]
 
 
-def _low_pass_blocks(inputs: Inputs, leaning: Mapping[str, Sequence[str]]) -> list[Block]:
+def _low_pass_blocks(
+    inputs: Inputs, training: Sequence[str], leaning: Mapping[str, Sequence[str]]
+) -> list[Block]:
     """Return a warning on a low-pass that leans coefficients, by title of the model."""
     if not leaning or inputs.fusion is None:
         return []
-    cutoffs = [item.cutoff_hz for item in inputs.fusion.values() if item.cutoff_hz is not None]
+    used = [inputs.fusion[key].cutoff_hz for key in training if key in inputs.fusion]
+    cutoffs = [cutoff for cutoff in used if cutoff is not None]
     return [remark(low_pass_words(min(cutoffs), leaning), "warning")]
 
 
