@@ -130,7 +130,8 @@ def test_many_lags_take_the_memory_of_a_few_and_give_the_same(
     used = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     for one, other in zip(few, every, strict=True):
-        assert one is not None and other is not None
+        assert one is not None
+        assert other is not None
         for name, value in vars(one).items():
             np.testing.assert_allclose(value, getattr(other, name), rtol=1e-9, err_msg=name)
     assert len({None if gains is None else float(gains.gain[0]) for gains in few}) == len(lags)
