@@ -18,7 +18,7 @@ ROBUST_ROUNDS = 3
 ROBUST_SPREADS = 4.0
 """Windows further off than so many spreads (1.48 times the median) are left out."""
 MAIN_PART = 0.3
-"""A column moves the target much if it does so by this part of what the first one does."""
+"""A column moves the target much if it does so by this part of the one that does most."""
 LEAST_EIGENVALUE = 1e-10
 """Of the moments of scaled columns: what is below it of the largest counts as none."""
 
@@ -64,13 +64,13 @@ class RobustFits:
 
     def gains(self) -> list[AxisGains | None]:
         """Return the gains of each fit; None where its rows are too few."""
-        own = np.diagonal(self.inverse, axis1=1, axis2=2)[:, :-1]
-        sd = np.sqrt(self.left[:, None] * np.maximum(own, 0.0))
+        variance = np.diagonal(self.inverse, axis1=1, axis2=2)[:, :-1]
+        sd = np.sqrt(self.left[:, None] * np.maximum(variance, 0.0))
         sd = np.where(self.spread > 0.0, sd, np.inf)
-        share = own * self.spread**2 * self.count[:, None]
-        free = np.divide(1.0, share, out=np.zeros_like(share), where=share > 0.0)
+        share = variance * self.spread**2 * self.count[:, None]
+        own_share = np.divide(1.0, share, out=np.zeros_like(share), where=share > 0.0)
         return [
-            AxisGains(self.gain[b, :-1], sd[b], float(self.explained[b]), int(count), free[b])
+            AxisGains(self.gain[b, :-1], sd[b], float(self.explained[b]), int(count), own_share[b])
             if count
             else None
             for b, count in enumerate(self.count)
