@@ -40,16 +40,24 @@ def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_
 
     Empty for clocks so slow that hardly any window would hold a sample.
     """
-    if (ends - starts) / width_s > 10.0 * min(t.size for t in clocks):
-        return np.zeros(0)
-    at = np.arange(starts, ends - width_s, width_s)
+    return windows_until(starts, np.array([ends]), *clocks, width_s=width_s)[0]
+
+
+def windows_until(
+    starts: float, ends: Array, *clocks: Array, width_s: float = WINDOW_S
+) -> list[Array]:
+    """Return the begins of `windows` for ends (k,), in one pass over the clocks."""
+    usable = (ends - starts) / width_s <= 10.0 * min(t.size for t in clocks)
+    at = np.arange(starts, np.max(ends[usable], initial=starts) - width_s, width_s)
     good: Mask = np.ones(at.size, dtype=np.bool_)
     for t in clocks:
         pauses = np.flatnonzero(np.diff(t) > LONGEST_STEP_S)
         first, last = np.searchsorted(at + width_s, t[pauses]), np.searchsorted(at, t[pauses + 1])
         for low, high in zip(first, last, strict=True):
             good[low:high] = False
-    return at[good]
+    at = at[good]
+    stops = np.where(usable, ends - width_s, -np.inf)
+    return [at[at < stop] for stop in stops]
 
 
 def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> Array:
@@ -361,7 +369,7 @@ def gains_by_lag(
     parts = np.hstack([taken, np.column_stack([motion, motion * np.abs(motion)])])
     lags = np.asarray(lags_s, dtype=np.float64)
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
-    starts = [windows(start, stop, t_force, t_motion, width_s=width_s) for stop in end]
+    starts = windows_until(start, end, t_force, t_motion, width_s=width_s)
     tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
     if not tried:
         return [None] * lags.size
