@@ -20,6 +20,9 @@ BETWEEN_WORDS = re.compile(r"(?<=[a-z]{3})_(?=[a-z]{3})|(?<=\bas)_")
 """No mark of an index, which follows one letter: X_udot."""
 DOT = "\u0307"
 
+LEAST_FIT = -100.0
+"""Fit [%] below which a simulated motion has nothing to do with the measured one."""
+
 
 def significant(value: float | None, digits: int = 3, *, sign: str = "", empty: str = "-") -> str:
     """Return a number to some significant digits, without an exponent below a million.
@@ -59,6 +62,17 @@ def as_printed(value: float | None, *, places: int = 4, sign: str = "", empty: s
 def percent(share: float | None, digits: int = 3, *, sign: str = "", empty: str = "-") -> str:
     """Return a share in percent: `0.5 %`."""
     return empty if share is None else f"{significant(100.0 * share, digits, sign=sign)} %"
+
+
+def fit_in_percent(percent: float | None) -> str:
+    """Return a fit [%] of a motion: beyond twice what the mean errs, no figure tells more.
+
+    >>> fit_in_percent(61.4), fit_in_percent(-1506369.0), fit_in_percent(float("nan"))
+    ('61 %', 'below -100 %', 'not judged')
+    """
+    if percent is None or not math.isfinite(percent):
+        return "not judged"
+    return f"{percent:.0f} %" if percent >= LEAST_FIT else f"below {LEAST_FIT:.0f} %"
 
 
 def with_unit(words: str, unit: str) -> str:

@@ -45,6 +45,7 @@ from auvid.stages.fit_axes.flight import (
 from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
 from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
 from auvid.stages.model_use import TILTS, axes_listed
+from auvid.stages.number_format import fit_in_percent
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
 
@@ -233,11 +234,12 @@ def _refused(
     turned = _turned_round(fit.axis, using, vehicle, options)
     if turned >= SIMULATED_PERCENT and turned > percent:
         words = (
-            f"{AGAINST} (turned round it is flown to {turned:.0f} %, as it is to {percent:.0f} %)"
+            f"{AGAINST} (turned round it is flown to {fit_in_percent(turned)}, as it is to"
+            f" {fit_in_percent(percent)})"
         )
         return Lacking(fit.axis, "wrong sign", words)
     if percent < 0.0:
-        words = f"on what was held out its mean is the better guess ({percent:.0f} %)"
+        words = f"on what was held out its mean is the better guess ({fit_in_percent(percent)})"
         return Lacking(fit.axis, "not predicted", words)
     return None
 

@@ -16,7 +16,7 @@ from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
 from auvid.stages.fit_axes.markers import markers_words
 from auvid.stages.model_use import axes_listed, ratio_words
-from auvid.stages.number_format import significant
+from auvid.stages.number_format import LEAST_FIT, fit_in_percent, significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import (
     Block,
@@ -115,13 +115,14 @@ def _fit_tables(fits: AxisFits) -> list[Block]:
     rows = [
         [
             words_of(item.axis),
-            item.held_out_percent,
-            item.training_percent,
+            _figure(item.held_out_percent),
+            _figure(item.training_percent),
             item.windows,
             item.seconds,
             item.lag_s,
             item.measured_by,
-            "; ".join(f"{part.what} {part.percent:.0f} %" for part in item.held_out) or "nothing",
+            "; ".join(f"{part.what} {fit_in_percent(part.percent)}" for part in item.held_out)
+            or "nothing",
         ]
         for item in fits.fitted
     ]
@@ -146,16 +147,23 @@ def _leg_rows(item: FittedAxis) -> list[list[str | float | None]]:
     name = words_of(item.axis)
     by_validation = dict(item.whole_legs)
     rows: list[list[str | float | None]] = [
-        [name, leg, "validation" if leg in by_validation else "fitted", percent, windows,
-         by_validation.get(leg)]
+        [name, leg, "validation" if leg in by_validation else "fitted", _figure(percent),
+         windows, _figure(by_validation.get(leg))]
         for leg, (percent, windows) in item.per_leg.items()
     ]  # fmt: skip
     rows += [
-        [name, part.what.removeprefix("leg "), "left out", part.percent, part.windows, part.one_run]
+        [name, part.what.removeprefix("leg "), "left out", _figure(part.percent), part.windows,
+         _figure(part.one_run)]
         for part in item.held_out
         if part.what.startswith("leg ")
-    ]
+    ]  # fmt: skip
     return rows + [[name, leg, why, None, None, None] for leg, why in item.unused_legs.items()]
+
+
+def _figure(percent: float | None) -> float | str | None:
+    """Return a fit [%] for a table: words where it is far from any motion."""
+    lost = percent is not None and percent < LEAST_FIT
+    return fit_in_percent(percent) if lost else percent
 
 
 def _coefficients(card: ModelCard) -> list[Block]:

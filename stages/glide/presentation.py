@@ -13,7 +13,7 @@ from auvid.hydro.identification.glide.fit import UNKNOWNS
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
 from auvid.stages.glide.glider import Glider
 from auvid.stages.glide.legs import GlideLegs
-from auvid.stages.number_format import estimate, significant
+from auvid.stages.number_format import estimate, fit_in_percent, significant
 from auvid.stages.presentation import (
     Block,
     equation,
@@ -111,7 +111,8 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
             f"At {abs(np.degrees(mean_pitch(glides))):.1f} deg of pitch: C_D"
             f" {_with_interval(*at['C_D'])}, angle of attack"
             f" {_with_interval(*(np.degrees(item) for item in at['alpha']))} deg;"
-            f" depth rates of held-out glides are predicted to {comparison.fit_percent:.0f} %.",
+            " depth rates of held-out glides are predicted to"
+            f" {fit_in_percent(comparison.fit_percent)}.",
             "finding",
         )
     ]

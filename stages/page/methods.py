@@ -12,6 +12,7 @@ from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
+from auvid.stages.number_format import fit_in_percent
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Summary
 from auvid.stages.presentation import paste, section
 
@@ -178,7 +179,7 @@ def _models(cards: Mapping[str, ModelCard], summary: Summary) -> list[str]:
 def _parts(part: PartialFigures) -> list[str]:
     """Return which axes a partial model has, how they were judged, and its newtons."""
     judged = [
-        f"{AXIS_WORDS[axis]} {item.held_out_percent:.0f} %"
+        f"{AXIS_WORDS[axis]} {fit_in_percent(item.held_out_percent)}"
         for axis, item in part.axes.items()
         if item.held_out_percent is not None
     ]

@@ -11,6 +11,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.model_use import FITTED, axes_listed, partial_words, ratio_words
 from auvid.stages.number_format import (
+    fit_in_percent,
     fixed,
     places_of_error,
     printed_unit,
@@ -78,7 +79,7 @@ def summarise_axes(
 
 
 def _explanation(part: PartialFigures, fits: Mapping[str, float], words: str) -> str:
-    judged = [f"{AXIS_WORDS[axis]} {fit:.0f} %" for axis, fit in fits.items()]
+    judged = [f"{AXIS_WORDS[axis]} {fit_in_percent(fit)}" for axis, fit in fits.items()]
     sentences = []
     if judged:
         sentences.append(
@@ -103,7 +104,7 @@ def _facts(part: PartialFigures, logs: Mapping[str, LogInfo], card: ModelCard) -
     facts = [
         Fact(
             f"{AXIS_WORDS[axis]}, held out",
-            "not judged" if item.held_out_percent is None else f"{item.held_out_percent:.0f} %",
+            fit_in_percent(item.held_out_percent),
             item.name,
         )
         for axis, item in part.axes.items()

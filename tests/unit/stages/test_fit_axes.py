@@ -101,6 +101,20 @@ def test_what_is_lacking_has_its_reason() -> None:
     }
 
 
+def test_a_run_that_is_lost_has_words_in_place_of_a_fit_in_percent() -> None:
+    lost = HeldOutFit("leg two", -1506369.0, 3, -1506369.0)
+    one, *others = fits(False).fitted
+    item = replace(
+        one, held_out=(lost, HeldOutFit("even windows", float("nan"), 2)), training_percent=-5e5
+    )
+    fitted = replace(fits(False), fitted=(item, *others))
+    card = card_of(fitted, vehicle("bluerov2_heavy"))
+    printed = str(fit_section(fitted, card))
+    assert "leg two below -100 %; even windows not judged" in printed
+    assert "1506369" not in printed
+    assert "500000" not in printed
+
+
 @pytest.mark.parametrize(
     ("axis", "verdict", "word"),
     [
