@@ -65,7 +65,7 @@ def percent(share: float | None, digits: int = 3, *, sign: str = "", empty: str 
 
 
 def fit_in_percent(percent: float | None) -> str:
-    """Return a fit [%] of a motion: beyond twice what the mean errs, no figure tells more.
+    """Return the fit [%] of a motion; none below that of twice the error of the mean.
 
     >>> fit_in_percent(61.4), fit_in_percent(-1506369.0), fit_in_percent(float("nan"))
     ('61 %', 'below -100 %', 'not judged')
