@@ -8,7 +8,7 @@ Nothing here decides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -294,30 +294,47 @@ def velocity_lag(
     there: of a periodic motion, free gains make any lag fit. None for too few windows. No
     other lag is tried where 0 explains `enough`.
     """
-    shares: dict[float, float] = {}
     lags = np.asarray(lags_s, dtype=np.float64)
     rates = down_at(t_velocity, t_attitude, euler) * velocity
-    for lag in (*lags[lags == 0.0], *lags[lags != 0.0]):
+    shares: dict[float, float] = {}
+    # As many lags at a time as the memory for their windows allows.
+    most = max(int(MOST_WINDOWS * WINDOW_S / max(np.ptp(t_depth), WINDOW_S)), 1)
+    others = lags[lags != 0.0]
+    for tried in (lags[lags == 0.0], *np.split(others, range(most, others.size, most))):
         if shares.get(0.0, -np.inf) >= enough:
             break
-        late = t_velocity - lag
-        for shared in (
-            _rise_and_parts(
-                t_depth, depth, t_attitude, late, down_at(late, t_attitude, euler) * velocity
-            ),
-            _rise_and_parts(t_depth + lag, depth, t_attitude, t_velocity, rates),
-        ):
-            if shared is None:
-                continue
-            fit = robust_fits(shared[0][None], shared[1][None])
-            main = fit.main_gains(0)
-            near_one = bool(((main > LAG_GAINS[0]) & (main < LAG_GAINS[1])).all())
-            if fit.count[0] and (lag == 0.0 or near_one):
-                shares[float(lag)] = max(float(fit.explained[0]), shares.get(float(lag), -np.inf))
+        parts = []
+        for lag in tried:
+            late = t_velocity - lag
+            turned = down_at(late, t_attitude, euler) * velocity
+            parts += [
+                (float(lag), _rise_and_parts(t_depth, depth, t_attitude, late, turned)),
+                (float(lag), _rise_and_parts(t_depth + lag, depth, t_attitude, t_velocity, rates)),
+            ]
+        shares |= _shares_by_lag([(lag, part) for lag, part in parts if part is not None])
     if 0.0 not in shares:
         return None
     best = max(shares, key=lambda lag: shares[lag])
     return best, shares[best], shares[0.0]
+
+
+def _shares_by_lag(parts: Sequence[tuple[float, tuple[Array, Array]]]) -> dict[float, float]:
+    """Return the share of the rise that its parts explain, for lags that count.
+
+    Of the fits of one lag the better one.
+    """
+    if not parts:
+        return {}
+    fit = robust_fits(
+        stacked([rise for _, (rise, _) in parts]), stacked([moved for _, (_, moved) in parts])
+    )
+    shares: dict[float, float] = {}
+    for number, (lag, _) in enumerate(parts):
+        main = fit.main_gains(number)
+        near_one = bool(((main > LAG_GAINS[0]) & (main < LAG_GAINS[1])).all())
+        if fit.count[number] and (lag == 0.0 or near_one):
+            shares[lag] = max(float(fit.explained[number]), shares.get(lag, -np.inf))
+    return shares
 
 
 def own_and_cross(first: Array, second: Array) -> Array:
@@ -347,6 +364,11 @@ def response_gains(
     by_lag = gains_by_lag(
         t_force, acceleration, t_motion, motion, lags_s=lags_s, width_s=width_s, coupled=coupled
     )
+    return most_explained(by_lag)
+
+
+def most_explained(by_lag: Sequence[AxisGains | None]) -> AxisGains | None:
+    """Return the gains that explain most; None where there are none."""
     return max(
         (gains for gains in by_lag if gains is not None),
         key=lambda gains: gains.explained,
@@ -365,20 +387,45 @@ def gains_by_lag(
     coupled: Array | None = None,
 ) -> list[AxisGains | None]:
     """Return the gains of `response_gains` at each lag behind the forces."""
-    taken = np.zeros((len(motion), 0)) if coupled is None else coupled
-    parts = np.hstack([taken, np.column_stack([motion, motion * np.abs(motion)])])
+    motions = motion[:, None]
+    (by_lag,) = gains_by_motion(
+        t_force, acceleration, t_motion, motions, lags_s=lags_s, width_s=width_s, coupled=coupled
+    )
+    return by_lag
+
+
+def gains_by_motion(
+    t_force: Array,
+    acceleration: Array,
+    t_motion: Array,
+    motions: Array,
+    *,
+    lags_s: ArrayLike,
+    width_s: float = 0.5,
+    coupled: Array | None = None,
+) -> list[list[AxisGains | None]]:
+    """Return the gains of `response_gains` in each motion (m, j), at each lag."""
+    taken = np.zeros((len(motions), 0)) if coupled is None else coupled
     lags = np.asarray(lags_s, dtype=np.float64)
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
     starts = windows_until(start, end, t_force, t_motion, width_s=width_s)
     tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
     if not tried:
-        return [None] * lags.size
+        return [[None] * lags.size for _ in motions.T]
     # One pass over the samples serves many lags, and one batch their fits.
     most = max(MOST_WINDOWS // max(at.size for _, at in tried), 1)
-    by_lag: dict[float, AxisGains] = {}
-    for group in (tried[first : first + most] for first in range(0, len(tried), most)):
-        by_lag |= _gains_of(group, t_force, acceleration, t_motion, motion, taken, parts, width_s)
-    return [by_lag.get(float(lag)) for lag in lags]
+    groups = [tried[first : first + most] for first in range(0, len(tried), most)]
+    together = max(MOST_WINDOWS // len(motions), 1)
+    out: list[list[AxisGains | None]] = []
+    for first in range(0, motions.shape[1], together):
+        some = motions[:, first : first + together]
+        by_lag: list[dict[float, AxisGains]] = [{} for _ in some.T]
+        for group in groups:
+            fits = _gains_of(group, t_force, acceleration, t_motion, some, taken, width_s)
+            for number, lag, gains in fits:
+                by_lag[number][lag] = gains
+        out += [[each.get(float(lag)) for lag in lags] for each in by_lag]
+    return out
 
 
 def _gains_of(
@@ -386,35 +433,43 @@ def _gains_of(
     t_force: Array,
     acceleration: Array,
     t_motion: Array,
-    motion: Array,
+    motions: Array,
     taken: Array,
-    parts: Array,
     width_s: float,
-) -> dict[float, AxisGains]:
-    """Return the gains at lags with the begins of their windows, by lag, in one pass.
+) -> Iterator[tuple[int, float, AxisGains]]:
+    """Yield motion, lag and gains at lags with the begins of their windows (one pass).
 
-    parts (n, k): what acts beside the forces, of which `taken` is known.
+    taken (m, l): what is known of what acts beside the forces.
     """
     every = np.concatenate([at for _, at in tried])
     later = np.concatenate([at + lag for lag, at in tried])
     edges = np.cumsum([at.size for _, at in tried])[:-1]
-    columns = np.hstack(
-        [
-            integrals(t_force, acceleration, every, width_s),
-            integrals(t_motion, parts, later, width_s),
-        ]
-    )
-    change = np.interp(later + width_s, t_motion, motion) - np.interp(later, t_motion, motion)
+    pushed = integrals(t_force, acceleration, every, width_s)
+    number = motions.shape[1]
+    coupling = integrals(t_motion, taken, later, width_s)
+    drag = integrals(t_motion, np.hstack([motions, motions * np.abs(motions)]), later, width_s)
+    columns = [np.hstack([pushed, coupling, drag[:, [j, number + j]]]) for j in range(number)]
+    changes = [
+        np.interp(later + width_s, t_motion, motion) - np.interp(later, t_motion, motion)
+        for motion in motions.T
+    ]
     count = acceleration.shape[1]
-    design, target = stacked(np.split(columns, edges)), stacked(np.split(change, edges))
+    design = stacked([part for each in columns for part in np.split(each, edges)])
+    target = stacked([part for each in changes for part in np.split(each, edges)])
     there = np.isfinite(target)
     aside = np.where(there[..., None], design[..., count : count + taken.shape[1]], 0.0)
     aside = np.concatenate([aside, np.ones((*there.shape, 1))], axis=2)
     target = target - solved(aside, np.where(there, target, 0.0), there)[1]
-    return {
-        float(lag): AxisGains(
-            gains.gain[:count], gains.sd[:count], gains.explained, gains.count, gains.own[:count]
-        )
-        for (lag, _), gains in zip(tried, robust_fits(target, design).gains(), strict=True)
-        if gains is not None
-    }
+    for place, gains in enumerate(robust_fits(target, design).gains()):
+        if gains is not None:
+            yield (
+                place // len(tried),
+                float(tried[place % len(tried)][0]),
+                AxisGains(
+                    gains.gain[:count],
+                    gains.sd[:count],
+                    gains.explained,
+                    gains.count,
+                    gains.own[:count],
+                ),
+            )

@@ -10,7 +10,13 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
-from auvid.hydro.identification.checks.motion_checks import angles_at, gains_by_lag, response_gains
+from auvid.hydro.identification.checks.motion_checks import (
+    angles_at,
+    gains_by_lag,
+    gains_by_motion,
+    most_explained,
+    response_gains,
+)
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
@@ -105,9 +111,9 @@ def push_responses(
     `turning`: beside it act the forces that turns make of the motion in other axes.
     """
     for axis, by_lag in push_lags(log, axes, lags_s=lags_s, turning=turning):
-        there = [gains for gains in by_lag if gains is not None]
-        if there:
-            yield axis, max(there, key=lambda gains: gains.explained)
+        gains = most_explained(by_lag)
+        if gains is not None:
+            yield axis, gains
 
 
 def push_lags(
@@ -237,13 +243,11 @@ def exchanged_answers(log: CheckedLog, response: Mapping[str, AxisGains]) -> Ite
     t_s, pushed = thrust
     at = log.t_s("velocity")
     speed, turns = log.body_velocity()[:, :2], coupling(log, 0, at)
-    crossed = _turned_gains(t_s, pushed[:, [1, 0]], at, speed, 0.0)
-    own = sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, 0.0))
-    other = sum(item.explained for item in crossed)
-    with_turns = [
-        sum(item.explained for item in _turned_gains(t_s, force, at, speed, 0.0, turns))
+    own, other, *with_turns = (
+        sum(item.explained for item in _turned_gains(t_s, force, at, speed, [0.0], coupled)[0])
+        for coupled in (None, turns)
         for force in (pushed, pushed[:, [1, 0]])
-    ]
+    )
     if other - own > ANSWER_GAP and with_turns[0] - with_turns[1] < TURNS_GAP:
         yield finding(
             "velocity_axes",
@@ -277,16 +281,14 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
     turns = {f"turned by {angle} degrees": np.radians(-angle) for angle in range(-150, 180, 30)}
     turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
     candidates = {**turns, "over ground": -heading}
+    answers = _turned_gains(t_s, pushed, at, speed, list(candidates.values()))
     shares = {
-        words: sum(
-            item.explained
-            for item in _turned_gains(t_s, pushed, at, speed, angle)
-            if item.gain[0] > 0.0
-        )
-        for words, angle in candidates.items()
+        words: sum(item.explained for item in gains if item.gain[0] > 0.0)
+        for words, gains in zip(candidates, answers, strict=True)
     }
     # A wrong sign is another finding.
-    own = sum(max(item.explained, 0.0) for item in _turned_gains(t_s, pushed, at, speed, 0.0))
+    unturned = answers[list(candidates).index("turned by 0 degrees")]
+    own = sum(max(item.explained, 0.0) for item in unturned)
     best = max(shares, key=lambda words: shares[words])
     if best == "turned by 0 degrees" or shares[best] - own < ANSWER_GAP:
         return
@@ -294,8 +296,8 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
         return
     coupled = coupling(log, 0, at)
     with_turns, as_it_is = (
-        sum(item.explained for item in _turned_gains(t_s, pushed, at, speed, angle, coupled))
-        for angle in (candidates[best], 0.0)
+        sum(item.explained for item in gains)
+        for gains in _turned_gains(t_s, pushed, at, speed, [candidates[best], 0.0], coupled)
     )
     if as_it_is - with_turns > TURNS_GAP:
         return
@@ -321,20 +323,23 @@ def _turned_gains(
     pushed: Array,
     at: Array,
     speed: Array,
-    angle: float | Array,
+    angles: Sequence[float | Array],
     coupled: Array | None = None,
-) -> list[AxisGains]:
-    """Return gains of surge and sway of a velocity (m, 2) turned by an angle."""
-    cosine, sine = np.cos(angle), np.sin(angle)
+) -> list[list[AxisGains]]:
+    """Return gains of surge and sway of a velocity (m, 2) turned by each angle."""
+    turns = [(np.cos(angle), np.sin(angle)) for angle in angles]
     turned = (
-        cosine * speed[:, 0] - sine * speed[:, 1],
-        sine * speed[:, 0] + cosine * speed[:, 1],
+        np.column_stack([cosine * speed[:, 0] - sine * speed[:, 1] for cosine, sine in turns]),
+        np.column_stack([sine * speed[:, 0] + cosine * speed[:, 1] for cosine, sine in turns]),
     )
-    gains = [
-        response_gains(t_s, pushed[:, [axis]], at, motion, coupled=coupled)
-        for axis, motion in enumerate(turned)
+    by_axis = [
+        gains_by_motion(t_s, pushed[:, [axis]], at, motions, lags_s=USUAL_LAGS_S, coupled=coupled)
+        for axis, motions in enumerate(turned)
     ]
-    return [item for item in gains if item is not None]
+    return [
+        [gains for by_lag in axes if (gains := most_explained(by_lag)) is not None]
+        for axes in zip(*by_axis, strict=True)
+    ]
 
 
 def pushes_apart(first: Array, second: Array) -> bool:
