@@ -32,8 +32,8 @@ from auvid.pipeline.cli import app
 from auvid.pipeline.execution.generate_dvc import bounds, default_of
 from auvid.pipeline.graph import AnyStage
 from auvid.pipeline.output import COMMON, EXIT_CODES, PANELS
-from auvid.stages import KINDS, STAGES
 from auvid.stages.base import ports
+from auvid.stages.registry import KINDS, STAGES
 
 WRITTEN = "Written by `make declarations` from {}: edit that, not this page."
 DOCUMENTS: Mapping[str, tuple[str, str]] = {

@@ -20,8 +20,8 @@ from auvid.pipeline.execution.generate_dvc import bounds, default_of
 from auvid.pipeline.graph import AnyStage
 from auvid.pipeline.output import answer
 from auvid.pipeline.terminal import table
-from auvid.stages import STAGES
 from auvid.stages.base import ports
+from auvid.stages.registry import STAGES
 
 PORT_MEANINGS = {
     "raw_log": "the log's files, memory-mapped",

@@ -15,7 +15,7 @@ from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Sil
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
 from auvid.pipeline.output import OUTPUT
-from auvid.stages import KINDS, STAGES
+from auvid.stages.registry import KINDS, STAGES
 
 
 def open_run(name: str, workspace: Workspace | None = None) -> Run:

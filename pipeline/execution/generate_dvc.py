@@ -239,7 +239,7 @@ def main(names: Sequence[str] = ("params.yaml", "dvc.yaml")) -> None:
     """
     from auvid.pipeline.campaigns.yaml_files import load_yaml
     from auvid.pipeline.store.atomic_files import write_atomically
-    from auvid.stages import KINDS, STAGES
+    from auvid.stages.registry import KINDS, STAGES
 
     params = Path("params.yaml")
     document = load_yaml(params).value if params.is_file() else {}

@@ -37,8 +37,7 @@ The first three are matched so that no statement is seen in them.
 def import_closure(module: str) -> dict[str, Path]:
     """Return source and data files that a module depends on, itself included, by name.
 
-    A package's `__init__` counts only where something is imported from it:
-    `stages/__init__.py` names all stages, and no stage depends on the others.
+    A package's `__init__` counts only where something is imported from it.
     """
     closure: dict[str, Path] = {}
     waiting = [module]

@@ -484,14 +484,7 @@ def meaning(symbol: str) -> str:
 @lru_cache(maxsize=4096)
 def verdict_of(words: str) -> str:
     """The class of a verdict: good, fair, poor or none; empty for other words."""
-    return next(
-        (
-            kind
-            for name, kind in VERDICTS.items()
-            if words == name or words.startswith(f"{name} from ")
-        ),
-        "",
-    )
+    return VERDICTS.get(words) or VERDICTS.get(words.partition(" from ")[0], "")
 
 
 def heat(ratio: float | None) -> str:

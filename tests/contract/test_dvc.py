@@ -11,8 +11,8 @@ import pytest
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import campaign_kinds, dvc_yaml
 from auvid.pipeline.graph import Graph, stages_of_kind
-from auvid.stages import KINDS, STAGES
 from auvid.stages.base import Stage, ports
+from auvid.stages.registry import KINDS, STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
 DVC: dict[str, Any] = read_yaml((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]

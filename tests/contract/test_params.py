@@ -13,8 +13,8 @@ from auvid.data_schemas.schemas import schema_names
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import default_of, params_yaml
 from auvid.pipeline.graph import MANIFEST_PORTS, Graph, stages_of_kind
-from auvid.stages import KINDS, REPRODUCTION_KINDS, STAGES
 from auvid.stages.base import Stage, make_params, ports
+from auvid.stages.registry import KINDS, REPRODUCTION_KINDS, STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
 AnyStage = Stage[Any, Any, Any]

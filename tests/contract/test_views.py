@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from auvid.stages import STAGES
 from auvid.stages.base import Stage, ports
+from auvid.stages.registry import STAGES
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: stage.name)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, Interval
-from auvid.hydro.identification.fleet.scatter import between_dives
+from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives
 
 LEVEL = 0.05
 """Probability that a fleet without an outlying dive has one named, all its dives and all
@@ -85,17 +85,46 @@ def outlying_dives(
     looks = []
     for name, (y, s, dives, of) in series.items():
         for dive in _farthest_first(y, s, dives, of):
-            looks.append(_look(name, y, s, dives, of, dive, level))
+            looks.append(_look(name, y, s, dives, of, dive))
             if looks[-1].p > min(level, HOPELESS * level / count):
                 break
     outlying = []
     for rank, look in enumerate(sorted(looks, key=lambda item: item.p)):
         if look.p > level / (count - rank):
             break
-        outlying.append(look)
-    return tuple(
-        OutlyingDive(**{**vars(item), "differences": differences(conditions or {}, item.dive)})
-        for item in outlying
+        outlying.append(_outlying(look, level, differences(conditions or {}, look.dive)))
+    return tuple(outlying)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A dive held against the others: its figure, and how improbable it is (two-sided)."""
+
+    figure: str
+    dive: int
+    value: float
+    standard_error: float
+    others: BetweenDives
+    deviation: float
+    p: float
+
+
+def _outlying(
+    look: _Look, level: float, different: tuple[ConditionDifference, ...]
+) -> OutlyingDive:
+    low, high = (
+        float(look.others.next_dive_quantile(share, look.standard_error))
+        for share in (0.5 * level, 1.0 - 0.5 * level)
+    )
+    return OutlyingDive(
+        dive=look.dive,
+        figure=look.figure,
+        value=look.value,
+        standard_error=look.standard_error,
+        expected=(low, high),
+        deviation=look.deviation,
+        p=look.p,
+        differences=different,
     )
 
 
@@ -109,9 +138,7 @@ def _farthest_first(y: Array, s: Array, dives: Ints, of: Ints) -> list[int]:
     return [int(dive) for dive in dives[order]]
 
 
-def _look(
-    name: str, y: Array, s: Array, dives: Ints, of: Ints, dive: int, level: float
-) -> OutlyingDive:
+def _look(name: str, y: Array, s: Array, dives: Ints, of: Ints, dive: int) -> _Look:
     """Return how a dive departs from the others, whether much or little."""
     from scipy.special import ndtri
 
@@ -122,22 +149,16 @@ def _look(
     scatter = between_dives(y[others], s[others], levels=levels)
     # The tail that it lies in, without loss of digits in the upper one.
     below = float(scatter.next_dive_share(y[dive], s[dive]))
-    mirrored = between_dives(-y[others], s[others], levels=levels)
-    above = float(mirrored.next_dive_share(-y[dive], s[dive]))
+    above = float(scatter.next_dive_share(y[dive], s[dive], more=True))
     tail = min(below, above)
-    low, high = (
-        float(scatter.next_dive_quantile(share, s[dive]))
-        for share in (0.5 * level, 1.0 - 0.5 * level)
-    )
-    return OutlyingDive(
-        dive=dive,
+    return _Look(
         figure=name,
+        dive=dive,
         value=float(y[dive]),
         standard_error=float(s[dive]),
-        expected=(low, high),
+        others=scatter,
         deviation=float(-ndtri(tail) if above < below else ndtri(tail)),
         p=2.0 * tail,
-        differences=(),
     )
 
 

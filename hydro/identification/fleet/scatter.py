@@ -58,14 +58,18 @@ class BetweenDives:
         """
         return _quantile(share, self.weight, self.mean, self._next_dive_sd(error))
 
-    def next_dive_share(self, value: ArrayLike, error: ArrayLike = 0.0) -> Array:
-        """Return the probability (...) that a further dive shows less than `value`."""
-        return _mixture(
-            np.asarray(value, dtype=np.float64),
-            self.weight,
-            self.mean,
-            self._next_dive_sd(error),
-        )
+    def next_dive_share(
+        self, value: ArrayLike, error: ArrayLike = 0.0, *, more: bool = False
+    ) -> Array:
+        """Return the probability (...) that a further dive shows less than `value`.
+
+        `more`: that it shows more, to as many digits.
+        """
+        from scipy.special import ndtr
+
+        away = np.asarray(value, dtype=np.float64)[..., None] - self.mean
+        score = (-away if more else away) / self._next_dive_sd(error)
+        return np.asarray((self.weight * ndtr(score)).sum(axis=-1))
 
     def tau_quantile(self, share: float) -> Array:
         """Return the quantile (...) of tau."""
@@ -160,13 +164,6 @@ def typical_error(errors: ArrayLike) -> Array:
     w = 1.0 / np.asarray(errors, dtype=np.float64) ** 2
     total = w.sum(axis=-1)
     return np.asarray(np.sqrt((w.shape[-1] - 1) * total / (total**2 - (w**2).sum(axis=-1))))
-
-
-def _mixture(value: Array, weight: Array, mean: Array, sd: Array) -> Array:
-    """Return the distribution function (...) of normals with weights (..., g)."""
-    from scipy.special import ndtr
-
-    return np.asarray((weight * ndtr((value[..., None] - mean) / sd)).sum(axis=-1))
 
 
 def _quantile(share: float, weight: Array, mean: Array, sd: Array) -> Array:

@@ -19,10 +19,11 @@ from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.execution.task_inputs import log_files, log_source
 from auvid.pipeline.graph import stages_of_kind
-from auvid.stages import KINDS, STAGES, ingest
+from auvid.stages import ingest
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
+from auvid.stages.registry import KINDS, STAGES
 
 
 @dataclass(frozen=True)

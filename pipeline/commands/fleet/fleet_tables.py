@@ -24,6 +24,10 @@ from auvid.stages.page.first_screen import ALL, AXIS_WORDS
 Rows = list[dict[str, Any]]
 MOST_LINES = 10_000
 """Of a table that wait as Python objects."""
+INSTALLATION, THRUSTERS = "installation", "thrusters"
+"""In place of a model: figures of how sensors sit, and strengths of thrusters."""
+UNNAMED = "not named"
+"""Vehicle of a log that names none."""
 VELOCITY_OF = dict(zip(AXES, "uvwpqr", strict=True))
 
 

@@ -16,6 +16,7 @@ from auvid.hydro.arrays import AXES
 from auvid.hydro.identification.fleet.drag import drag_terms
 from auvid.hydro.identification.fleet.figures import covariance_of, figures_of_installation
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterStrength
+from auvid.pipeline.commands.fleet.fleet_tables import INSTALLATION, THRUSTERS
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE
 from auvid.stages import report
@@ -26,8 +27,6 @@ from auvid.stages.synthesise.wiring import strengths, thruster_legs
 
 DETERMINED = ("identified", "weak", "persistently exciting")
 USES = ("control", "simulation", "forces")
-INSTALLATION, THRUSTERS = "installation", "thrusters"
-"""In place of a model: figures of how sensors sit, and strengths of thrusters."""
 
 
 def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:

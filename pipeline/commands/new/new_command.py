@@ -11,7 +11,7 @@ from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.execution.generate_dvc import dvc_yaml, params_yaml
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.stages import KINDS, STAGES
+from auvid.stages.registry import KINDS, STAGES
 
 EXAMPLE = "example"
 

@@ -26,8 +26,8 @@ from auvid.pipeline.graph import ONCE, select
 from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.atomic_files import REMEDIES, TEMPORARY, sync_folder, write_atomically
 from auvid.pipeline.terminal import path_from_here, table
-from auvid.stages import STAGES
 from auvid.stages.reference_check import Tolerance
+from auvid.stages.registry import STAGES
 
 DEFAULT_TOLERANCES = "default_tolerances.yaml"
 MOST_ROWS = 20

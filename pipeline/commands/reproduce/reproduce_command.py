@@ -34,10 +34,10 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, Graph, stages_of_kind
 from auvid.pipeline.output import answer
 from auvid.pipeline.store.manifest import Manifest
-from auvid.stages import KINDS, STAGES
 from auvid.stages.base import make_params
 from auvid.stages.number_format import fixed
 from auvid.stages.reference_check import ReferenceCheck
+from auvid.stages.registry import KINDS, STAGES
 
 __all__ = ["Reproduced", "open_reproduction", "print_tables", "reproduce"]
 

@@ -22,7 +22,7 @@ from auvid.pipeline.campaigns.vehicle_files import published_coefficients, read_
 from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.pipeline.store.atomic_files import readable
-from auvid.stages import KINDS, STAGES
+from auvid.stages.registry import KINDS, STAGES
 
 FILE = "reproduce.yaml"
 FOLDER = "reproduce"

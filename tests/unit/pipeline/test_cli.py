@@ -28,8 +28,8 @@ from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.commands.run import run_command, run_summary
-from auvid.stages import STAGES
 from auvid.stages.base import ports
+from auvid.stages.registry import STAGES
 from tests.support import toy_stages
 
 LOOKING = ("inspect", "diff", "history")
@@ -383,12 +383,26 @@ def test_bars_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert bars._bars.tasks[-1].completed == 2
 
 
-def test_declarations_of_stages_load_nothing_heavy() -> None:
-    """Ports and parameters are read without what only the work needs."""
-    program = "import sys; from auvid.stages import STAGES; print(len(STAGES), *sys.modules)"
+def loaded_by(statements: str) -> set[str]:
+    """Return the modules that a fresh Python has after some statements."""
+    program = f"{statements}; import sys; print(*sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
-    count, *loaded = done.stdout.split()
-    assert int(count) == len(STAGES)
-    assert not set(loaded) & {"scipy", "pandas", "numba", "rerun", "latex2mathml"}
+    return set(done.stdout.split())
+
+
+def test_declarations_of_stages_load_nothing_heavy() -> None:
+    """Ports and parameters are read without what only the work needs."""
+    loaded = loaded_by("import auvid.stages.registry")
+    assert {stage.run.__module__ for stage in STAGES} <= loaded
+    assert not loaded & {"scipy", "pandas", "numba", "rerun", "latex2mathml"}
+
+
+def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
+    loaded = loaded_by(
+        "import auvid.pipeline.commands.fleet.report.fleet_page,"
+        " auvid.pipeline.commands.fleet.find_command"
+    )
+    assert not loaded & {stage.run.__module__ for stage in STAGES}
+    assert not loaded & {"auvid.stages.registry", "scipy", "pandas"}

@@ -14,7 +14,7 @@ import pytest
 from auvid.export.targets import TARGETS
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli, completion
-from auvid.stages import STAGES
+from auvid.stages.registry import STAGES
 
 
 @pytest.fixture

@@ -8,25 +8,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow.compute as pc
 from markupsafe import Markup
 
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.fleet.alarms import FEWEST_BEFORE, ChangeAlarm
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
-from auvid.pipeline.commands.fleet.fleet_tables import read_table
+from auvid.pipeline.commands.fleet.fleet_tables import UNNAMED, read_table
+from auvid.pipeline.commands.fleet.report.coefficient_columns import COLUMNS, Coefficients
 from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     ALL_DRAGS,
-    COLUMNS,
     DiveFigure,
     VehicleFigures,
     in_time,
-    main_models,
     vehicle_figures,
 )
-from auvid.pipeline.commands.fleet.surveys.log_traits import UNNAMED
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
 from auvid.stages.number_format import estimate, significant, term, true_minus
@@ -53,32 +50,38 @@ def write_page(fleet: FleetFolder, *, by_name: bool = False) -> None:
 
     by_name: names of files are in order of time.
     """
-    tables = {name: read_table(fleet, name).to_pylist() for name in ("runs", "findings")}
-    every = read_table(fleet, "coefficients", COLUMNS)
-    drawn = pc.equal(every["axis"], "")
-    for vehicle, model in main_models(tables["runs"]).items():
-        own = pc.and_(pc.equal(every["model"], model), pc.equal(every["vehicle"], vehicle))
-        drawn = pc.or_(drawn, own)
-    tables["coefficients"] = every.filter(drawn).select(COLUMNS).to_pylist()
+    rows = {name: read_table(fleet, name).to_pylist() for name in ("runs", "findings")}
+    coefficients = Coefficients.of_table(read_table(fleet, "coefficients", COLUMNS))
     index = json.loads(fleet.index.read_text(encoding="utf-8"))
-    write_atomically(fleet.page, fleet_page(str(index["disk"]), tables, by_name=by_name))
+    page = fleet_page(
+        str(index["disk"]), rows["runs"], rows["findings"], coefficients, by_name=by_name
+    )
+    write_atomically(fleet.page, page)
 
 
-def fleet_page(title: str, tables: Mapping[str, Sequence[Row]], *, by_name: bool = False) -> bytes:
-    """Return the page of a fleet as HTML, from rows of runs, findings, coefficients.
+def fleet_page(
+    title: str,
+    logs: Sequence[Row],
+    findings: Sequence[Row],
+    coefficients: Coefficients,
+    *,
+    by_name: bool = False,
+) -> bytes:
+    """Return the page of a fleet as HTML, from the tables of its logs (`runs`), findings
+    and coefficients.
 
     by_name: names of files are in order of time.
     """
-    runs = sorted(tables["runs"], key=in_time(by_name))
-    vehicles = vehicle_figures(tables["coefficients"], runs, by_name=by_name)
+    runs = sorted(logs, key=in_time(by_name))
+    vehicles = vehicle_figures(coefficients, runs, by_name=by_name)
     names = {row["log"]: _name(row) for row in runs}
     documents = {
         "usable": _usable_section(runs, order=1),
         "states": _states_section(runs, order=5),
-        "findings": _findings_section(tables["findings"], runs, order=3),
+        "findings": _findings_section(findings, runs, order=3),
         "figures": _figures_section(vehicles, names, order=4),
         "changes": _changes_section(vehicles, names, order=2),
-        "time": _time_section(runs, tables["findings"], order=6),
+        "time": _time_section(runs, findings, order=6),
     }
     pictures = [
         *time_picture(runs),

@@ -18,8 +18,8 @@ from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_div
 from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
 from auvid.hydro.identification.fleet.trend import FEWEST_DIVES as FEWEST_OF_TREND
 from auvid.hydro.identification.fleet.trend import Trend, clear_trends, trend
-from auvid.pipeline.commands.fleet.fleet_tables import finite
-from auvid.pipeline.commands.fleet.run_results import INSTALLATION, THRUSTERS
+from auvid.pipeline.commands.fleet.fleet_tables import INSTALLATION, THRUSTERS, finite
+from auvid.pipeline.commands.fleet.report.coefficient_columns import Coefficients
 from auvid.stages.number_format import significant
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import degrees
@@ -45,9 +45,6 @@ drag is looked for more than other figures (decisions 0072, 0079).
 """
 RISES = 0.8
 """Part of a drag's that rises have: what fouls or loads a hull adds to it (decision 0079)."""
-COLUMNS = ["log", "vehicle", "model", "axis", "term", "unit", "value", "standard_error"]
-COLUMNS += ["verdict", "correlation"]
-"""Of table `coefficients`: what is read of it."""
 NONE_SINCE = "changed, and no dive since then measures it"
 NO_ORDER = "changed, and the order of its dives is unknown"
 UNKNOWN_SINCE = (NONE_SINCE, NO_ORDER)
@@ -118,22 +115,22 @@ class VehicleFigures:
 
 
 def vehicle_figures(
-    coefficients: Sequence[Row], runs: Sequence[Row], *, by_name: bool = False
+    coefficients: Coefficients, runs: Sequence[Row], *, by_name: bool = False
 ) -> list[VehicleFigures]:
     """Return the figures of each vehicle, of the model that most of its dives take.
 
     Dives are in order of their clocks. A name of a file is no time: one without a clock
     has no place, unless the user says that names are in order (`by_name`).
     """
-    by_vehicle: dict[str, list[Row]] = defaultdict(list)
-    for row in coefficients:
-        by_vehicle[row["vehicle"]].append(row)
     main = main_models(runs)
+    without_axis = coefficients.among("axis", {""})
     vehicles = []
-    for vehicle, rows in sorted(by_vehicle.items()):
+    for vehicle in sorted(coefficients.words["vehicle"]):
         model = main.get(vehicle, "")
-        chosen = [row for row in rows if row["model"] == model or not row["axis"]]
-        logs = {row["log"] for row in chosen}
+        own = coefficients.among("vehicle", {vehicle})
+        own &= without_axis | coefficients.among("model", {model})
+        chosen = coefficients.where(own)
+        logs = {chosen.words["log"][code] for code in np.unique(chosen.codes["log"])}
         dives = sorted((row for row in runs if row["log"] in logs), key=in_time(by_name))
         vehicles.append(_of_vehicle(vehicle, model, chosen, dives, by_name=by_name))
     clear = clear_trends(
@@ -170,10 +167,11 @@ def in_time(by_name: bool) -> Callable[[Row], tuple[bool, str, str]]:
 
 
 def _of_vehicle(
-    vehicle: str, model: str, rows: Sequence[Row], dives: Sequence[Row], *, by_name: bool
+    vehicle: str, model: str, rows: Coefficients, dives: Sequence[Row], *, by_name: bool
 ) -> VehicleFigures:
     """Return the figures of a vehicle; `trends`: all, clear or not."""
     figures = tuple(_figures(rows, dives))
+    strengths = rows.where(rows.among("model", {THRUSTERS})).rows()
     series = {item.name: (item.values, item.errors) for item in figures}
     watched = {
         item.name: series[item.name]
@@ -205,8 +203,8 @@ def _of_vehicle(
         outlying_dives(watched, _conditions(dives), levels=levels) if watched else (),
         alarms,
         {name: item for name, item in trends.items() if item is not None},
-        tuple(row for row in rows if row["model"] == THRUSTERS and row["verdict"] in GIVES_LESS),
-        tuple(_unseen(rows)),
+        tuple(row for row in strengths if row["verdict"] in GIVES_LESS),
+        tuple(_unseen(strengths)),
         {
             name: firsts[-1]
             for name, firsts in changes.items()
@@ -244,12 +242,11 @@ def alarm_shares(names: Sequence[str]) -> dict[str, float]:
     }
 
 
-def _unseen(rows: Sequence[Row]) -> Iterator[str]:
+def _unseen(strengths: Sequence[Row]) -> Iterator[str]:
     """Yield the thrusters of which no dive tells the strength, and why."""
     verdicts: dict[str, Counter[str]] = defaultdict(Counter)
-    for row in rows:
-        if row["model"] == THRUSTERS:
-            verdicts[row["term"]][row["verdict"] if row["value"] is None else ""] += 1
+    for row in strengths:
+        verdicts[row["term"]][row["verdict"] if row["value"] is None else ""] += 1
     for name, counts in sorted(verdicts.items()):
         if not counts[""]:
             why = ", ".join(f"{verdict} in {count}" for verdict, count in counts.most_common())
@@ -282,14 +279,15 @@ def _changes(item: DiveFigure, alarms: Sequence[ChangeAlarm]) -> list[int]:
     return []
 
 
-def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
+def _figures(rows: Coefficients, dives: Sequence[Row]) -> Iterator[DiveFigure]:
     """Yield drag at a common speed, of all axes, then other figures of two dives.
 
     Two dives decide that a figure is shown; all dives that measure it count in it.
     """
     logs = tuple(row["log"] for row in dives)
     place = {log: index for index, log in enumerate(logs)}
-    drags = list(_drags(rows, dives, place))
+    damping = {term for axis in AXIS_WORDS for term in drag_terms(axis)}
+    drags = list(_drags(rows.where(rows.among("term", damping)).rows(), dives, place))
     yield from (item for _, item in drags)
     together = common_drag([(item.values, item.errors) for _, item in drags])
     if together is not None:
@@ -299,34 +297,34 @@ def _figures(rows: Sequence[Row], dives: Sequence[Row]) -> Iterator[DiveFigure]:
         for axis, item in drags
         for term in drag_terms(axis)
     }
-    units: dict[str, str] = {}
-    cells: dict[str, dict[int, tuple[float, float]]] = defaultdict(dict)
-    determined: Counter[str] = Counter()
-    for row in rows:
-        certain = finite(row["value"]) and finite(row["standard_error"])
-        of_thruster = row["model"] == THRUSTERS
-        verdicts = THRUSTER_VERDICTS if of_thruster else MEASURED
-        if not certain or row["standard_error"] <= 0.0 or row["verdict"] not in verdicts:
+    place_of_code = np.array([place.get(log, -1) for log in rows.words["log"]], dtype=np.int64)
+    strengths = rows.among("model", {THRUSTERS})
+    measured = np.where(
+        strengths, rows.among("verdict", THRUSTER_VERDICTS), rows.among("verdict", MEASURED)
+    )
+    error = rows.numbers["standard_error"]
+    certain = measured & np.isfinite(rows.numbers["value"]) & np.isfinite(error) & (error > 0.0)
+    for group in rows.where(certain).groups("model", "axis", "term"):
+        of = group.where(group.codes["unit"] == group.codes["unit"][0])
+        sure = of.among("model", {THRUSTERS}) | of.among("verdict", FIGURE_VERDICTS)
+        if np.count_nonzero(sure) < FEWEST_DIVES:
             continue
-        name = _name(row)
-        units.setdefault(name, row["unit"])
-        if units[name] == row["unit"]:
-            cells[name][place[row["log"]]] = row["value"], row["standard_error"]
-            determined[name] += of_thruster or row["verdict"] in FIGURE_VERDICTS
-    for name, items in cells.items():
-        if determined[name] >= FEWEST_DIVES:
-            values, errors = _columns(items, len(logs))
-            factor, unit = degrees(units[name])  # before intervals are written as text
-            drag = within.get(name, ())
-            yield DiveFigure(name, unit, logs, factor * values, factor * errors, not drag, drag)
+        name = _name(of.texts("model")[0], of.texts("axis")[0], of.texts("term")[0])
+        values, errors = np.full((2, len(logs)), np.nan)
+        at = place_of_code[of.codes["log"]]
+        values[at], errors[at] = of.numbers["value"], of.numbers["standard_error"]
+        # Before intervals are written as text.
+        factor, unit = degrees(of.texts("unit")[0])
+        drag = within.get(name, ())
+        yield DiveFigure(name, unit, logs, factor * values, factor * errors, not drag, drag)
 
 
-def _name(row: Row) -> str:
-    if row["axis"]:
-        return f"{row['axis']}_{row['term']}"
-    if row["model"] == THRUSTERS:
-        return str(row["term"])
-    return f"{'sensor' if row['model'] == INSTALLATION else row['model']}: {row['term']}"
+def _name(model: str, axis: str, term: str) -> str:
+    if axis:
+        return f"{axis}_{term}"
+    if model == THRUSTERS:
+        return term
+    return f"{'sensor' if model == INSTALLATION else model}: {term}"
 
 
 def _drags(

@@ -11,11 +11,11 @@ from auvid.data_schemas.records.fleet import MotionTrace
 from auvid.data_schemas.tables import column
 from auvid.hydro.arrays import Array
 from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.pipeline.commands.fleet.fleet_tables import UNNAMED
 
 TRACE_STEP_S, MOST_STEPS = 0.5, 2000
 FIRST_YEAR = 2000
 """A clock before this was never set."""
-UNNAMED = "not named"
 SERIAL = "BRD_SERIAL_NUM"
 OFFSETS = (
     ("INS_ACCOFFS_X", "INS_ACCOFFS_Y", "INS_ACCOFFS_Z"),

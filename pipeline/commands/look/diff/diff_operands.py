@@ -21,8 +21,8 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task_inputs import Artefact, artefacts_of
 from auvid.pipeline.graph import Port
 from auvid.pipeline.store.manifest import Manifest
-from auvid.stages import STAGES
 from auvid.stages.base import make_params, ports
+from auvid.stages.registry import STAGES
 from auvid.stages.report.difference.signals import Side, Signals, place_of_view, signals_of_view
 
 VARIANT = re.compile(r"([A-Za-z_]\w*)\.([A-Za-z_]\w*)=(.+)")

@@ -9,7 +9,7 @@ import pytest
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import main, params_yaml
-from auvid.stages import STAGES
+from auvid.stages.registry import STAGES
 
 
 def written(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> str:

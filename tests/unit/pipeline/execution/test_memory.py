@@ -11,7 +11,7 @@ import pytest
 
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.execution import memory
-from auvid.stages import KINDS
+from auvid.stages.registry import KINDS
 
 VEHICLES = {"rov": Path(__file__).resolve().parents[4] / "vehicles" / "bluerov2_heavy.yaml"}
 MANIFEST = """kind: identification

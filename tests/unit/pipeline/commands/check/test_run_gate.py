@@ -14,8 +14,8 @@ from auvid.data_schemas.checks import log_findings
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.commands.check.run_gate import refusal
-from auvid.stages import KINDS
 from auvid.stages.fuse import Params as FuseParams
+from auvid.stages.registry import KINDS
 from auvid.stages.resample import Params as ResampleParams
 from tests.support.sound_log import Log, sound
 

@@ -21,9 +21,9 @@ from auvid.pipeline.commands.new.log_survey import unused_words
 from auvid.pipeline.commands.new.refusal import NoCampaignError
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.pipeline.output import OUTPUT
-from auvid.stages import KINDS
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.registry import KINDS
 from tests.support.tank_runs import noisy, tank_run, write_csv
 from tests.support.tools import ROOT
 

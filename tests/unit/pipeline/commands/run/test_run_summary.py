@@ -25,9 +25,9 @@ from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_bytes
 from auvid.pipeline.store.manifest import Record
-from auvid.stages import KINDS as STAGE_KINDS
-from auvid.stages import STAGES
 from auvid.stages.presentation import remark, section
+from auvid.stages.registry import KINDS as STAGE_KINDS
+from auvid.stages.registry import STAGES
 from tests.support.example_run import example_run
 from tests.support.toy_stages import KINDS, VEHICLES, write_campaign
 

@@ -27,8 +27,8 @@ from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.file_hashes import hash_file
 from auvid.pipeline.store.manifest import Manifest, Record
-from auvid.stages import STAGES
 from auvid.stages.base import ports
+from auvid.stages.registry import STAGES
 from auvid.stages.report.difference.signals import (
     Side,
     coefficient_changes,

@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from auvid.data_schemas.schemas import schema
-from auvid.pipeline.commands.fleet.fleet_folder import TABLES
+from auvid.pipeline.commands.fleet.fleet_tables import THRUSTERS
 from auvid.pipeline.commands.fleet.report.fleet_page import fleet_page
 from auvid.pipeline.commands.fleet.report.vehicle_figures import vehicle_figures
-from auvid.pipeline.commands.fleet.run_results import THRUSTERS
+from tests.support.fleet_rows import Row, as_columns, empty_row
 
-Row = dict[str, Any]
 LINEAR, QUADRATIC = 4.0, 30.0
 """Damping of surge [N/(m/s), N/(m/s)^2]."""
 SPEED = 0.3
 DIVES = 10
-
-
-def empty_row(table: str) -> Row:
-    fillings = {"string": "", "int64": 0, "float64": None, "bool": False}
-    columns = schema(TABLES[table]).columns
-    return {name: fillings[str(item.dtype)] for name, item in columns.items()}
 
 
 def tables(
@@ -93,18 +83,23 @@ def tables(
     return {"runs": runs, "coefficients": coefficients, "findings": [], "verdicts": []}
 
 
+def page_of(rows: dict[str, list[Row]]) -> str:
+    columns = as_columns(rows["coefficients"])
+    return fleet_page("disk", rows["runs"], rows["findings"], columns).decode()
+
+
 @pytest.mark.parametrize(("newtons", "verdict"), [(False, "identified"), (True, "from the prior")])
 def test_no_drag_of_models_without_newtons_nor_of_priors(newtons: bool, verdict: str) -> None:
     rows = tables(newtons=newtons)
     for row in rows["coefficients"]:
         row["verdict"] = verdict
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     assert not any(name.startswith("drag") for name in rov.pooled)
 
 
 def test_drag_at_a_common_speed_is_watched_not_its_terms() -> None:
     rows = tables(fouled_from=6)
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     (alarm,) = rov.alarms
     assert alarm.figure == "drag in surge at 0.3 m/s"
     assert rov.dives[alarm.first_dive] == "dive6"
@@ -114,20 +109,20 @@ def test_drag_at_a_common_speed_is_watched_not_its_terms() -> None:
 
 def test_a_healthy_fleet_raises_nothing_and_gives_the_next_dive() -> None:
     rows = tables()
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     assert (rov.alarms, rov.outlying, rov.trends, rov.weak) == ((), (), {}, ())
     true = LINEAR * SPEED + QUADRATIC * SPEED**2
     next_dive = rov.pooled["drag in surge at 0.3 m/s"].next_dive
     assert next_dive is not None
     assert next_dive[0] < true < next_dive[1]
-    page = fleet_page("disk", rows).decode()
+    page = page_of(rows)
     assert "surge control 10" in page
     assert "They agree on drag in surge at 0.3 m/s" in page
     assert "look at" not in page.partition("</h1>")[0]
 
 
 def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> None:
-    page = fleet_page("disk", tables(fouled_from=6, weak=True)).decode()
+    page = page_of(tables(fouled_from=6, weak=True))
     assert "look at rov first: drag in surge at 0.3 m/s changed by" in page
     assert "drag in surge at 0.3 m/s changed by" in page
     assert "thruster 3 is weak in dive9.BIN" in page
@@ -138,25 +133,25 @@ def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> Non
 
 def test_the_next_dive_after_a_change_comes_from_the_dives_since() -> None:
     rows = tables(fouled_from=6)
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     pooled = rov.pooled["drag in surge at 0.3 m/s"]
     fouled = 1.5 * (LINEAR * SPEED + QUADRATIC * SPEED**2)
     assert (pooled.dives, pooled.earlier) == (4, 6)
     assert pooled.next_dive is not None
     assert 0.9 * fouled < pooled.next_dive[0] < fouled < pooled.next_dive[1] < 1.1 * fouled
     assert rov.since["X_u"] == rov.since["drag in surge at 0.3 m/s"] == 6
-    page = fleet_page("disk", rows).decode()
+    page = page_of(rows)
     assert "Since the last change: drag in surge at 0.3 m/s" in page
     assert "4 dives from dive6.BIN (2024-05-07) on; the next" in page
 
 
 def test_dives_of_several_autopilots_or_of_no_name_are_not_pooled_without_a_word() -> None:
     rows = tables(fouled_from=6)
-    page = fleet_page("disk", rows).decode()
+    page = page_of(rows)
     assert "its dives are of 2 autopilots, 9 with serial number 1, 1 with serial number 2" in page
     for row in rows["runs"]:
         row["board"], row["vehicle"] = "", "not named (ArduSub)"
-    page = fleet_page("disk", rows).decode()
+    page = page_of(rows)
     assert "autopilots" not in page
     assert f"no log names its vehicle, and {DIVES} dives are taken for those of one" in page
 
@@ -175,13 +170,13 @@ def test_a_term_without_a_dive_since_the_change_has_no_next_dive(
             row["standard_error"] *= 0.07
     for row in rows["runs"][: 0 if clock else 2]:
         row["start_utc"] = None
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     assert [alarm.figure for alarm in rov.alarms] == ["drag in surge at 0.3 m/s"]
     assert rov.pooled["X_u"].dives == len(measured)
     assert rov.pooled["X_u"].next_dive is None
     assert "X_u" not in rov.since
     assert rov.pooled["X_u"].refusal.startswith("changed, and ")
-    assert rov.pooled["X_u"].refusal in fleet_page("disk", rows).decode()
+    assert rov.pooled["X_u"].refusal in page_of(rows)
 
 
 def test_a_thruster_of_which_no_dive_tells_is_named() -> None:
@@ -189,7 +184,7 @@ def test_a_thruster_of_which_no_dive_tells_is_named() -> None:
     for row in rows["coefficients"]:
         if row["model"] == THRUSTERS:
             row |= {"value": None, "standard_error": None, "verdict": "not excited"}
-    (rov,) = vehicle_figures(rows["coefficients"], rows["runs"])
+    (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])
     assert rov.weak == ()
-    page = fleet_page("disk", rows).decode()
+    page = page_of(rows)
     assert "rov: no dive tells the strength of thruster 3 (not excited in 10)." in page

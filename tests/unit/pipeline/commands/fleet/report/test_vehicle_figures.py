@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
-from auvid.data_schemas.schemas import schema
 from auvid.hydro.arrays import Array
-from auvid.pipeline.commands.fleet.fleet_folder import TABLES
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
     VehicleFigures,
     alarm_shares,
     alarms_of,
     vehicle_figures,
 )
+from tests.support.fleet_rows import Row, as_columns, empty_row
 
-Row = dict[str, Any]
 IDENTIFIED_AT = 4.0
 """Standard errors from which on a dive calls a coefficient identified."""
-
-
-def empty_row(table: str) -> Row:
-    fillings = {"string": "", "int64": 0, "float64": None, "bool": False}
-    columns = schema(TABLES[table]).columns
-    return {name: fillings[str(item.dtype)] for name, item in columns.items()}
 
 
 def dive(number: int, *, clock: bool = True, speed: float | None = None) -> Row:
@@ -61,7 +51,7 @@ def of_one_term(values: Array, errors: Array, *, term: str = "v*r") -> VehicleFi
         coefficient(f"dive{number}", term, value, error, "identified" if sure else "weak")
         for number, (value, error, sure) in enumerate(zip(values, errors, clear, strict=True))
     ]
-    (rov,) = vehicle_figures(rows, [dive(number) for number in range(len(values))])
+    (rov,) = vehicle_figures(as_columns(rows), [dive(number) for number in range(len(values))])
     return rov
 
 
@@ -96,9 +86,9 @@ def test_names_of_files_are_no_time() -> None:
         for number, value in enumerate(values)
     ]
     runs = [dive(number, clock=False) for number in range(10)]
-    (rov,) = vehicle_figures(rows, runs)
+    (rov,) = vehicle_figures(as_columns(rows), runs)
     assert (rov.alarms, rov.order_unknown) == ((), 10)
-    (rov,) = vehicle_figures(rows, runs, by_name=True)
+    (rov,) = vehicle_figures(as_columns(rows), runs, by_name=True)
     assert [alarm.first_dive for alarm in rov.alarms] == [5]
     assert rov.order_unknown == 0
 
@@ -113,7 +103,7 @@ def test_a_term_at_its_bound_drops_no_drag() -> None:
             ("u*|u|", -40.0, 2.0, "identified"),
         )
     ]
-    (rov,) = vehicle_figures(rows, runs)
+    (rov,) = vehicle_figures(as_columns(rows), runs)
     (drag,) = (item for item in rov.figures if item.name.startswith("drag"))
     np.testing.assert_allclose(drag.values, 10.0)
     np.testing.assert_allclose(drag.errors, 0.5)
@@ -125,7 +115,7 @@ def test_an_angle_and_its_interval_have_one_unit() -> None:
         coefficient(f"dive{number}", "angle x", 0.02, 0.001, "identified") | {"unit": "rad"}
         for number in range(4)
     ]
-    (rov,) = vehicle_figures(rows, [dive(number) for number in range(4)])
+    (rov,) = vehicle_figures(as_columns(rows), [dive(number) for number in range(4)])
     (figure,) = rov.figures
     assert figure.unit == "deg"
     np.testing.assert_allclose(figure.values, np.degrees(0.02))
