@@ -1,1 +1,1 @@
-"""The stages of auvid; `registry` names them all, and those of each kind of campaign."""
+"""The stages of auvid; `registry` has them all, and those of each kind of campaign."""

@@ -98,7 +98,7 @@ def outlying_dives(
 
 @dataclass(frozen=True)
 class _Look:
-    """A dive held against the others: its figure, and how improbable it is (two-sided)."""
+    """A dive against the others: its figure, and how improbable that is, two-sided."""
 
     figure: str
     dive: int

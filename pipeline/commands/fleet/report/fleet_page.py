@@ -67,10 +67,9 @@ def fleet_page(
     *,
     by_name: bool = False,
 ) -> bytes:
-    """Return the page of a fleet as HTML, from the tables of its logs (`runs`), findings
-    and coefficients.
+    """Return the page of a fleet as HTML, from its tables.
 
-    by_name: names of files are in order of time.
+    `logs`: rows of table `runs`. by_name: names of files are in order of time.
     """
     runs = sorted(logs, key=in_time(by_name))
     vehicles = vehicle_figures(coefficients, runs, by_name=by_name)
