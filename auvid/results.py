@@ -16,6 +16,7 @@ from auvid.frames import as_frame
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.models import VehicleModel
 from auvid.pipeline.commands.open_run import open_run as open_folder
+from auvid.pipeline.commands.run.answer import answer_of
 from auvid.pipeline.commands.run.run_command import execute
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
@@ -135,13 +136,30 @@ class RunResults(Mapping[str, Any]):
 
     @property
     def answer(self) -> str:
-        """Return what the run says in words: verdict, uses, coefficients, what is missing."""
-        text: bytes = self["report/answer"]
-        return text.decode("utf-8")
+        """Return what the run says in words: verdict, uses, coefficients, what is missing.
+
+        Of a dive of a fleet too, whose page is drawn when it is first asked for.
+        """
+        if "report/answer" in self._artefacts:
+            text: bytes = self["report/answer"]
+            return text.decode("utf-8")
+        if words := answer_of(self._run):
+            return words
+        raise DataError(
+            "the run has no answer yet: a stage before its report has not been run",
+            value=self.name,
+            remedy=f'auvid.run("{self.name}")',
+        )
 
     @property
     def report(self) -> Path:
-        """Return the path of the page."""
+        """Return the path of the page; `DataError` where it is not drawn."""
+        if "report/report_html" not in self._artefacts:
+            raise DataError(
+                "the page of the run is not drawn",
+                value=self.name,
+                remedy=f"auvid report {self.name}",
+            )
         return self._artefact("report/report_html").path
 
     @cached_property

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetCoefficient, FleetRun, FleetVerdict
 from auvid.data_schemas.records.models import AxisCard, ModelCard, RankingRecord, VelocityRange
 from auvid.data_schemas.records.motion import InstallationRecord
@@ -17,12 +16,11 @@ from auvid.hydro.identification.fleet.drag import drag_terms
 from auvid.hydro.identification.fleet.figures import covariance_of, figures_of_installation
 from auvid.hydro.identification.fleet.thruster_strength import ThrusterStrength
 from auvid.pipeline.commands.fleet.fleet_tables import INSTALLATION, THRUSTERS
-from auvid.pipeline.execution.runner import Place, Run
+from auvid.pipeline.commands.run.answer import answer_of
+from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE
-from auvid.stages import report
 from auvid.stages.model_use import damping_verdict
 from auvid.stages.page.first_screen import ALL
-from auvid.stages.report.summary.answer_text import answer_text
 from auvid.stages.synthesise.wiring import strengths, thruster_legs
 
 DETERMINED = ("identified", "weak", "persistently exciting")
@@ -43,7 +41,7 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
     ]
     choice = "" if ranking is None else ranking.choice or ""
     reached = [stage.name for stage in run.graph.stages if run.manifests[stage.name].records]
-    answer = _answer(run)
+    answer = answer_of(run)
     usable = bool(choice) or any(row.get("verdict") in DETERMINED for _, row in figures)
     headline = answer.partition("\n")[0]
     if not reason and not usable:
@@ -70,16 +68,6 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
         report=_path(run, "report_html", root) if answer else "",
         recording=_path(run, "recording", root) if answer else "",
     )
-
-
-def _answer(run: Run) -> str:
-    """Return what the report says in words; empty where a stage before it lacks."""
-    try:
-        task = run.task(run.graph.stage("report"), Place(ONCE))
-    except PipelineError:
-        return ""
-    inputs = report.Inputs(**{name: source.load() for name, source in task.sources.items()})
-    return answer_text(report.collect(inputs).summary)
 
 
 def _artefacts(run: Run, schema: str) -> Iterator[Any]:

@@ -73,7 +73,7 @@ class Coefficients:
         return [dict(zip(COLUMNS, cells, strict=True)) for cells in zip(*columns, strict=True)]
 
     def groups(self, *columns: str) -> Iterator[Coefficients]:
-        """Yield rows that are alike in some text columns, in order of their first ones."""
+        """Yield rows alike in some text columns, in order of the first of each."""
         sizes = [len(self.words[name]) for name in columns]
         alike = np.ravel_multi_index([self.codes[name] for name in columns], sizes)
         _, first, group = np.unique(alike, return_index=True, return_inverse=True)

@@ -88,10 +88,15 @@ def test_a_dive_is_drawn_when_it_is_asked_for(
     (row,) = (row for row in first.rows if row.result.report)
     page, run = fleet.root / row.result.report, open_run(str(fleet.campaign(row.log)))
     assert row.result.headline
+    results = auvid.open_run(fleet.campaign(row.log))
+    words = results.answer
+    with pytest.raises(auvid.PipelineError, match=f"auvid report {row.log}"):
+        print(results.report)
     assert not page.exists()
     recording = fleet.root / row.result.recording
     assert report_file(str(fleet.campaign(row.log))) == page
     answer = page.with_name("answer.txt").read_text(encoding="utf-8")
+    assert answer == words
     assert answer.partition("\n")[0] == row.result.headline
     assert draw_reports(fleet, None, Serial()) == []  # nothing is left to draw
     page.write_text("an older page")
