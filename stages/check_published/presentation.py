@@ -37,7 +37,6 @@ from auvid.stages.reference_check import (
     ReferenceCheck,
     Tolerance,
     check_rows,
-    count_bounds,
 )
 
 
@@ -231,8 +230,6 @@ def published_section(
         )
     ]
     if any(check.met is not None for check in checks):
-        words = f"Bounds on the printed tables: {count_bounds(checks)}."
-        blocks.append(remark(words, "warning" if missed else "finding"))
         blocks.append(table("What the bounds show", *evidence_table(rows), note=EVIDENCE_NOTE))
     blocks += [*(remark(words, "warning") for words in missed), *figures]
     for entry in published.tables:

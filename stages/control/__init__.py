@@ -33,6 +33,7 @@ from auvid.stages.control.presentation import (
     figures,
     flight_table,
     gains_table,
+    model_words,
     monte_carlo_part,
     tracking_blocks,
     tracking_table,
@@ -98,7 +99,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     rows, blocks = (
         figures(flown, models.plant.inputs),
         [
-            text(_words(models)),
+            text(_words(inputs.vehicle, models)),
             *_unstable(models, flown),
         ],
     )
@@ -130,9 +131,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _words(models: DesignModels) -> str:
-    names = ", ".join(models.designs)
-    return f"The vehicle that flies: {models.plant.title}. Controllers designed on: {names}."
+def _words(vehicle: Vehicle, models: DesignModels) -> str:
+    names = ", ".join(model_words(name) for name in models.designs)
+    flown = model_words(next(iter(models.designs)))
+    return (
+        f"{vehicle.title} flies with coefficients: {flown}. Controllers are designed on: {names}."
+    )
 
 
 def _unstable(models: DesignModels, flown: list[Flown]) -> list[Block]:

@@ -17,6 +17,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import STATES, Array
 from auvid.hydro.control.closed_loop import Performance
 from auvid.hydro.control.plants import ControlledPlant, InputLimits
+from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.stages.columns import ATTITUDE, POSE, VELOCITY
 from auvid.stages.control.flying import Flown
 from auvid.stages.number_format import in_words, significant
@@ -33,6 +34,13 @@ FORCES = tuple(
     f"disturbance_{axis}_{unit}"
     for axis, unit in zip("XYZKMN", ("N", "N", "N", "N_m", "N_m", "N_m"), strict=True)
 )
+INPUTS = {
+    "X_thrust": "thrust",
+    "delta_r": "rudder",
+    "delta_s_right": "stern fin, starboard",
+    "delta_s_left": "stern fin, port",
+}
+"""Inputs of a hybrid vehicle in words."""
 SHOWN_HZ = 10.0
 
 
@@ -244,7 +252,7 @@ def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
         [
             item.case.title,
             item.flight.title,
-            item.designed_on,
+            model_words(item.designed_on),
             *(
                 _rounded(value)
                 for value in (
@@ -270,8 +278,8 @@ def tracking_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Block]:
         if not np.isfinite(item.flown.chi).all():
             blocks.append(
                 remark(
-                    f"{item.case.title}, {item.flight.title}, designed on {item.designed_on}: the"
-                    " vehicle was lost.",
+                    f"{item.case.title}, {item.flight.title}, designed on"
+                    f" {model_words(item.designed_on)}: the vehicle was lost.",
                     "warning",
                 )
             )
@@ -292,15 +300,27 @@ def _designs_compared(flown: Sequence[Flown]) -> list[Block]:
     if len(of_model) < 2:
         return []
     errors = ", ".join(
-        f"{in_words(name)} {significant(error, 2)} m"
+        f"{model_words(name)} {significant(error, 2)} m"
         for name, error in of_model.items()
         if np.isfinite(error)
     )
     words = (
-        f"RMS distance from the path ({first.case.title}, {first.flight.title}) by the model that"
-        f" the controller is designed on: {errors}."
+        f"RMS cross-track by the model that the controller is designed on ({first.case.title},"
+        f" {first.flight.title}): {errors}."
     )
     return [remark(words, "finding")]
+
+
+def model_words(name: str) -> str:
+    """Return what a controller is designed on, in words.
+
+    >>> model_words("as_simulated"), model_words("identified (prestero)")
+    ('as simulated', 'identified (Prestero)')
+    """
+    source, _, form = name.removesuffix(")").partition(" (")
+    titles = {model.name: model.title for model in MODELS}
+    title = titles.get(form, in_words(form))
+    return f"{in_words(source)} ({title})" if form else titles.get(source, in_words(source))
 
 
 def _rounded(value: Any) -> float | None:
@@ -315,12 +335,8 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
     depth = [series("desired", desired[kept, 0], desired[kept, 2], "desired")]
     for item in flown:
         position = item.flown.chi[:, 6:9]
-        plan.append(
-            series(in_words(item.flight.name), position[:, 1], position[:, 0], item.flight.name)
-        )
-        depth.append(
-            series(in_words(item.flight.name), position[:, 0], position[:, 2], item.flight.name)
-        )
+        plan.append(series(item.flight.title, position[:, 1], position[:, 0], item.flight.name))
+        depth.append(series(item.flight.title, position[:, 0], position[:, 2], item.flight.name))
     blocks = [
         plot(
             f"{case.title}: path in plan",
@@ -343,7 +359,7 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
                     "m",
                     [
                         series(
-                            in_words(item.flight.name),
+                            item.flight.title,
                             item.flown.t_s,
                             item.errors.cross_track_m,
                             item.flight.name,
@@ -357,12 +373,10 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
     ]
     effort = [
         panel(
-            name,
+            INPUTS.get(name, in_words(name)),
             unit,
             [
-                series(
-                    in_words(item.flight.name), item.flown.t_s, item.flown.U[:, i], item.flight.name
-                )
+                series(item.flight.title, item.flown.t_s, item.flown.U[:, i], item.flight.name)
                 for item in flown
             ],
         )
@@ -379,7 +393,7 @@ def _trajectory_blocks(flown: Sequence[Flown], inputs: InputLimits) -> list[Bloc
             "rad",
             [
                 series(
-                    in_words(item.flight.name),
+                    item.flight.title,
                     item.flown.t_s,
                     item.flown.chi[:, 9 + i],
                     item.flight.name,

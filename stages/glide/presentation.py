@@ -61,8 +61,9 @@ def glide_section(
     if np.isfinite(glides.rows.speed_m_s).any():
         blocks.append(_speed_plot(comparison, glides))
     look = (
-        "Whether fitted depth rates follow dives and climbs alike: a step between the two is trim"
-        " or the pitch sensor, a slope along each glide water layers or the hull's compressibility."
+        "Whether fitted depth rates follow dives and climbs alike: a step between the two comes"
+        " from trim or the pitch sensor, a slope along each glide from layers of the water or the"
+        " hull's compressibility."
     )
     return section("Settled glides", blocks, order=20, look_for=look, is_open=True)
 
@@ -144,8 +145,8 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
         )
         words.append(
             remark(
-                f"Speed through the water was measured on {part}, in {speeds.mean():.0%} of the"
-                " stretches: it tells the lift.",
+                f"Speed through the water was measured on {part}, in"
+                f" {100.0 * speeds.mean():.0f} % of the stretches: it tells the lift.",
                 "note",
             )
         )

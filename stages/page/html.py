@@ -24,8 +24,10 @@ from markupsafe import Markup
 
 from auvid.stages.base import Document
 from auvid.stages.number_format import (
+    fixed,
     is_numeric,
     number,
+    places_of_error,
     printed_number,
     printed_unit,
     symbols,
@@ -339,13 +341,17 @@ def alerts(summary: Summary, sections: Mapping[str, Document]) -> tuple[Alert, .
 
 
 def _stem(title: str, item: str) -> str:
-    """Return a title without its item: `State of train (rts)` -> `State (rts)`."""
+    """Return a title without its item: `State of train (rts)` -> `State (rts)`.
+
+    `Health of log dive` -> `Health, log by log`.
+    """
     if not item:
         return title
-    return (
+    rest = (
         re.sub(rf"[\s:,–-]*(\b(of|in|on|for)\s+)?(?<!\w){re.escape(item)}(?!\w)", "", title).strip()
         or title
     )
+    return re.sub(r" of (leg|log)$", r", \1 by \1", rest)
 
 
 def lead(words: str) -> tuple[str, str]:
@@ -374,10 +380,40 @@ def cells(block: Document) -> list[list[Cell]]:
     digits = [
         name != "unit" and _all_numeric(column) for name, column in zip(names, columns, strict=True)
     ]
+    if "unit" in names:
+        own_units = [not str(head.get("unit", "")) for head in block["columns"]]
+        by_row = [_decimals_of_row(row, names) for row in block["rows"]]
+    else:
+        own_units, by_row = [False] * len(names), [None] * len(block["rows"])
     return [
-        [_cell(*item) for item in zip(row, names, decimals, digits, strict=True)]
-        for row in block["rows"]
+        [
+            _cell(value, name, of_row if of_unit else places, text)
+            for value, name, places, text, of_unit in zip(
+                row, names, decimals, digits, own_units, strict=True
+            )
+        ]
+        for row, of_row in zip(block["rows"], by_row, strict=True)
     ]
+
+
+def _decimals_of_row(row: Sequence[Any], names: Sequence[str]) -> int | None:
+    """Return the decimals of a row with a unit of its own: two figures of its interval.
+
+    None without an interval, or with one of no width.
+    """
+    figures = {
+        name: float(value)
+        for name, value in zip(names, row, strict=True)
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }
+    widths = [value for name, value in figures.items() if name.startswith("± 95 %")]
+    widths += [
+        (figures[high] - figures[low]) / 2.0
+        for low, high in (("from", "to"), ("low", "high"))
+        if low in figures and high in figures
+    ]
+    value = next(iter(figures.values()), 0.0)
+    return places_of_error(widths[0], value) if widths and widths[0] > 0.0 else None
 
 
 def _all_numeric(column: Sequence[Any]) -> bool:
@@ -399,7 +435,11 @@ def _decimals(column: Sequence[Any]) -> int | None:
         sizes
     ) > 300 * min(sizes):
         return None
-    return min(max(3 - math.floor(math.log10(max(sizes))), 0), 6)
+    most = 3 - math.floor(math.log10(max(sizes)))
+    if most > 6:
+        return None
+    exact = (places for places in range(most) if all(round(x, places) == x for x in sizes))
+    return next(exact, max(most, 0))
 
 
 def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
@@ -411,7 +451,7 @@ def _cell(value: Any, column: str, decimals: int | None, digits: bool) -> Cell:
         return Cell("yes" if value else "no", str(value))
     if isinstance(value, int | float):
         kind = f"number {heat(float(value))}" if column.startswith(RATIO) else "number"
-        words = number(value) if decimals is None else f"{value:.{decimals}f}".replace("-", "−")
+        words = number(value) if decimals is None else fixed(value, decimals).replace("-", "−")
         return Cell(words, value, kind)
     words = str(value)
     if column == "term":

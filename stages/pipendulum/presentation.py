@@ -10,6 +10,7 @@ import numpy as np
 from auvid.data_schemas.documents.apparatus import ApparatusDocument
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.bench.channel_records import DAMPING
+from auvid.stages.number_format import in_words
 from auvid.stages.pipendulum.decays import GOOD_SWINGS, METHODS, DecayResult, sensitivity
 from auvid.stages.pipendulum.recordings import ASKEW_DEG
 from auvid.stages.pipendulum.swings import SwingResult
@@ -118,8 +119,8 @@ def _remarks(swings: Sequence[SwingResult], decays: Sequence[DecayResult]) -> li
         if decay.entry.role == "vehicle":
             held_out_error = decay.held_out[decay.chosen]
             words = (
-                f"{decay.entry.id}: {decay.chosen} damping predicts {decay.judged_on} best"
-                f" ({1e3 * held_out_error:.2g} mrad RMS)."
+                f"{in_words(decay.entry.id)}: {decay.chosen} damping predicts {decay.judged_on}"
+                f" best ({1e3 * held_out_error:.2g} mrad RMS)."
             )
             blocks.append(remark(words, "finding"))
     recordings = [recording for item in swings for recording, _ in item.recordings]

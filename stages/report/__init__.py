@@ -123,7 +123,12 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
         without_table_of(content.summary.recommended, content.sections),
         log_of,
         first_pictures(
-            inputs.tables, inputs.fused or {}, content.segments, content.logs, content.summary
+            inputs.tables,
+            inputs.fused or {},
+            content.segments,
+            content.logs,
+            content.summary,
+            dict(inputs.views.items()),
         ),
     )
 

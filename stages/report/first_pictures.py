@@ -16,6 +16,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix, split_by
 from auvid.hydro.arrays import AXES, Array
+from auvid.stages.base import Document
 from auvid.stages.columns import AXIS_UNITS, FINS, POSITION, VELOCITY, force_columns
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
 from auvid.stages.page.pictures.answer_picture import ForceCloud, answer_picture, cloud_picture
@@ -32,6 +33,7 @@ from auvid.stages.report.clock import Clock, make_clock
 from auvid.stages.report.glide_pictures import glide_pictures
 
 Tables = Mapping[str, pa.Table]
+NO_VIEWS: Mapping[str, Document] = {}
 DEGREES = 180.0 / np.pi
 RUN_ROWS = {
     "u_m_s": ("surge u", "m/s", 1.0),
@@ -53,8 +55,12 @@ def first_pictures(
     segments: Mapping[str, SegmentRecord],
     logs: Mapping[str, LogInfo],
     summary: Summary,
+    views: Mapping[str, Document] = NO_VIEWS,
 ) -> tuple[Markup, ...]:
-    """Return the pictures that this kind of campaign has, at most two."""
+    """Return the pictures that this kind of campaign has, at most two.
+
+    `views` of the stages tell the units of single channels.
+    """
     if fused and segments:
         clock = make_clock(segments, logs)
         pictures = [_dive(tables, fused, segments, logs, clock)]
@@ -75,7 +81,12 @@ def first_pictures(
     if passive and tables[passive[0]].num_rows:
         drawings += _stretches(tables[passive[0]])
     if channels:
-        drawings += _channels({name.split("/")[-2]: tables[name] for name in channels})
+        units = {
+            str(group["entity"]): str(group["unit"])
+            for item in views.values()
+            for group in item["groups"]
+        }
+        drawings += _channels({name.split("/")[-2]: tables[name] for name in channels}, units)
     if swings:
         drawings += _swings({name: tables[name] for name in swings})
     if flights:
@@ -250,22 +261,27 @@ def _run_rows(
     return rows, (first, first + place)
 
 
-def _channels(runs: Tables) -> tuple[Markup, ...]:
-    """Return signals of single-channel runs with the damping of their results."""
+def _channels(runs: Tables, units: Mapping[str, str]) -> tuple[Markup, ...]:
+    """Return signals of single-channel runs with the damping of their results.
+
+    `units`: entity of a view -> its unit. What is measured in metres is a depth.
+    """
     rows: list[tuple[CurveRow, Span]] = []
     clouds = []
     for leg, table in list(runs.items())[:MOST_ROWS]:
-        times, measured = column(table, "t_s"), column(table, "measured")
+        factor, unit = degrees(units.get(f"rlse/{leg}/run", ""))
+        times, measured = column(table, "t_s"), factor * column(table, "measured")
         damping = _chosen(table)
-        simulated = column(table, damping.replace(" ", "_"))
+        simulated = factor * column(table, damping.replace(" ", "_"))
         curves = (
             SignalCurve("measured", times, measured),
             SignalCurve("predicted", times, simulated),
         )
         span = (float(times[0]), float(times[-1]))
-        label = f"{leg}: {damping} damping"
-        rows.append((CurveRow(label, "", curves), span))
-        clouds.append(ForceCloud(leg, "", measured, simulated))
+        is_depth = unit == "m"
+        label = f"{leg}: {'depth, ' if is_depth else ''}{damping} damping"
+        rows.append((CurveRow(label, unit, curves, downwards=is_depth), span))
+        clouds.append(ForceCloud(leg, unit, measured, simulated))
     return _bench_pictures("Measured and simulated", "runs", len(runs), rows, clouds)
 
 

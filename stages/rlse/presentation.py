@@ -80,11 +80,11 @@ def channel_section(
     blocks += [
         text(
             f"{leg_run.channel.capitalize()} from {leg_run.measured}, {span_text((t[0], t[-1]))}."
-            " Two estimates: recursive least squares of the filtered static form (43)-(50) shows"
-            " how the figures converge; output error, started from it, fits the simulated run to"
-            " the measured one and gives the figures to take, because noise in the measured"
-            " velocity biases a regression but not a simulation. Damping is chosen by the last"
-            " third of the run, predicted with figures from the first two."
+            " Two estimates: recursive least squares of the filtered static form (Alberti,"
+            " equations 43 to 50) shows how the figures converge; output error, started from it,"
+            " fits the simulated run to the measured one and gives the figures to take, because"
+            " noise in the measured velocity biases a regression but not a simulation. Damping is"
+            " chosen by the last third of the run, predicted with figures from the first two."
         ),
         *[remark(item) for item in (*leg_run.notes, *_lag_and_bias(leg_run, estimate))],
         equation(*_equation(leg_run)),
@@ -321,7 +321,7 @@ def _damping_table(leg_run: LegRun, estimate: ChannelEstimate) -> Block:
         "Chosen by the last third; of nearly equal ones (5 %) the simpler, unless the term that it"
         " leaves out is clear of zero."
     )
-    return table("Damping models (as Table 9)", heads, rows, note=note)
+    return table("Damping models (as in Table 9 of Alberti)", heads, rows, note=note)
 
 
 def _run_plot(leg_run: LegRun, estimate: ChannelEstimate) -> Block:

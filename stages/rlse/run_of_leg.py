@@ -265,8 +265,8 @@ def _drive(
             )
         values = column(table, command)[rows]
         notes.append(
-            "The log has commands without a unit of force: only the ratios of (62) can be"
-            " estimated, not masses."
+            "The log has commands without a unit of force: only ratios can be estimated (Alberti,"
+            " equation 62), not masses."
         )
         return _drive_of(t[rows], values, None, normalised=True, leg=leg)
     force = np.zeros(rows.size)

@@ -152,14 +152,18 @@ def tracking_error(trajectory: Trajectory, position: ArrayLike) -> TrackingError
     """Errors of flown positions (..., n, 3) at the first n times of the trajectory.
 
     The nearest point is sought over the whole path, on the chords between samples about
-    `CHORD_M` apart.
+    `CHORD_M` apart. The path goes on straight for one chord beyond its end: a vehicle
+    that is early there has left the end behind, not the path.
     """
     flown = np.asarray(position, dtype=np.float64)
     late = np.sqrt(np.sum((flown - trajectory.position[: flown.shape[-2]]) ** 2, axis=-1))
     stride = max(
         1, int(CHORD_M / max(float(np.median(trajectory.speed)) * trajectory.step_s, 1e-12))
     )
-    corners = np.vstack([trajectory.position[:-1:stride], trajectory.position[-1:]])
+    end = trajectory.position[-1:]
+    ahead = trajectory.position[-1:] - trajectory.position[-2:-1]
+    beyond = end + CHORD_M * ahead / np.maximum(np.linalg.norm(ahead), 1e-12)
+    corners = np.vstack([trajectory.position[:-1:stride], end, beyond])
     return TrackingError(late, _nearest(corners, flown))
 
 

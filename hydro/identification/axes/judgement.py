@@ -221,11 +221,11 @@ def hull_words(
     if by_depth:
         return (
             f"surge and sway are not measured: {what}, by speeds that its forces give, is taken"
-            " off the depth; what these speeds are off by counts as heave",
+            " off the depth; errors of these speeds count as heave",
         )
     return (
         f"surge and sway are not measured: {what} is in the fit by speeds that its forces give,"
-        " give or take all of it; the model has it where it has both speeds",
+        " with an error as large as itself; a model that has both speeds has it too",
     )
 
 
@@ -334,7 +334,10 @@ def notes_of(
             f"{sides.high:.2g}): a tether pulls on one side"
         )
     if inertia.word == "not determined" and np.isfinite(inertia.value):
-        notes.append(f"inertia not determined: {inertia.value:.3g} comes out; give it")
+        notes.append(
+            f"inertia not determined, though the fit gives {inertia.value:.3g}; state it in the"
+            " vehicle file"
+        )
     if not lag.determined:
         words = f"thrust lag not determined: {lag.value_s:g} s is assumed"
         notes.append(words + "; inertia trades with it" * (inertia.word == "weak"))

@@ -30,13 +30,13 @@ function firstNotBelow(xs, x) {
   return low;
 }
 
-function roundTicks(low, high, wanted) {
+function roundTicks(low, high, wanted, sign = 1) {
   const span = high - low, power = 10 ** Math.floor(Math.log10(span / wanted));
   const step = [1, 2, 2.5, 5, 10].map(m => m * power).find(s => span / s <= wanted) || 10 * power;
   let digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   if (Math.abs(step / power - 2.5) < 1e-9) digits += 1;
   const ticks = [];
-  for (let k = Math.ceil(low / step); k * step <= high; k += 1) ticks.push({value: k * step, label: signed(k ? (k * step).toFixed(Math.min(digits, 9)) : "0")});
+  for (let k = Math.ceil(low / step); k * step <= high; k += 1) ticks.push({value: k * step, label: signed(k ? (sign * k * step).toFixed(Math.min(digits, 9)) : "0")});
   return ticks;
 }
 
@@ -63,7 +63,7 @@ class Plot {
     this.frame = element.querySelector(".frame");
     this.panels = [...element.querySelectorAll(".panel")].map(panel => ({
       area: panel.querySelector(".area"), svg: panel.querySelector(".area svg"), grid: panel.querySelector(".grid"), y: panel.querySelector(".y"),
-      output: panel.querySelector("output"), cut: panel.dataset.cut, low: +panel.dataset.low, high: +panel.dataset.high, lines: [...panel.querySelectorAll("path.line")],
+      output: panel.querySelector("output"), cut: panel.dataset.cut, sign: +(panel.dataset.sign || 1), low: +panel.dataset.low, high: +panel.dataset.high, lines: [...panel.querySelectorAll("path.line")],
     }));
     this.legend = [...element.querySelectorAll(".legend [data-entry]")];
     for (const button of this.legend) button.addEventListener("click", () => this.toggle(button, button.getAttribute("aria-pressed") !== "true"));
@@ -110,7 +110,7 @@ class Plot {
       const [bottom, top] = this.yRange(panel, from, from + width);
       const perUnit = PANEL_STEPS / (panel.high - panel.low), start = (panel.high - top) * perUnit, height = (top - bottom) * perUnit;
       panel.svg.setAttribute("viewBox", `${from} ${start} ${width} ${height}`);
-      const yTicks = roundTicks(bottom, top, 4);
+      const yTicks = roundTicks(bottom, top, 4, panel.sign);
       makeTicks(panel.y, yTicks, "top", value => (top - value) / (top - bottom));
       panel.grid.setAttribute("d", yTicks.map(t => `M${from} ${(panel.high - t.value) * perUnit}h${width}`).join("") +
         xTicks.map(t => `M${this.steps(t.value)} ${start}v${height}`).join(""));
@@ -146,7 +146,7 @@ class Plot {
       for (const line of panel.lines) {
         if (line.classList.contains("off")) continue;
         const value = this.nearest(line, this.steps(x)), mark = document.createElement("b");
-        mark.textContent = figure(value);
+        mark.textContent = figure(panel.sign * value);
         mark.style.setProperty("--c", line.style.getPropertyValue("--c"));
         words.push(mark, " ");
       }

@@ -29,6 +29,8 @@ FAR = 20.0
 """Lines that reach further than this many ranges of the measured one are cut at the
 axis.
 """
+DOWNWARDS = ("depth", "z")
+"""Labels of panels whose values grow downwards."""
 PRINTED = {"tau_bar": "residual force τ̄"}
 NO_TITLES: Mapping[str, str] = {}
 NO_INKS: Mapping[str, Ink] = {}
@@ -71,7 +73,10 @@ class LegendEntry:
 
 @dataclass(frozen=True)
 class Panel:
-    """One y-axis: label, unit, range, ticks and lines."""
+    """One y-axis: label, unit, range, ticks and lines.
+
+    `sign` is -1 where values grow downwards: range and lines are of their negatives.
+    """
 
     label: str
     unit: str
@@ -81,6 +86,7 @@ class Panel:
     lines: tuple[Line, ...]
     cut: tuple[str, ...] = ()
     """Names of the lines that leave it."""
+    sign: int = 1
 
 
 @dataclass(frozen=True)
@@ -213,6 +219,8 @@ def _panel(
     entries: Mapping[str, LegendEntry],
     span: tuple[float, float],
 ) -> Panel:
+    sign = -1 if panel["label"] in DOWNWARDS else 1
+    data = [(x, sign * y) for x, y in data]
     drawn = [
         y
         for (_, y), series in zip(data, panel["series"], strict=True)
@@ -233,9 +241,10 @@ def _panel(
         unit=str(panel["unit"]),
         low=low,
         high=high,
-        ticks=ticks(low, high, 4, upward=True),
+        ticks=ticks(low, high, 4, upward=True, sign=sign),
         lines=tuple(lines),
         cut=() if limits is None else tuple(_leaving(panel, data, entries, (low, high))),
+        sign=sign,
     )
 
 
@@ -338,10 +347,12 @@ def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
     return start + "l" + " ".join(map(str, steps)).replace(" -", "-")
 
 
-def ticks(low: float, high: float, count: int, *, upward: bool = False) -> tuple[Tick, ...]:
+def ticks(
+    low: float, high: float, count: int, *, upward: bool = False, sign: int = 1
+) -> tuple[Tick, ...]:
     """Return about `count` round values between `low` and `high`, with labels.
 
-    Labels tell neighbours apart.
+    Labels tell neighbours apart; with `sign` -1 they are of the negatives.
     """
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / count))
@@ -354,7 +365,7 @@ def ticks(low: float, high: float, count: int, *, upward: bool = False) -> tuple
     for value in values:
         share = (value - low) / span * 100
         labelled.append(
-            Tick(round(100 - share if upward else share, 3), _label(float(value), digits))
+            Tick(round(100 - share if upward else share, 3), _label(sign * float(value), digits))
         )
     return tuple(labelled)
 

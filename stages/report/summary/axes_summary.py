@@ -180,7 +180,7 @@ def uses_of(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
         factor, unit = degrees("m/s" if name in "uvw" else "rad/s")
         low, high = (significant(factor * end, 2) for end in (speed.low, speed.high))
         parts.append(f"{name} {low} to {high} {unit}")
-    uses.append(Use("Within", "", true_minus(f"{', '.join(parts)}: where the windows went")))
+    uses.append(Use("Within", "", true_minus(f"{', '.join(parts)}: the range of what was fitted")))
     return tuple(uses)
 
 

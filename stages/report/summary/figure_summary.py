@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from auvid.data_schemas.documents.published_values import Evidence
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.constants import NORMAL_95
@@ -41,8 +42,6 @@ BOUNDS_OF = ": bounds met of "
 """Between the name of a printed table and how many bounds are asked of it, in the
 figures of the stage that compares.
 """
-BOUNDS_OF_TABLES = "Bounds on the printed tables"
-"""Begins a remark on all of them, which headline and facts say already."""
 OF_LEG = " of leg "
 """Between channel and leg in the title of the figures of a leg."""
 FEW = 6
@@ -90,7 +89,11 @@ def summarise_results(
     judged = [row for _, row in figures if row.get("verdict")]
     missed = [row for row in bounds if row["verdict"] == MISSED]
     doubtful = [(part, row) for part, row in figures if row.get("verdict") and row not in good]
-    warnings = tuple(words for words in warned(sections) if not words.startswith(BOUNDS_OF_TABLES))
+    warnings = warned(sections)
+    shortfalls = [(row, _shortfalls(row, warnings)) for row in missed]
+    stated = {words for _, several in shortfalls for words in several}
+    warnings = tuple(words for words in warnings if words not in stated)
+    disagreements = _disagreements(good_of, log_of)
     has_verdicts = bool(judged or bounds)
     met, of = _counted(bounds)
     some = bool(good) or 2 * met > of or not has_verdicts
@@ -102,11 +105,7 @@ def summarise_results(
         else "poor"
     )
     in_order = dict(sorted(sections.items(), key=lambda item: int(item[1]["order"])))
-    findings = tuple(
-        _capitalised(words)
-        for words in dict.fromkeys(remarks(in_order, "finding"))
-        if not words.startswith(BOUNDS_OF_TABLES)
-    )
+    findings = tuple(_capitalised(words) for words in dict.fromkeys(remarks(in_order, "finding")))
     unjudged = f"{plural(len(rows), 'value')} found"
     if not has_verdicts and findings:
         unjudged, findings = findings[0].rstrip("."), findings[1:]
@@ -115,7 +114,8 @@ def summarise_results(
         unjudged = f"{_capitalised(only.quantity)}: {only.value}"
     return Summary(
         level=level,
-        headline=_headline(len(judged), good_of, bounds) or unjudged,
+        headline=(_headline(len(judged), good_of, bounds) or unjudged)
+        + ("; the legs disagree" if disagreements else ""),
         explanation=_explanation(figures, findings),
         recommended=None,
         judged_on="validation",
@@ -125,13 +125,13 @@ def summarise_results(
         missing=(
             *(
                 Alert(
-                    f"A bound is missed: {_bound(row)}.",
+                    f"{_a_bound(row)} is missed: {'; '.join(words)}.",
                     anchor("check_published"),
-                    "poor",
+                    "poor" if _evidence(row) == "method" else "fair",
                 )
-                for row in missed
+                for row, words in shortfalls
             ),
-            *_disagreements(good_of, log_of),
+            *disagreements,
             *_undetermined(doubtful),
             *_damaged(logs),
             *assumed_figures(vehicle),
@@ -261,10 +261,29 @@ def _counted(bounds: list[Document]) -> tuple[int, int]:
     return met, sum(int(count) if title else 1 for _, (title, _, count) in split)
 
 
+def _evidence(row: Document) -> Evidence:
+    """Return what the bounds of a figure show."""
+    evidence: Evidence = row.get("evidence", "method")
+    return evidence
+
+
+def _a_bound(row: Document) -> str:
+    kind = _evidence(row)
+    return "A bound" if kind == "method" else f"A bound that {EACH[kind]}"
+
+
+def _shortfalls(row: Document, warnings: Sequence[str]) -> list[str]:
+    """Return what falls short in a printed table, in words, or how many bounds do."""
+    title = str(row["quantity"]).rpartition(BOUNDS_OF)[0].removesuffix(f", {EACH[_evidence(row)]}")
+    return [words for words in warnings if title and words.startswith(f"{title}, ")] or [
+        _bound(row)
+    ]
+
+
 def _bound(row: Document) -> str:
     """`Table 4: 8 of 8 met, largest error 0.41 % (X_udot)`."""
     title, _, count = str(row["quantity"]).rpartition(BOUNDS_OF)
-    kind = row.get("evidence", "method")
+    kind = _evidence(row)
     if kind in EACH:
         title = title.removesuffix(f", {EACH[kind]}")
     bounds = f"{count} bounds" if kind == "method" else f"{count} bounds that {SHOWS[kind]}"
@@ -368,7 +387,7 @@ def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:
 def _figure(part: str, row: Document) -> Figure:
     """Return a figure with as many digits as its standard error supports, up to six."""
     value, error, low, high = (row.get(key) for key in ("value", "standard_error", "low", "high"))
-    text = partial(significant, digits=4)
+    text = partial(significant, digits=4 if low is None else 3)
     if value and error:
         text = partial(fixed, places=places_of_error(NORMAL_95 * error, value))
     unit = printed_unit(str(row["unit"]))

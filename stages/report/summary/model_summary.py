@@ -43,6 +43,7 @@ from auvid.stages.number_format import (
     fixed,
     printed_unit,
     significant,
+    term,
     true_minus,
 )
 from auvid.stages.page.first_screen import (
@@ -201,7 +202,7 @@ def _uses(
         if name in (*"uvwpqr", "V"):
             factor, unit = degrees("m/s" if name in (*"uvw", "V") else "rad/s")
         low, high = significant(factor * speed.low, 2), significant(factor * speed.high, 2)
-        parts.append(f"{name} {low} to {high} {unit}".rstrip())
+        parts.append(f"{term('(' + name + ')')} {low} to {high} {unit}".rstrip())
     words = f"{', '.join(parts)}: the range of the training legs"
     uses.append(Use("Within", "", true_minus(words)))
     if words := form_words(chosen, {item.name: item.title for item in ranking.models}):
@@ -373,7 +374,7 @@ def unlike_legs(
     Such a leg is unlike the others, as new motion may be: a model of many terms that
     predicts legs like its own says nothing of it.
     """
-    words = []
+    legs_of: dict[str, list[tuple[str, float, float]]] = {}
     for leg, own in card.held_out.items():
         simpler = [
             (error, model)
@@ -384,12 +385,25 @@ def unlike_legs(
         ratio = own.get(ALL)
         error, model = min(simpler, key=lambda item: item[0], default=(math.inf, chosen))
         if ratio is not None and error < CLEARLY * ratio:
-            words.append(
-                f"Left out, training leg {leg} is predicted better by {model.title}"
-                f" ({model.terms} terms, J/J0 {error:.2f}) than by {chosen.title} ({chosen.terms},"
-                f" {ratio:.2f}): in motion unlike the training legs take {model.title}."
-            )
+            legs_of.setdefault(model.name, []).append((leg, error, ratio))
+    words = []
+    by_name = {model.name: model for model in models}
+    for name, items in legs_of.items():
+        model = by_name[name]
+        legs, errors, ratios = zip(*items, strict=True)
+        one = len(legs) == 1
+        words.append(
+            f"Left out, training leg{'' if one else 's'} {listed(legs)}"
+            f" {'is' if one else 'are'} predicted better by {model.title}"
+            f" ({model.terms} terms, J/J0 {_ratios(errors)}) than by {chosen.title}"
+            f" ({chosen.terms}, {_ratios(ratios)}): in motion unlike the training legs take"
+            f" {model.title}."
+        )
     return words
+
+
+def _ratios(values: Sequence[float]) -> str:
+    return listed([f"{value:.2f}" for value in values])
 
 
 def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> tuple[Alert, ...]:

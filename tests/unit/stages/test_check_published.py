@@ -123,7 +123,7 @@ def test_limits_on_the_value_itself():
 def test_a_missed_limit_is_told_in_the_unit_of_the_row():
     outputs = run(published(row(most=-13.2), row(least=-13.0)))
     assert outputs.section is not None
-    warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"][1:]
+    warned = [block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark"]
     assert warned == [
         "Table 4, X_udot: -13.1 kg, required at most -13.2",
         "Table 4, X_udot: -13.1 kg, required at least -13",
@@ -165,10 +165,7 @@ def test_the_section_has_every_table_every_erratum_and_names_what_is_missed():
         for block in outputs.section["blocks"]
         if block["kind"] == "remark" and block["level"] == "warning"
     ]
-    assert warned == [
-        "Bounds on the printed tables: 0 of 1 met.",
-        "Table 4, X_udot: off by 3.52 %, required within 3 %",
-    ]
+    assert warned == ["Table 4, X_udot: off by 3.52 %, required within 3 %"]
 
 
 def test_what_is_met_stands_among_the_results() -> None:
@@ -215,12 +212,6 @@ def test_what_cannot_fail_is_counted_apart() -> None:
         "Table 4, follows from an input chosen to match it: bounds met of 1": 1.0,
         "Table 4, has no printed value: bounds met of 1": 1.0,
     }
-    words = next(block["text"] for block in outputs.section["blocks"] if block["kind"] == "remark")
-    assert words == (
-        "Bounds on the printed tables: 2 of 5 test the method (1 met), 1 holds by construction"
-        " (1 met), 1 follows from an input chosen to match it (1 met), 1 has no printed value"
-        " (1 met)."
-    )
     counts, _, why = [block for block in outputs.section["blocks"] if block["kind"] == "table"][:3]
     assert counts["rows"][-1] == ["all tables", "2", "1", "1", "1", "5", "4"]
     assert why["fold"] == "Table 4: varying steps"

@@ -153,6 +153,10 @@ def test_tracking_error_tells_late_from_beside() -> None:
     assert np.allclose(
         abeam.cross_track_m, 1.0, atol=0.02
     )  # the helix rises by 0.1, so the nearest point lies a little ahead
+    early = path.position + 0.2 * path.velocity / 1.5
+    error = tracking_error(path, early)
+    assert error.position_m[-1] == pytest.approx(0.2, rel=0.01)
+    assert error.cross_track_m[-1] < 0.01, "past the end of the path, and not beside it"
 
 
 @pytest.mark.parametrize(

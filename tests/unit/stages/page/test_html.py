@@ -127,6 +127,18 @@ def test_numbers_of_one_column_have_the_same_decimals() -> None:
     assert [row[1].text for row in cells(block)] == ["0.62", "12.00", "–"]
 
 
+def test_rows_with_units_of_their_own_show_two_figures_of_their_interval() -> None:
+    """A column of unlike units has no decimals of its own."""
+    heads = ["figure", "value", "± 95 % by noise", "unit"]
+    rows = [
+        ["inertia", 132.8, 33.33, "kg"],
+        ["C_D0", 0.155, 0.002347, "1"],
+        ["lag", 0.05, 0.0, "s"],
+    ]
+    printed = [[cell.text for cell in row[1:3]] for row in cells(table("T", heads, rows))]
+    assert printed == [["133", "33"], ["0.1550", "0.0023"], ["0.05", "0"]]
+
+
 def test_column_of_very_different_sizes_keeps_its_figures() -> None:
     block = table("t", ["J"], [[1e-5], [1234.6]])
     assert [row[0].text for row in cells(block)] == ["1×10⁻⁵", "1235"]

@@ -33,6 +33,14 @@ def test_a_channel_is_drawn_with_the_damping_of_its_results(chosen: str) -> None
     tables = {"rlse/tank/channel_run": make_table("channel_run", columns)}
     signals, _ = first_pictures(tables, {}, {}, {}, SUMMARY)
     assert re.findall(r"tank: ([\w ]+) damping</b>", signals) == [chosen]
+    deep = columns | dict.fromkeys(("measured", chosen.replace(" ", "_")), T_S)
+    tables = {"rlse/tank/channel_run": make_table("channel_run", deep)}
+    views = {"rlse/tank": {"groups": [{"entity": "rlse/tank/run", "unit": "m"}]}}
+    signals, _ = first_pictures(tables, {}, {}, {}, SUMMARY, views)
+    assert f'depth, {chosen} damping</b> <span class="unit">m</span>' in signals
+    marks = re.findall(r'<span style="top:([\d.]+)%">(\d+)', signals)
+    places = {int(depth): float(percent) for percent, depth in marks}
+    assert places[0] < places[10], "deeper is further down"
 
 
 def test_flights_differ_in_colour_from_each_other_and_from_what_is_desired() -> None:

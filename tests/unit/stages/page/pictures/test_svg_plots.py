@@ -155,10 +155,22 @@ def test_simulation_that_runs_away_does_not_flatten_the_measurement() -> None:
         series("lost", t, 1e6 * t, "linear"),
         series("near", t, 2 * np.sin(t), "quadratic"),
     ]
-    drawn = lay_out(plot("Run", [panel("depth", "m", lines)]))
+    drawn = lay_out(plot("Run", [panel("speed", "m/s", lines)]))
     assert (drawn.panels[0].low, drawn.panels[0].high) == pytest.approx((-3.0, 3.0), abs=0.1)
     assert drawn.panels[0].cut == ("lost",)
     assert drawn.note == "Beyond the axis: lost."
+
+
+def test_depth_grows_downwards() -> None:
+    depth = np.array([2.0, 12.0, 7.0])
+    (drawn,) = lay_out(plot("Dive", [panel("depth", "m", [series("d", depth, depth, "d")])])).panels
+    at = {mark.label: mark.percent for mark in drawn.ticks}
+    assert list(at) == ["10", "5"]
+    assert at["5"] < at["10"]
+    (line,) = drawn.lines
+    first, second = re.findall(r"-?\d+", line.path)[1:4:2]
+    assert drawn.sign * (line.top - line.step * int(first)) == pytest.approx(2.0)
+    assert int(second) > 0, "deeper is further down"
 
 
 def test_wide_start_of_a_band_does_not_flatten_its_estimate() -> None:

@@ -130,6 +130,19 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert (failed.level, failed.headline) == ("poor", "0 of 1 bounds on printed values met")
 
 
+def test_a_missed_bound_is_one_alert_with_its_figures() -> None:
+    """Not one alert that counts the bounds of a table and another that says which."""
+    words = "Table 4, X_udot: -13.1 kg, required at most -13.2"
+    sections = {"check_published": section("Printed", [remark(words, "warning")], order=2)}
+    title = "Table 4, has no printed value: bounds met of 9"
+    missed = row(title, 8.0, verdict="missed", headline=True, evidence="unprinted")
+    results = {"check_published": {"title": "Printed", "rows": [missed]}}
+    summary = summarise_results(results, {}, sections, VEHICLE)
+    alert = f"A bound that has no printed value is missed: {words}."
+    assert [item for item in summary.alerts if "Table 4" in item] == [alert]
+    assert summary.alerts[0].level == "fair"
+
+
 def test_bounds_that_cannot_fail_are_not_headlined() -> None:
     rows = [
         row("Table 4: bounds met of 8", 8.0, verdict="met", headline=True, evidence="method"),
@@ -214,7 +227,9 @@ def test_legs_of_one_log_that_exclude_each_other_are_named(
         },
     }
     log_of = {"dive": "dive", "descent": log}
-    missing = summarise_results(results, {}, {}, VEHICLE, log_of).missing
+    summary = summarise_results(results, {}, {}, VEHICLE, log_of)
+    assert summary.headline.endswith("2 of 2 values; the legs disagree") == bool(count)
+    missing = summary.missing
     alerts = [
         words for words in missing if words.startswith("The legs disagree on Z_w|w| of heave")
     ]
@@ -238,12 +253,7 @@ def test_flights_are_summed_up_by_the_least_and_the_largest_in_words() -> None:
         row(f"rms cross-track, helix, {name}", value, headline=True)
         for name, value in (("undisturbed", 4.5731e-5), ("side_force", 0.24754), ("late", 0.1))
     ]
-    title = "Bounds on the printed tables: 15 of 63 test the method."
-    sections = {
-        "control": section(
-            "Control", [remark("half stay.", "finding"), remark(title, "finding")], order=1
-        )
-    }
+    sections = {"control": section("Control", [remark("half stay.", "finding")], order=1)}
     summary = summarise_results({"control": {"title": "C", "rows": rows}}, {}, sections, VEHICLE)
     assert summary.headline == "Half stay"
     assert summary.explanation == (

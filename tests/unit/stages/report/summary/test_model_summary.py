@@ -326,7 +326,7 @@ def test_the_flown_range_gives_each_velocity_its_unit(run: ExampleRun) -> None:
     run.cards["coe"] = run.cards["coe"].model_copy(update={"conditions": ranges})
     (use,) = (use for use in summary_of(run).uses if use.label == "Within")
     assert use.reason.startswith("u −1 to 1 m/s, v −1 to 1 m/s")
-    assert "r −57 to 57 deg/s, eta-1 −1 to 1: the range of the training legs" in use.reason
+    assert "r −57 to 57 deg/s, (η−1) −1 to 1: the range of the training legs" in use.reason
 
 
 def test_a_leg_that_a_simpler_model_predicts_better_is_named(run: ExampleRun) -> None:
@@ -339,6 +339,12 @@ def test_a_leg_that_a_simpler_model_predicts_better_is_named(run: ExampleRun) ->
     words = [words for words in summary_of(run).missing if str(words).startswith("Left out")]
     (words,) = words
     assert "leg depth is predicted better by Fossen (12 terms, J/J0 0.14)" in str(words)
+    for name, value in (("coe", 0.19), ("fossen", 0.14)):
+        held_out = {"depth": {"all": value}, "yaw": {"all": value + 0.01}}
+        run.cards[name] = run.cards[name].model_copy(update={"held_out": held_out})
+    (words,) = [words for words in summary_of(run).missing if str(words).startswith("Left out")]
+    both = "legs depth and yaw are predicted better by Fossen (12 terms, J/J0 0.14 and 0.15)"
+    assert both in str(words)
 
 
 def test_facts_count_seconds_and_identified_coefficients(run: ExampleRun) -> None:
