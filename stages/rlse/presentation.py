@@ -104,13 +104,14 @@ def channel_section(
 def channel_views(leg: str, leg_run: LegRun, estimate: ChannelEstimate) -> dict[str, Any]:
     """Return the run with every damping model, and the chosen one's history."""
     names = list(DAMPING)
+    lead = "depth, " if _signal_unit(leg_run) == "m" else ""
     run = view(
         f"rlse/{leg}/run",
         "channel_run",
         ["measured", *(name.replace(" ", "_") for name in names)],
         ["measured", *names],
         tab="Answer",
-        names=["measured", *(f"{name} damping" for name in names)],
+        names=[f"{lead}measured", *(f"{lead}{name} damping" for name in names)],
         unit=_signal_unit(leg_run),
     )
     chosen = {"damping": estimate.chosen}

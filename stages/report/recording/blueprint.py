@@ -19,6 +19,7 @@ from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import is_model
+from auvid.stages.report.recording.readable import readable_group
 from auvid.stages.report.recording.rerun_stream import TIMELINE
 
 Owned = tuple[str, Document]
@@ -275,7 +276,7 @@ def _plots(
     for _, group in every:
         parts = str(visible(group["entity"])).split("/")
         for count in range(1, len(parts) + 1):
-            kinds["/".join(parts[:count])].add((str(group["tab"]), str(group["unit"])))
+            kinds["/".join(parts[:count])].add((str(group["tab"]), readable_group(group)[1]))
     chosen: dict[str, Document] = {}
     named: dict[str, list[str]] = defaultdict(list)
     for _, group in groups:
@@ -298,7 +299,8 @@ def _plots(
     for origin, name in names.items():
         group, lines = chosen[origin], tuple(sorted(set(named[origin])))
         models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
-        title = f"{name} [{group['unit']}]" if group["unit"] else name
+        unit = readable_group(group)[1]
+        title = f"{name} [{unit}]" if unit else name
         legend = not plots or (not models and lines not in explained)
         explained.add(lines)
         plots[origin] = time_plot(

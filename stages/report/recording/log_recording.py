@@ -29,8 +29,10 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.base import Document
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
+from auvid.stages.presentation import degrees
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
 from auvid.stages.report.recording.identity import log_properties
+from auvid.stages.report.recording.readable import readable
 from auvid.stages.report.recording.recording import line_inks
 from auvid.stages.report.recording.rerun_stream import PREVIEW_BINS, Recording
 
@@ -39,7 +41,7 @@ TABS: Mapping[str, tuple[str, ...]] = {
     "Place": ("depth", "position", "range"),
     "Vehicle": ("actuators", "battery"),
 }
-OPENING = ("depth/m", "velocity/m_s", "attitude/rad", "actuators/us")
+OPENING = ("depth/m", "velocity/m_s", "attitude/deg", "actuators/us")
 ATTITUDE = ("phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s")
 PLACE = ("x_m", "y_m", "z_m")
@@ -118,11 +120,14 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
             units.setdefault(str(item.unit or ""), []).append(name)
     plots = []
     for unit, names in units.items():
-        values = matrix(table, names)
+        factor, reading = readable(unit, names)
+        values = factor * matrix(table, names)
         good = values[np.isfinite(values)]
         if not good.size:
             continue
-        entity = f"raw/{stream}/{unit.replace('/', '_').replace('^', '') or 'value'}"
+        own = degrees(unit)[1]
+        names = [name.replace("_rad", "_deg") for name in names]
+        entity = f"raw/{stream}/{own.replace('/', '_').replace('^', '') or 'value'}"
         inks = line_inks(names, ["raw"] * len(names))
         out.static(
             entity,
@@ -135,7 +140,7 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
         )
         out.series(entity, clock, values, pause_s=LONG_PAUSE_S)
         plots.append(
-            StreamPlot(entity, stream, unit, float(good.min()), float(good.max()), len(names))
+            StreamPlot(entity, stream, reading, float(good.min()), float(good.max()), len(names))
         )
     return plots
 

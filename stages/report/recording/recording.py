@@ -52,6 +52,7 @@ from auvid.stages.report.recording.dive import dive_view, send_dive
 from auvid.stages.report.recording.flights import send_flights
 from auvid.stages.report.recording.identity import Property
 from auvid.stages.report.recording.path import send_paths
+from auvid.stages.report.recording.readable import readable_group, titled
 from auvid.stages.report.recording.rerun_stream import NO_PROPERTIES, Recording
 from auvid.stages.report.recording.text import markdown, stage_texts
 from auvid.stages.steps import counted
@@ -65,6 +66,7 @@ CLOCKS = ("t_s", "t_us", "time_us")
 BAND, GAP = 2.0, 20.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
+NO_TITLES: Mapping[str, str] = {}
 Placed = tuple[str, str, str, list[Document]]
 """Table, entity, owner and groups of what is sent together."""
 
@@ -127,7 +129,8 @@ def _fill(
     texts = stage_texts(sections)
     for stage, words in texts.items():
         out.document(f"tables/{stage}", words)
-    logged = _send_groups(out, groups, tables, clock, _preferred(summary))
+    titles = {model.name: model.title for model in summary.models}
+    logged = _send_groups(out, groups, tables, clock, _preferred(summary), titles)
     dive: dict[str, LoggedSeries] = {}
     best = next(iter(_preferred(summary)), "")
     if fused:
@@ -165,8 +168,11 @@ def _send_groups(
     tables: Mapping[str, pa.Table],
     clock: Clock,
     preferred: Sequence[str],
+    titles: Mapping[str, str] = NO_TITLES,
 ) -> dict[str, LoggedSeries]:
     """Send every group that has its table; nothing of one piece stays for the next.
+
+    Values are as people read them; `titles`: models by name.
 
     Returns entity -> ranges of the series that are drawn at first, and of their times.
     """
@@ -198,13 +204,20 @@ def _send_groups(
         ):
             continue
         if entity not in logged:
-            out.static(entity, _lines(bundle, preferred))
+            out.static(entity, _lines(bundle, preferred, titles))
         values = np.hstack(
             [
                 _values(part, group, tables, load_part, owner)
                 for part, group in zip(parts, bundle, strict=True)
             ]
         )
+        factors = [
+            readable_group(group)[0]
+            for group in bundle
+            for _ in range(_lines_of(group) * len(group["columns"]))
+        ]
+        if set(factors) != {1.0}:
+            values *= factors
         out.series(entity, *parted(times, values))
         out.stream.flush()
         is_drawn = _drawn_at_first(bundle, preferred)
@@ -400,7 +413,9 @@ def find_table(tables: Collection[str], owner: str, kind: str) -> str | None:
     return None
 
 
-def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLines:
+def _lines(
+    bundle: Sequence[Document], preferred: Sequence[str], titles: Mapping[str, str]
+) -> rr.SeriesLines:
     """Return names, colours and widths of the series of an entity.
 
     Of many models only the preferred are drawn at first.
@@ -411,11 +426,9 @@ def _lines(bundle: Sequence[Document], preferred: Sequence[str]) -> rr.SeriesLin
             [str(name) for name in group["names"]], [str(role) for role in group["roles"]]
         )
         for name, role, line in zip(group["names"], group["roles"], drawn, strict=True):
-            lines = (
-                [str(name), f"{name} − 2 sd", f"{name} + 2 sd"]
-                if group.get("spread")
-                else [str(name)]
-            )
+            title = titled(str(name), str(role), titles)
+            lines = [title, f"{title} − 2 sd", f"{title} + 2 sd"]
+            lines = lines if group.get("spread") else lines[:1]
             lines = lines[-2:] if _lines_of(group) == 2 else lines
             names += [str(visible(words)) for words in lines]
             inks += [line] * len(lines)

@@ -34,7 +34,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_every_stream_is_there_by_unit_and_spans_messages_and_path(printed: str) -> None:
-    streams = ("raw/attitude/rad", "raw/velocity/m_s", "raw/depth/m", "raw/actuators/us")
+    streams = ("raw/attitude/deg", "raw/velocity/m_s", "raw/depth/m", "raw/actuators/us")
     spans = ("spans/mode", "spans/armed", "spans/legs/train\\ 1", "spans/pauses/velocity")
     for entity in (
         *streams,

@@ -10,8 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 import pytest
 import rerun as rr
@@ -26,12 +28,20 @@ from auvid.stages.base import Collection
 from auvid.stages.columns import VELOCITY, force_columns
 from auvid.stages.page.first_screen import Figure, Use
 from auvid.stages.report import Params, collect, render_recording, run
-from auvid.stages.report.clock import make_clock
-from auvid.stages.report.recording.blueprint import NO_RANGE, LoggedSeries, outer, with_room
+from auvid.stages.report.clock import Clock, make_clock
+from auvid.stages.report.recording.blueprint import (
+    NO_RANGE,
+    LoggedSeries,
+    VisibleTabs,
+    _plots,
+    outer,
+    with_room,
+)
 from auvid.stages.report.recording.recording import (
     MOST_COLUMNS,
     _pieces,
     _rows,
+    _send_groups,
     _settled,
     _values,
     find_table,
@@ -230,6 +240,50 @@ def test_tables_beside_the_plots_do_not_run_into_the_list_before_them(
     )
     words = markdown("Glides", summary, {}, {})
     assert "- Simulation: surge\n\n| figure | value |" in words
+
+
+def test_angles_are_in_degrees_depths_downwards_and_models_have_titles() -> None:
+    t_s = np.array([0.0, 1.0, 2.0])
+    tables = {"x/leg/flown": pa.table({"t_s": t_s, "z_m": t_s, "r_rad_s": t_s})}
+
+    def group(entity: str, column: str, unit: str, role: str) -> dict[str, object]:
+        common = {"table": "flown", "tab": "State", "names": [f"r {role}"], "roles": [role]}
+        return {"entity": entity, "columns": [column], "unit": unit, **common}
+
+    groups = [
+        ("x/leg", group("state/depth", "z_m", "m", "fused")),
+        ("x/leg", group("state/turn", "r_rad_s", "rad/s", "symmetric_quadratic")),
+    ]
+    out = SentSeries()
+    titles = {"symmetric_quadratic": "Symmetric, quadratic"}
+    clock = Clock({"leg": 0.0}, {}, {})
+    ranges = _send_groups(cast("Recording", out), groups, tables, clock, (), titles)
+    np.testing.assert_array_equal(out.values["state/depth"][:, 0], -t_s)
+    np.testing.assert_allclose(out.values["state/turn"][:, 0], np.degrees(t_s))
+    assert ranges["state/depth"].values == (-2.0, 0.0)
+    plots = _plots(groups, groups, VisibleTabs(ranges))
+    assert [str(plot.name) for plot in plots.values()] == ["depth [m, downwards]", "turn [deg/s]"]
+    assert out.names == ["r fused", "r Symmetric, quadratic"]
+
+
+class SentSeries:
+    """What would go into a recording."""
+
+    def __init__(self) -> None:
+        self.values: dict[str, npt.NDArray[np.float64]] = {}
+        self.names: list[str] = []
+        self.stream = self
+
+    def flush(self) -> None:
+        """Do nothing."""
+
+    def static(self, _: str, lines: rr.SeriesLines) -> None:
+        """Keep the names of the lines."""
+        self.names += [str(name) for name in lines.names.as_arrow_array().to_pylist()]
+
+    def series(self, entity: str, _: object, values: npt.NDArray[np.float64]) -> None:
+        """Keep the values."""
+        self.values[entity] = values
 
 
 def test_no_line_crosses_a_gap() -> None:
