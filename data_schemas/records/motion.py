@@ -124,14 +124,14 @@ class InstallationRecord(Model):
 class CurrentRecord(Model):
     """Water current of a segment."""
 
-    verdict: Literal["observable", "not observable"]
-    """Whether the sensors determine it."""
+    verdict: Literal["observable", "not observable", "stated"]
+    """Whether the sensors determine it, or the campaign states it."""
     reason: str
     """Why."""
     ned_m_s: list[float] | None
     """Mean current north, east, down; null where not observable."""
     sd_m_s: list[float] | None
-    """Its standard deviations."""
+    """Its standard deviations; null where not observable or stated."""
 
 
 class FusionRecord(Model):
@@ -158,8 +158,8 @@ class FusionRecord(Model):
     installation: Literal["vehicle_file", "estimate"] = "vehicle_file"
     """Where the velocity log was taken to sit."""
     current: CurrentRecord | None = None
-    """Water current, where it was asked for: verdict (observable, not observable),
-    reason, ned_m_s, sd_m_s.
+    """Water current, where it was asked for: verdict (observable, not observable,
+    stated), reason, ned_m_s, sd_m_s.
     """
     rms: dict[str, float]
     """RMS of raw minus fused per channel."""

@@ -38,6 +38,7 @@ from auvid.stages.fuse.methods import (
     NOISES,
     FusionResult,
     SensorSamples,
+    in_stated_current,
     kinematic,
     smoother,
     thesis,
@@ -122,6 +123,14 @@ class Params:
             "smoother only: find the water current from velocity through the water (water track)"
         ),
     )
+    current_m_s: Mapping[str, list[float]] = param(
+        "m/s",
+        {},
+        meaning=(
+            "log -> steady water current, north and east, to take off a velocity over ground, as"
+            " synthesise finds it in the forces"
+        ),
+    )
     edge_s: float | None = param(
         "s",
         None,
@@ -167,6 +176,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             remedy="Lower it, set null for no low-pass, or raise stages.resample.rate_hz.",
         )
 
+    stated = _stated_current(inputs.segment.log, params)
     placement = _placement(inputs, params)
     motion = sensor_motion(
         inputs.resampled,
@@ -176,6 +186,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         placement=None if params.as_published else placement,
     )
     result = _fuse(inputs, params, motion, placement)
+    if stated is not None:
+        result = in_stated_current(result, motion, stated)
     pose = _pose(motion, result.velocity)
     over_ground = np.hstack([result.velocity, motion.omega])
     nu_dot = np.hstack([result.v_dot, motion.omega_dot])
@@ -219,6 +231,32 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         section=fuse_section(inputs.segment, fusion, inputs.resampled, state, keep),
         views=fuse_views(fused),
     )
+
+
+def _stated_current(log: str, params: Params) -> list[float] | None:
+    """Return the current of a log by the campaign; None for none.
+
+    Raises `CampaignError` for one that is no pair, or that sensors are to find, too.
+    """
+    field = f"stages.fuse.current_m_s.{log}"
+    current = params.current_m_s.get(log)
+    if current is None:
+        return None
+    if len(current) != 2:
+        raise CampaignError(
+            "a current has two components",
+            field=field,
+            value=current,
+            allowed="[north, east] in m/s, towards where the water goes",
+        )
+    if params.estimate_current:
+        raise CampaignError(
+            "the current is stated, and to be found from velocity through the water, too",
+            field=field,
+            value=current,
+            remedy="Leave out one of current_m_s and estimate_current.",
+        )
+    return current
 
 
 def _placement(inputs: Inputs, params: Params) -> VelocityLogPlacement:

@@ -17,8 +17,8 @@ from auvid.stages.columns import VELOCITY
 OBSERVABLE: Final = "observable"
 NOT_OBSERVABLE: Final = "not observable"
 REASON = (
-    "accelerometer, velocity over ground and depth say nothing of the water; in the forces a steady"
-    " current cannot be told from damping and constant forces"
+    "accelerometer, velocity over ground and depth say nothing of the water; forces of legs that"
+    " turn do, and synthesise says what they show"
 )
 
 

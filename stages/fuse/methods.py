@@ -5,7 +5,7 @@ Equations of McCarter 2014.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -235,6 +235,21 @@ def smoother(
         current=current_document(smoothed),
         drift=drift(smoothed, on_clock, motion.euler),
     )
+
+
+def in_stated_current(
+    result: FusionResult, motion: SensorMotion, current_m_s: Sequence[float]
+) -> FusionResult:
+    """Return a result with a current towards north and east (2,) that the campaign states."""
+    ned = np.array([*current_m_s, 0.0])
+    drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.euler), ned)
+    current = CurrentRecord(
+        verdict="stated",
+        reason="the campaign states it (stages.fuse.current_m_s)",
+        ned_m_s=ned.tolist(),
+        sd_m_s=None,
+    )
+    return replace(result, drift=drift, current=current)
 
 
 def _noise(values: Mapping[str, float], gravity: float) -> SmootherNoise:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
@@ -129,15 +129,15 @@ def _current_blocks(current: CurrentRecord | None) -> list[Block]:
             " still water."
         )
         return [remark(words, "warning")]
+    values = current.ned_m_s or ()
+    errors: Sequence[float | None] = current.sd_m_s or [None] * 3
     rows = [
         [name, value, sd, "m/s"]
-        for name, value, sd in zip(
-            ("north", "east", "down"), current.ned_m_s or (), current.sd_m_s or (), strict=True
-        )
+        for name, value, sd in zip(("north", "east", "down"), values, errors, strict=True)
     ]
     note = (
-        "Mean over the segment. The forces are taken at the velocity through the water; position is"
-        " over ground."
+        f"Mean over the segment, {current.reason}. The forces are taken at the velocity through"
+        " the water; position is over ground."
     )
     heads = ["towards", "value", "standard deviation", "unit"]
     return [table("Water current", heads, rows, note=note)]

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 
+import numpy as np
 import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
@@ -21,7 +22,7 @@ from auvid.data_schemas.records.models import FactorRecord, ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import has_columns
-from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_term_names
@@ -40,6 +41,11 @@ from auvid.hydro.dynamics.viscous.structures import (
 )
 from auvid.hydro.identification.constrained.actuator_lag import measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
+from auvid.hydro.identification.constrained.steady_current import (
+    SteadyCurrent,
+    measured_currents,
+)
+from auvid.hydro.identification.regression.assumed_figures import CURRENT
 from auvid.hydro.identification.regression.error_functions import (
     ERROR_FUNCTIONS,
     MINIMISERS,
@@ -65,6 +71,7 @@ from auvid.stages.synthesise.error_choice import (
 )
 from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
 from auvid.stages.synthesise.presentation import (
+    current_blocks,
     lag_words,
     low_pass_words,
     stated_lag_words,
@@ -83,6 +90,7 @@ from auvid.stages.synthesise.training import (
     driven_leg,
     leaning_terms,
     leg_factor,
+    leg_over_ground,
     merged_figures,
     motion_factor,
     moved_by_lag,
@@ -151,6 +159,16 @@ class Params:
             " clearly; or none"
         ),
         allowed=(MEASURED, "none"),
+    )
+    current_m_s: float = param(
+        "m/s",
+        0.15,
+        meaning=(
+            "standard deviation, north and east, of a steady current under a velocity over ground,"
+            " before the training legs show it; 0 for still water, as in a tank"
+        ),
+        low=0.0,
+        high=3.0,
     )
     trim: bool = param(
         "1",
@@ -251,6 +269,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if lag.standard_error_s is not None:
             spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s}
             vehicle = replace(vehicle, spreads=spreads)
+    currents = _currents(inputs, training, lag_s, params.current_m_s)
+    if currents:
+        spreads = {**vehicle.spreads, CURRENT: _spread_of(currents)}
+        vehicle = replace(vehicle, spreads=spreads)
     with_ratio = all(
         has_columns(inputs.residual.part(key, ("eta_ratio",)), ("eta_ratio",)) for key in training
     )
@@ -260,7 +282,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     def legs(lag_s: float = lag_s) -> Iterator[TrainingSegment]:
         return (
-            TrainingSegment.of(_tables(inputs, key), with_ratio=with_ratio, lag_s=lag_s)
+            TrainingSegment.of(
+                _tables(inputs, key),
+                with_ratio=with_ratio,
+                lag_s=lag_s,
+                currents_m_s=errors_of_log(currents, inputs.segment[key].log),
+            )
             for key in training
         )
 
@@ -333,7 +360,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 factor_kept = factors.get(name)
                 factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
             moving = reduce(TriangularFactor.merge, factors.values())
-            figures = _motion_figures(inputs, training, structures, vehicle, lag_s)
+            figures = _motion_figures(inputs, training, structures, vehicle, lag_s, currents)
         for model in structures:
             squares = cards[model.name]
             per_one = {
@@ -363,7 +390,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         *wiring_blocks((_tables(inputs, key) for key in training), vehicle),
         *torque_blocks((inputs.residual[key] for key in training), vehicle),
     ]
-    warnings = [*lag_blocks, *low_pass, *wiring, *(remark(words, "warning") for words in conflicts)]
+    warnings = [
+        *lag_blocks,
+        *current_blocks(currents),
+        *low_pass,
+        *wiring,
+        *(remark(words, "warning") for words in conflicts),
+    ]
     return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
 
 
@@ -404,6 +437,34 @@ def _lag(
         verdict="identified" if lag.by_gyro else "inseparable",
     )
     return fit, [remark(lag_words(lag, spread), "note" if lag.by_gyro else "warning")]
+
+
+def _currents(
+    inputs: Inputs, training: Sequence[str], lag_s: float, usual_m_s: float
+) -> dict[str, SteadyCurrent]:
+    """Return log -> its current, of logs whose velocity is over ground."""
+    if not usual_m_s:
+        return {}
+    legs = [leg_over_ground(_tables(inputs, key), lag_s) for key in training]
+    over_ground = [leg for leg in legs if leg is not None]
+    if not over_ground:
+        return {}
+    return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
+
+
+def _spread_of(currents: Mapping[str, SteadyCurrent]) -> float:
+    """Return the root mean square [m/s] of what still water errs by, of a component."""
+    errors = np.array([current.errors for current in currents.values()])
+    return float(np.sqrt(np.sum(errors**2) / (2 * len(currents))))
+
+
+def errors_of_log(currents: Mapping[str, SteadyCurrent], log: str) -> Array | None:
+    """Return the errors (2 k, 3) by the currents of k logs, on legs of one of them."""
+    if not currents:
+        return None
+    return np.vstack(
+        [own.errors if name == log else np.zeros((2, 3)) for name, own in currents.items()]
+    )
 
 
 def _low_pass_blocks(
@@ -512,11 +573,18 @@ def _motion_figures(
     structures: Sequence[ViscousModel],
     vehicle: Vehicle,
     lag_s: float,
+    currents: Mapping[str, SteadyCurrent],
 ) -> dict[str, tuple[NormalChange, ...]]:
     """Return what assumed figures do to the normal equations with accelerations."""
     terms = _motion_terms(structures)
     legs = (
-        TrainingSegment.of(_tables(inputs, key), with_ratio=False, lag_s=lag_s) for key in training
+        TrainingSegment.of(
+            _tables(inputs, key),
+            with_ratio=False,
+            lag_s=lag_s,
+            currents_m_s=errors_of_log(currents, inputs.segment[key].log),
+        )
+        for key in training
     )
     return reduce(merged_figures, (DataErrors.of_motion(leg, terms, vehicle) for leg in legs))
 

@@ -8,6 +8,8 @@ from typing import Any
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.constrained.actuator_lag import ActuatorLag
+from auvid.hydro.identification.constrained.steady_current import SteadyCurrent
+from auvid.hydro.identification.regression.assumed_figures import CURRENT
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
@@ -182,9 +184,9 @@ def _method(card: ModelCard) -> str:
     if card.spreads:
         note += (
             " By assumed figures: how far each, within its 95 %, moves the value, beside noise; the"
-            " vehicle file states them (spreads)."
+            " vehicle file states them (spreads), the training legs that of a steady current."
         )
-    elif card.assumed:
+    if card.assumed and not card.spreads.keys() - {CURRENT}:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."
     return note
 
@@ -285,6 +287,41 @@ def stated_lag_words(stated_s: float, spread_s: float | None, measured: Actuator
             " counts."
         )
     return f"{words}{of_legs}."
+
+
+def current_blocks(currents: Mapping[str, SteadyCurrent]) -> list[Block]:
+    """Return a warning on currents that the legs show, a note on those they leave open."""
+    blocks = []
+    clear = {log: current for log, current in currents.items() if current.clear}
+    if clear:
+        dives = [
+            f"of {log} {current.speed:.2g} m/s towards {current.bearing_deg:.0f} degrees (north"
+            f" {current.value[0]:.2f} +- {NORMAL_95 * current.sd[0]:.2f}, east"
+            f" {current.value[1]:.2f} +- {NORMAL_95 * current.sd[1]:.2f} m/s, 95 %)"
+            for log, current in clear.items()
+        ]
+        entries = ", ".join(
+            f"{log}: [{current.value[0]:.3f}, {current.value[1]:.3f}]"
+            for log, current in clear.items()
+        )
+        words = (
+            f"The forces show a steady current, {'; '.join(dives)}, and the velocities are those"
+            " over ground. It leans drag and constant forces, and their intervals count it. To take"
+            f" it off, write stages.fuse.current_m_s: {{{entries}}}. A tether that pulls one way"
+            " looks like one."
+        )
+        blocks.append(remark(words, "warning"))
+    open_logs = [log for log, current in currents.items() if not current.shows]
+    if open_logs:
+        spread = max(float(currents[log].sd.max()) for log in open_logs)
+        words = (
+            f"The training legs of {', '.join(open_logs)} go too straight to show a steady current"
+            " under a velocity over ground. Intervals count one of up to"
+            f" {NORMAL_95 * spread:.2f} m/s (95 %); in still water, as in a tank, set"
+            " stages.synthesise.current_m_s: 0. Legs that turn show it."
+        )
+        blocks.append(remark(words, "note"))
+    return blocks
 
 
 def low_pass_words(cutoff_hz: float, leaning: Mapping[str, Sequence[str]]) -> str:

@@ -25,7 +25,12 @@ from auvid.hydro.identification.constrained.equations import (
     Unknown,
     extra_rows,
 )
-from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, figure_errors
+from auvid.hydro.identification.constrained.steady_current import LegOverGround
+from auvid.hydro.identification.regression.assumed_figures import (
+    MeasuredLeg,
+    current_errors,
+    figure_errors,
+)
 from auvid.hydro.identification.regression.excitation import (
     VelocityExcitation,
     axis_excitation,
@@ -70,6 +75,8 @@ EXCITATION = (FROM_ERRORS, "fixed")
 """What a velocity has to exceed to count as excited: its own errors, or a fixed RMS."""
 LAG_STEP_S = 0.05
 """Clock of the samples that a lag is measured on: commands are logged no faster."""
+CURRENT_STEP_S = 0.2
+"""Clock of the samples that a current is measured on: it is in slow motion, too."""
 THRUST = ("propeller", "thrusters")
 """Those that a thrust curve scales."""
 SPLINES = {
@@ -111,7 +118,8 @@ class TrainingSegment:
     nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
     actuators; thrust (n, 6) is what thrusters and propeller have in it, actuators (n, 6)
     all of them with fins. cutoffs_hz: of the splines behind the six accelerations;
-    low_pass_hz: of the low-pass that all channels passed.
+    low_pass_hz: of the low-pass that all channels passed; currents_m_s (k, 3): steady
+    currents, NED, that still water may err by.
     """
 
     nu: Array
@@ -123,9 +131,17 @@ class TrainingSegment:
     measured: MeasuredLeg | None = None
     cutoffs_hz: tuple[float | None, ...] = ()
     low_pass_hz: float | None = None
+    currents_m_s: Array | None = None
 
     @classmethod
-    def of(cls, tables: LegTables, *, with_ratio: bool, lag_s: float = 0.0) -> TrainingSegment:
+    def of(
+        cls,
+        tables: LegTables,
+        *,
+        with_ratio: bool,
+        lag_s: float = 0.0,
+        currents_m_s: Array | None = None,
+    ) -> TrainingSegment:
         """Return the samples of a segment whose actuators are late by `lag_s`."""
         residual, nu = tables.residual, matrix(tables.residual, VELOCITY)
         measured, cutoffs = None, []
@@ -153,6 +169,7 @@ class TrainingSegment:
             measured,
             tuple(cutoffs),
             None if tables.fusion is None else tables.fusion.cutoff_hz,
+            currents_m_s,
         )
 
     def figure_errors(
@@ -160,11 +177,16 @@ class TrainingSegment:
     ) -> list[tuple[str, Array, Array | None]]:
         """Return what assumed figures change of force and velocities, strided."""
         thrust, actuators = self.thrust[::STRIDE], self.actuators[::STRIDE]
-        return list(
-            figure_errors(
+        return [
+            *figure_errors(
                 every, vehicle, thrust=thrust, actuators=actuators, spreads=vehicle.spreads
-            )
-        )
+            ),
+            *(
+                []
+                if self.currents_m_s is None
+                else current_errors(every, vehicle, self.currents_m_s)
+            ),
+        ]
 
     def blocks(self, size: int, terms: Sequence[str]) -> Iterator[tuple[Array, Array]]:
         """Return basis rows (k, m) and forces (m, 6) of `size` samples at a time."""
@@ -416,6 +438,31 @@ def driven_leg(tables: LegTables) -> DrivenLeg | None:
         forces(residual, "tau_bar")[rows],
         acting(residual, ACTUATORS)[rows],
         step_s * rows.step,
+    )
+
+
+def leg_over_ground(tables: LegTables, lag_s: float) -> LegOverGround | None:
+    """Return a segment for `measured_currents`; None where its water is known, or no state."""
+    if tables.fused is None or tables.controls is None:
+        return None
+    current = None if tables.fusion is None else tables.fusion.current
+    if current is not None and current.verdict == "observable":
+        return None
+    residual = tables.residual
+    step_s = float(np.mean(np.diff(clock(residual))))
+    measured = MeasuredLeg(
+        matrix(tables.fused, POSE),
+        matrix(residual, VELOCITY),
+        matrix(tables.fused, ACCELERATION),
+        control_of(tables.controls, slice(None))[0],
+        step_s,
+    )
+    stride = max(1, round(CURRENT_STEP_S / step_s))
+    return LegOverGround(
+        tables.segment.log,
+        measured.every(stride),
+        (forces(residual, "tau_bar") - late_change(residual, lag_s))[::stride],
+        acting(residual, ACTUATORS, lag_s)[::stride],
     )
 
 

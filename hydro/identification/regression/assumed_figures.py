@@ -15,11 +15,13 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.equations_of_motion import Control, inertia_force, residual_force
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 SLOPE_STEP = 1e-4
 """Step [m/s, rad/s] of central differences by the velocities; forces are quadratic."""
+CURRENT = "current"
 FIGURES = {
     "thrust": "scale of the thrust curve",
     "thrust_lag": "thrust lag",
@@ -27,8 +29,9 @@ FIGURES = {
     "inertia": "moments of inertia",
     "added_mass": "added mass",
     "velocity_arm": "arm of the velocity sensor",
+    CURRENT: "steady current",
 }
-"""Assumed figures by their key in the vehicle file."""
+"""Assumed figures by their key in the vehicle file; the current is the dive's."""
 
 
 def total_error(standard_error: float, shifts: Mapping[str, float]) -> float:
@@ -124,6 +127,29 @@ def _arm_errors(leg: MeasuredLeg, vehicle: Vehicle, arm_m: Array) -> tuple[Array
         for nu, nu_dot in ((leg.nu + d_nu, leg.nu_dot + d_nu_dot), (leg.nu, leg.nu_dot))
     )
     return after - before, d_nu
+
+
+def through_water(leg: MeasuredLeg, current_m_s: Array) -> MeasuredLeg:
+    """Return a leg with its motion through water that moves by (3,) NED [m/s].
+
+    nu_r = nu - R' c and nu_r_dot = nu_dot + w x R' c: the forces see these alone.
+    """
+    drift = np.einsum("nji,j->ni", rotation_body_to_ned(leg.eta[:, 3:]), current_m_s)
+    nu, nu_dot = leg.nu.copy(), leg.nu_dot.copy()
+    nu[:, :3] -= drift
+    nu_dot[:, :3] += cross(leg.nu[:, 3:], drift)
+    return replace(leg, nu=nu, nu_dot=nu_dot)
+
+
+def current_errors(
+    leg: MeasuredLeg, vehicle: Vehicle, currents_m_s: Array
+) -> Iterator[tuple[str, Array, Array | None]]:
+    """Yield what each of currents (k, 3), NED, does, as `figure_errors` does."""
+    before = residual_force(vehicle, leg.eta, leg.nu, leg.nu_dot, leg.control).tau_bar
+    for current in currents_m_s:
+        moved = through_water(leg, current)
+        force = residual_force(vehicle, leg.eta, moved.nu, moved.nu_dot, leg.control).tau_bar
+        yield CURRENT, force - before, moved.nu - leg.nu
 
 
 def inertia_changes(figure: str, vehicle: Vehicle, sd: float) -> Iterator[Array]:

@@ -109,8 +109,8 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
     if not log.has("water_velocity"):
         yield (
             "steady current",
-            "one velocity alone does not tell the ground from the water; a current ends up in drag"
-            " and constant forces",
+            "one velocity alone does not tell the ground from the water; stage synthesise of a run"
+            " measures it in the forces of legs that turn",
         )
     if not log.source("velocity").startswith((OF_FIXES, OF_POSES)):
         yield (

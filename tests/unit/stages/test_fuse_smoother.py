@@ -205,10 +205,28 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate
     are over ground.
     """
-    outputs = run(in_current(motion, ODD), estimate_current=True)
-    current = outputs.fusion.current
-    assert current.verdict == "observable"
-    np.testing.assert_allclose(current.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
+    found = run(in_current(motion, ODD), estimate_current=True)
+    stated = run(inputs(motion, ODD), current_m_s={"log": CURRENT[:2].tolist()})
+    assert found.fusion.current.verdict == "observable"
+    assert stated.fusion.current.verdict == "stated"
+    still = run(inputs(motion, ODD), current_m_s={"another": [0.1, 0.1]})
+    for outputs in (found, stated):
+        np.testing.assert_allclose(outputs.fusion.current.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
+        sees_moving_water(outputs, motion)
+        np.testing.assert_allclose(
+            matrix(outputs.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3
+        )
+        tables = [block for block in outputs.section["blocks"] if block["kind"] == "table"]
+        assert tables[0]["title"] == "Water current"
+    assert still.fusion.current is None
+    with pytest.raises(CampaignError, match="to be found from velocity through the water, too"):
+        run(inputs(motion, ODD), estimate_current=True, current_m_s={"log": [0.1, 0.1]})
+    with pytest.raises(CampaignError, match="two components"):
+        run(inputs(motion, ODD), current_m_s={"log": [0.1, 0.1, 0.0]})
+
+
+def sees_moving_water(outputs: fuse.Outputs, motion: Motion) -> None:
+    """Assert that velocity and its rate are those through water that goes with `CURRENT`."""
     t_s = column(outputs.fused, "t_s")
     rows = np.searchsorted(motion.t_s, t_s - 1e-9)
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.eta[rows, 3:]), CURRENT)
@@ -218,14 +236,6 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     )
     assert np.sqrt(np.mean(velocity**2)) < 4e-3
     assert np.sqrt(np.mean(rate**2)) < 2e-2
-    still = run(inputs(motion, ODD))
-    np.testing.assert_allclose(
-        matrix(outputs.fused, POSE_RATE), matrix(still.fused, POSE_RATE), rtol=0.0, atol=5e-3
-    )
-    assert (
-        next(block["title"] for block in outputs.section["blocks"] if block["kind"] == "table")
-        == "Water current"
-    )
 
 
 @pytest.mark.parametrize("samples", [None, slice(0, 3)])

@@ -18,11 +18,13 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.models import ModelCard, TermCard
+from auvid.data_schemas.records.motion import CurrentRecord
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.viscous.basis import basis, basis_rows, basis_term_names, coefficient_unit
 from auvid.hydro.dynamics.viscous.models import (
@@ -33,7 +35,11 @@ from auvid.hydro.dynamics.viscous.models import (
 )
 from auvid.hydro.identification.constrained.fit import ConstrainedFit
 from auvid.hydro.identification.constrained.statuses import CoefficientStatus
-from auvid.hydro.identification.regression.assumed_figures import total_error
+from auvid.hydro.identification.regression.assumed_figures import (
+    MeasuredLeg,
+    through_water,
+    total_error,
+)
 from auvid.hydro.identification.regression.error_functions import (
     deviation_weights,
     huber,
@@ -910,6 +916,41 @@ def test_a_low_pass_that_is_too_low_widens_intervals_and_is_named() -> None:
         warned.append(f"The low-pass of {cutoff_hz:g} Hz is too low" in str(outputs.section))
     assert errors[0] > 5.0 * errors[1]
     assert warned == [True, False]
+
+
+def test_a_current_under_a_velocity_over_ground_is_in_the_intervals_and_named() -> None:
+    """Drag -60 u|u| through water that goes .2 m/s north and .1 west, at a heading of north."""
+    motion = rich_motion(60.0, seed=5)
+    vehicle = replace(shipped_vehicle("bluerov2_heavy"), spreads={})
+    eta, control = np.zeros_like(motion.nu), Control()
+    over = MeasuredLeg(eta, motion.nu, motion.nu_dot, control, 0.02)
+    moved = through_water(over, np.array([0.2, -0.1, 0.0]))
+    drag = moved.nu * (np.abs(moved.nu) * -np.array([60.0, 90.0, 100.0, 1.5, 2.0, 3.0]) - 1.0)
+    force, through = (
+        residual_force(replace(vehicle, thrusters=None), eta, each.nu, each.nu_dot, control).tau_bar
+        for each in (over, moved)
+    )
+    force += drag - through + 0.3 * np.random.default_rng(5).standard_normal(drag.shape)
+    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, force, np.zeros_like(force))
+    inputs = replace(inputs, vehicle=vehicle)
+    holds, words = [], []
+    for usual in (0.15, 0.0):
+        outputs = synthesise.run(inputs, synthesise.Params(models=("fossen",), current_m_s=usual))
+        card = outputs.model_card["fossen"]
+        (item,) = (t for t in card.axes["X"].terms if t.term == "u*|u|")
+        assert item.value is not None
+        total = total_error(item.standard_error or 0.0, item.assumed_shifts)
+        holds.append(abs(item.value + 60.0) < NORMAL_95 * total)
+        assert ("current" in item.assumed_shifts) == ("current" in card.spreads) == (usual > 0)
+        words.append("write stages.fuse.current_m_s: {log: [0." in str(outputs.section))
+    assert holds == [True, False]
+    assert words == [True, False]
+    known = CurrentRecord(verdict="observable", reason="", ned_m_s=[0.0] * 3, sd_m_s=[0.01] * 3)
+    fusion = fusion_document(segment="one", method="smoother", current=known)
+    outputs = synthesise.run(
+        replace(inputs, fusion=collection({"one": fusion})), synthesise.Params(models=("fossen",))
+    )
+    assert "current" not in outputs.model_card["fossen"].spreads
 
 
 def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:

@@ -1,0 +1,298 @@
+"""A steady current under a velocity over ground, measured in the forces of a dive.
+
+A velocity log on the bottom does not see the water move. Forces go with the velocity
+through the water, nu_r = nu - R' c, and R' c turns with the heading while drag does not:
+a dive that turns, or that goes at several speeds, shows c. On surge and sway
+
+    tau_bar(nu_r) = Phi(nu_r) theta + dM nu_dot + noise,
+
+Phi the linear and quadratic terms of a hull that is alike on port and starboard, lift, a
+constant, and what inflow takes of the thrust. The two components of c follow for both
+axes together, dive by dive, from a few linear steps. Halves of each leg have to agree:
+half of what they differ by stands in the covariance. What a dive leaves open is that of
+a current of which nothing is known but its usual size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
+from auvid.hydro.dynamics.equations_of_motion import residual_force
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.dynamics.viscous.basis import basis_rows
+from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
+from auvid.hydro.identification.constrained.actuator_lag import (
+    BLOCK_S,
+    FEWEST_BLOCKS,
+    MOST_BLOCKS,
+    RIDGE,
+)
+from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, through_water
+
+STEPS = 4
+"""Linear steps; the last one moves a current by less than a millimetre a second."""
+SLOPE_M_S = 0.02
+"""Difference of two currents whose forces give the slope by the current."""
+LONGEST_STEP_M_S, FASTEST_M_S = 0.3, 1.5
+"""Of one step, and of a current that is taken."""
+LEAST_SD_M_S = 0.005
+"""Below which forms of drag and errors of sensors move a current."""
+CLEAR, MATTERS_M_S = 4.0, 0.03
+"""Standard deviations from zero of a clear current, and the size from which on it counts."""
+SURE_SHARE = 0.5
+"""Of the usual standard deviation, from which down the legs show a current."""
+AXES_USED = (0, 1)
+
+
+@dataclass(frozen=True)
+class LegOverGround:
+    """One leg of dive `log`: its motion over ground, and its actuators.
+
+    tau_bar, actuators (n, 6): the force to be explained, and that of actuators, late.
+    """
+
+    log: str
+    measured: MeasuredLeg
+    tau_bar: Array
+    actuators: Array
+
+
+@dataclass(frozen=True)
+class SteadyCurrent:
+    """The current of a dive towards north and east [m/s]: value (2,), covariance (2, 2).
+
+    shows: whether the legs say more of it than is usual.
+    """
+
+    value: Array
+    covariance: Array
+    shows: bool = False
+
+    @property
+    def bearing_deg(self) -> float:
+        """Return where it goes, clockwise from north [deg]."""
+        return float(np.degrees(np.arctan2(self.value[1], self.value[0])) % 360.0)
+
+    @property
+    def speed(self) -> float:
+        """Return its size [m/s]."""
+        return float(np.linalg.norm(self.value))
+
+    @property
+    def sd(self) -> Array:
+        """Return the standard deviations (2,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def clear(self) -> bool:
+        """Return whether it is clear of zero, and large enough to count."""
+        odds = float(self.value @ np.linalg.solve(self.covariance, self.value))
+        return odds > CLEAR**2 and self.speed > MATTERS_M_S
+
+    @property
+    def errors(self) -> Array:
+        """Return two independent currents (2, 3), NED, that still water errs by.
+
+        One standard deviation each: their squares add up to value value' + covariance.
+        """
+        size, axes = np.linalg.eigh(np.outer(self.value, self.value) + self.covariance)
+        return np.column_stack([(axes * np.sqrt(np.maximum(size, 0.0))).T, np.zeros(2)])
+
+
+def measured_currents(
+    legs: Sequence[LegOverGround], vehicle: Vehicle, *, usual_m_s: float
+) -> dict[str, SteadyCurrent]:
+    """Return the current of every dive; drag is that of all legs together.
+
+    usual_m_s: standard deviation of each component before the legs are looked at.
+    """
+    logs = tuple(sorted({leg.log for leg in legs}))
+    length = sum(len(leg.measured.nu) * leg.measured.step_s for leg in legs)
+    block, early = _blocks(legs, max(BLOCK_S, length / MOST_BLOCKS))
+    usual = usual_m_s**2 * np.eye(2 * len(logs))
+    if len(early) < FEWEST_BLOCKS:
+        return {log: SteadyCurrent(np.zeros(2), usual[:2, :2]) for log in logs}
+    at = np.zeros((len(logs), 2))
+    for _ in range(STEPS):
+        equations = _Equations.of(legs, vehicle, logs, at, block)
+        at = _limited(at + _limited(equations.step(usual, at), LONGEST_STEP_M_S), FASTEST_M_S)
+    equations = _Equations.of(legs, vehicle, logs, at, block)
+    known = np.linalg.inv(equations.covariance(early, usual, at))
+    after = np.linalg.inv(known + np.linalg.inv(usual))
+    mean = after @ known @ (at.ravel() + equations.free_step())
+    currents = {}
+    for i, log in enumerate(logs):
+        own = slice(2 * i, 2 * i + 2)
+        shows = bool((np.diag(after)[own] < SURE_SHARE**2 * usual_m_s**2).all())
+        currents[log] = SteadyCurrent(mean[own], after[own, own], shows)
+    return currents
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Normal equations of the currents (first c columns) and of drag, block by block.
+
+    grams (b, k, k) and products (b, k) of columns of unit length; sizes (c,): what those
+    of the currents were divided by; per_block: samples of a block.
+    """
+
+    grams: Array
+    products: Array
+    sizes: Array
+    per_block: float
+
+    @classmethod
+    def of(
+        cls,
+        legs: Sequence[LegOverGround],
+        vehicle: Vehicle,
+        logs: Sequence[str],
+        at: Array,
+        block: Ints,
+    ) -> _Equations:
+        """Return them linear about currents `at` (l, 2)."""
+        parts = []
+        for rows, force in _linear(legs, vehicle, logs, at):
+            lengths = np.linalg.norm(rows, axis=0)
+            scaled = rows / np.where(lengths > 0.0, lengths, 1.0)
+            left = force - scaled @ np.linalg.lstsq(scaled, force, rcond=RIDGE)[0]
+            parts.append((scaled, force, lengths, float(np.sqrt(np.mean(left**2)))))
+        c = 2 * len(logs)
+        sizes = np.sqrt(sum((lengths[:c] / rms) ** 2 for _, _, lengths, rms in parts))
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        width = c + sum(rows.shape[1] - c for rows, _, _, _ in parts)
+        edges = np.flatnonzero(np.diff(block, prepend=-1))
+        grams = np.zeros((len(edges), width, width))
+        products = np.zeros((len(edges), width))
+        start = c
+        for rows, force, lengths, rms in parts:
+            own = np.r_[0:c, start : start + rows.shape[1] - c]
+            start = int(own[-1]) + 1
+            scaled = rows * np.r_[lengths[:c] / rms / sizes, np.ones(rows.shape[1] - c)]
+            for i, (part, f) in enumerate(
+                zip(np.split(scaled, edges[1:]), np.split(force / rms, edges[1:]), strict=True)
+            ):
+                grams[i][np.ix_(own, own)] += part.T @ part
+                products[i, own] += part.T @ f
+        return cls(grams, products, sizes, len(block) / len(edges))
+
+    def step(self, usual: Array, at: Array, kept: Mask | None = None) -> Array:
+        """Return the step (l, 2) towards the likeliest currents, with what is usual.
+
+        A block counts as one sample against it.
+        """
+        grams, products = (
+            (part if kept is None else part[kept]).sum(axis=0)
+            for part in (self.grams, self.products)
+        )
+        pull = self.per_block * np.linalg.inv(usual) / np.outer(self.sizes, self.sizes)
+        c = len(pull)
+        grams[:c, :c] += pull
+        products[:c] -= pull @ (at.ravel() * self.sizes)
+        return np.reshape(self._solved(grams[None], products[None])[0], at.shape)
+
+    def free_step(self) -> Array:
+        """Return the step (c,) without what is usual."""
+        free = self._solved(self.grams.sum(axis=0)[None], self.products.sum(axis=0)[None])
+        return np.asarray(free[0])
+
+    def covariance(self, early: Mask, usual: Array, at: Array) -> Array:
+        """Return the covariance (c, c) of `free_step`.
+
+        Of blocks left out in turn, half of what the halves of the legs differ by, and
+        what white noise alone leaves of a current that nothing shows.
+        """
+        gram, product, count = self.grams.sum(axis=0), self.products.sum(axis=0), len(early)
+        steps = self._solved(gram - self.grams, product - self.products)
+        away = steps - steps.mean(axis=0)
+        halves = self.step(usual, at, early) - self.step(usual, at, ~early)
+        half = 0.5 * halves.ravel()
+        c = len(self.sizes)
+        white = np.linalg.inv(gram + RIDGE * np.eye(len(gram)))[:c, :c]
+        return np.asarray(
+            (count - 1) / count * away.T @ away
+            + np.outer(half, half)
+            + white / np.outer(self.sizes, self.sizes)
+            + LEAST_SD_M_S**2 * np.eye(c)
+        )
+
+    def _solved(self, grams: Array, products: Array) -> Array:
+        """Return the currents (s, c) of several systems."""
+        left = grams + RIDGE * np.eye(grams.shape[-1])
+        solved = np.linalg.solve(left, products[..., None])[:, : len(self.sizes), 0]
+        return np.asarray(solved / self.sizes)
+
+
+def _blocks(legs: Sequence[LegOverGround], width_s: float) -> tuple[Ints, Mask]:
+    """Return the block of each sample (n,), and which blocks are in the first half of a leg."""
+    block, early, start = [], [], 0
+    for leg in legs:
+        own = (np.arange(len(leg.measured.nu)) * leg.measured.step_s / width_s).astype(np.int64)
+        count = int(own[-1]) + 1
+        block.append(start + own)
+        early.append(np.arange(count) < count // 2)
+        start += count
+    return np.concatenate(block), np.concatenate(early)
+
+
+def _limited(vectors: Array, longest: float) -> Array:
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors * np.minimum(1.0, longest / np.maximum(size, 1e-12)))
+
+
+def _linear(
+    legs: Sequence[LegOverGround], vehicle: Vehicle, logs: Sequence[str], at: Array
+) -> list[tuple[Array, Array]]:
+    """Return for surge and sway columns (n, c + k) of currents and drag, and forces (n,)."""
+    points = SLOPE_M_S * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
+    parts = []
+    for leg in legs:
+        own = at[logs.index(leg.log)]
+        parts.append([_over_moving_water(leg, vehicle, own + point) for point in points])
+    axes = []
+    for index in AXES_USED:
+        here = [part[0][index] for part in parts]
+        columns, force = (np.concatenate(each) for each in zip(*here, strict=True))
+        sizes = np.linalg.norm(columns, axis=0)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        drag = np.linalg.lstsq(columns / sizes, force, rcond=RIDGE)[0] / sizes
+        currents, start = np.zeros((len(force), 2 * len(logs))), 0
+        for leg, part in zip(legs, parts, strict=True):
+            place = slice(start, start + len(part[0][index][1]))
+            start = place.stop
+            for k in range(2):
+                (rows, push), (other_rows, other_push) = (
+                    part[1 + 2 * k + side][index] for side in range(2)
+                )
+                change = (rows - other_rows) @ drag - (push - other_push)
+                currents[place, 2 * logs.index(leg.log) + k] = change / (2.0 * SLOPE_M_S)
+        axes.append((np.hstack([currents, columns]), force))
+    return axes
+
+
+def _over_moving_water(
+    leg: LegOverGround, vehicle: Vehicle, current: Array
+) -> list[tuple[Array, Array]]:
+    """Return for surge and sway the columns (n, k) of drag and the force (n,)."""
+    moving = through_water(leg.measured, np.array([*current, 0.0]))
+    before, after = (
+        residual_force(vehicle, each.eta, each.nu, each.nu_dot, each.control).tau_bar
+        for each in (leg.measured, moving)
+    )
+    force, axes = leg.tau_bar + after - before, []
+    for index in AXES_USED:
+        speeds = [x for x in VELOCITIES if allows(AXES[index], x, (PORT_STARBOARD,))]
+        terms = [*speeds, *(f"{x}*|{x}|" for x in speeds), *(f"u*{x}" for x in speeds if x != "u")]
+        own = moving.nu[:, index]
+        columns = [
+            np.ones(len(own)),
+            moving.nu_dot[:, index],
+            basis_rows(moving.nu.T, terms=terms).T,
+            np.abs(leg.actuators[:, index]) * own,
+        ]
+        axes.append((np.column_stack(columns), force[:, index]))
+    return axes
