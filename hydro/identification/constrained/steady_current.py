@@ -121,9 +121,9 @@ def measured_currents(
         equations = _Equations.of(legs, vehicle, logs, at, block)
         at = _limited(at + _limited(equations.step(usual, at), LONGEST_STEP_M_S), FASTEST_M_S)
     equations = _Equations.of(legs, vehicle, logs, at, block)
-    known = np.linalg.inv(equations.covariance(early, usual, at))
-    after = np.linalg.inv(known + np.linalg.inv(usual))
-    mean = after @ known @ (at.ravel() + equations.free_step())
+    precision = np.linalg.inv(equations.covariance(early, usual, at))
+    after = np.linalg.inv(precision + np.linalg.inv(usual))
+    mean = after @ precision @ (at.ravel() + equations.free_step())
     currents = {}
     for i, log in enumerate(logs):
         own = slice(2 * i, 2 * i + 2)

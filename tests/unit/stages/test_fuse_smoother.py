@@ -205,12 +205,12 @@ def test_water_track_gives_the_current_and_the_velocity_that_forces_see(motion: 
     """u v w are through the water, v_dot is theirs: nu_r = nu - R' c; pose and its rate
     are over ground.
     """
-    found = run(in_current(motion, ODD), estimate_current=True)
+    by_water_track = run(in_current(motion, ODD), estimate_current=True)
     stated = run(inputs(motion, ODD), current_m_s={"log": CURRENT[:2].tolist()})
-    assert found.fusion.current.verdict == "observable"
+    assert by_water_track.fusion.current.verdict == "observable"
     assert stated.fusion.current.verdict == "stated"
     still = run(inputs(motion, ODD), current_m_s={"another": [0.1, 0.1]})
-    for outputs in (found, stated):
+    for outputs in (by_water_track, stated):
         np.testing.assert_allclose(outputs.fusion.current.ned_m_s, CURRENT, rtol=0.0, atol=3e-3)
         sees_moving_water(outputs, motion)
         np.testing.assert_allclose(

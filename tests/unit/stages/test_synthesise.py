@@ -945,8 +945,8 @@ def test_a_current_under_a_velocity_over_ground_is_in_the_intervals_and_named() 
         words.append("write stages.fuse.current_m_s: {log: [0." in str(outputs.section))
     assert holds == [True, False]
     assert words == [True, False]
-    known = CurrentRecord(verdict="observable", reason="", ned_m_s=[0.0] * 3, sd_m_s=[0.01] * 3)
-    fusion = fusion_document(segment="one", method="smoother", current=known)
+    observed = CurrentRecord(verdict="observable", reason="", ned_m_s=[0.0] * 3, sd_m_s=[0.01] * 3)
+    fusion = fusion_document(segment="one", method="smoother", current=observed)
     outputs = synthesise.run(
         replace(inputs, fusion=collection({"one": fusion})), synthesise.Params(models=("fossen",))
     )

@@ -55,8 +55,10 @@ def test_a_dive_that_turns_shows_its_current(current: tuple[float, float]) -> No
     assert np.abs(measured.value - true).max() < 2.0 * measured.sd.max() < 0.03
     assert measured.shows
     assert measured.clear == bool(true.any())
-    whole = np.outer(measured.value, measured.value) + measured.covariance
-    np.testing.assert_allclose((measured.errors.T @ measured.errors)[:2, :2], whole, atol=1e-15)
+    second_moment = np.outer(measured.value, measured.value) + measured.covariance
+    np.testing.assert_allclose(
+        (measured.errors.T @ measured.errors)[:2, :2], second_moment, atol=1e-15
+    )
 
 
 def test_each_dive_has_its_own_whatever_the_order_of_legs() -> None:
