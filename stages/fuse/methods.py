@@ -240,7 +240,7 @@ def smoother(
 def in_stated_current(
     result: FusionResult, motion: SensorMotion, current_m_s: Sequence[float]
 ) -> FusionResult:
-    """Return a result with a current towards north and east (2,) that the campaign states."""
+    """Return a result with a stated current towards north and east (2,)."""
     ned = np.array([*current_m_s, 0.0])
     drift = np.einsum("nji,j->ni", rotation_body_to_ned(motion.euler), ned)
     current = CurrentRecord(

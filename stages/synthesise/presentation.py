@@ -290,7 +290,7 @@ def stated_lag_words(stated_s: float, spread_s: float | None, measured: Actuator
 
 
 def current_blocks(currents: Mapping[str, SteadyCurrent]) -> list[Block]:
-    """Return a warning on currents that the legs show, a note on those they leave open."""
+    """Return a warning on clear currents, a note on those that the legs leave open."""
     blocks = []
     clear = {log: current for log, current in currents.items() if current.clear}
     if clear:

@@ -442,7 +442,10 @@ def driven_leg(tables: LegTables) -> DrivenLeg | None:
 
 
 def leg_over_ground(tables: LegTables, lag_s: float) -> LegOverGround | None:
-    """Return a segment for `measured_currents`; None where its water is known, or no state."""
+    """Return a segment for `measured_currents`.
+
+    None where its current is known, or without its state.
+    """
     if tables.fused is None or tables.controls is None:
         return None
     current = None if tables.fusion is None else tables.fusion.current

@@ -63,9 +63,9 @@ class LegOverGround:
 
 @dataclass(frozen=True)
 class SteadyCurrent:
-    """The current of a dive towards north and east [m/s]: value (2,), covariance (2, 2).
+    """The current of a dive towards north and east [m/s].
 
-    shows: whether the legs say more of it than is usual.
+    value (2,), covariance (2, 2); shows: whether the legs say more of it than is usual.
     """
 
     value: Array
@@ -228,7 +228,7 @@ class _Equations:
 
 
 def _blocks(legs: Sequence[LegOverGround], width_s: float) -> tuple[Ints, Mask]:
-    """Return the block of each sample (n,), and which blocks are in the first half of a leg."""
+    """Return the block of each sample (n,), and which are in the first half of a leg."""
     block, early, start = [], [], 0
     for leg in legs:
         own = (np.arange(len(leg.measured.nu)) * leg.measured.step_s / width_s).astype(np.int64)
@@ -247,7 +247,7 @@ def _limited(vectors: Array, longest: float) -> Array:
 def _linear(
     legs: Sequence[LegOverGround], vehicle: Vehicle, logs: Sequence[str], at: Array
 ) -> list[tuple[Array, Array]]:
-    """Return for surge and sway columns (n, c + k) of currents and drag, and forces (n,)."""
+    """Return columns (n, c + k) of currents and drag, force (n,), of surge and sway."""
     points = SLOPE_M_S * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
     parts = []
     for leg in legs:
