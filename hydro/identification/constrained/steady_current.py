@@ -228,7 +228,7 @@ class _Equations:
 
 
 def _blocks(legs: Sequence[LegOverGround], width_s: float) -> tuple[Ints, Mask]:
-    """Return the block of each sample (n,), and which are in the first half of a leg."""
+    """Return the block of each sample (n,), and which are early in a leg."""
     block, early, start = [], [], 0
     for leg in legs:
         own = (np.arange(len(leg.measured.nu)) * leg.measured.step_s / width_s).astype(np.int64)
