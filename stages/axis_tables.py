@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
-from auvid.data_schemas.records.axes import AxisWindowsRecord
+from auvid.data_schemas.records.axes import AxisWindowsRecord, ThrusterEffect
 from auvid.data_schemas.tables import column, has_columns, make_table, matrix
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
-from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.axes.record import AxisRecord, LeftOut, ThrusterForces
 from auvid.stages.columns import ATTITUDE, VELOCITY, named
 
 FORCES = tuple(f"force_{axis}" for axis in AXES)
@@ -34,7 +34,17 @@ def axis_record_table(record: AxisRecord, start_us: int) -> pa.Table:
     columns |= named(ATTITUDE, record.attitude_rad)
     columns |= {name: record.force[axis] for name, axis in zip(FORCES, AXES, strict=True)}
     columns |= {name: numbers[:, at] for at, name in enumerate(WINDOWS)}
+    if record.thrusters is not None:
+        columns |= named(_thrust_columns(record.thrusters.outputs), record.thrusters.force)
     return make_table("axis_record", columns)
+
+
+def effects_of(thrusters: ThrusterForces) -> list[ThrusterEffect]:
+    """Return what each thruster does, for the document of a record."""
+    return [
+        ThrusterEffect(output=output, effect=effect.tolist())
+        for output, effect in zip(thrusters.outputs, thrusters.effect.T, strict=True)
+    ]
 
 
 def axis_record_of(table: pa.Table, windows: AxisWindowsRecord) -> AxisRecord:
@@ -56,7 +66,21 @@ def axis_record_of(table: pa.Table, windows: AxisWindowsRecord) -> AxisRecord:
             LeftOut(item.axis, item.start_s, item.end_s, item.reason) for item in windows.left_out
         ),
         measured_by={str(axis): words for axis, words in windows.measured_by.items()},
+        thrusters=_thrusters_of(table, windows),
     )
+
+
+def _thrust_columns(outputs: Sequence[int]) -> tuple[str, ...]:
+    """Return the columns of the forces of thrusters."""
+    return tuple(f"thrust_{output}" for output in outputs)
+
+
+def _thrusters_of(table: pa.Table, windows: AxisWindowsRecord) -> ThrusterForces | None:
+    if not windows.thrusters:
+        return None
+    outputs = tuple(item.output for item in windows.thrusters)
+    effect = np.array([item.effect for item in windows.thrusters]).T
+    return ThrusterForces(outputs, matrix(table, _thrust_columns(outputs)), effect)
 
 
 def _windows(numbers: Array) -> tuple[tuple[int, int], ...]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from auvid.data_schemas.documents.model import Model
 
 AxisLetter = Literal["X", "Y", "Z", "K", "M", "N"]
@@ -20,6 +22,17 @@ class LeftOutStretch(Model):
     """Seconds from the start of the log."""
     reason: str
     """Why."""
+
+
+class ThrusterEffect(Model):
+    """What one thruster does to the vehicle."""
+
+    output: int
+    """Output channel of the autopilot."""
+    effect: list[float]
+    """Force on X Y Z K M N by 1 N of it [1, m]; of full commands the share that its full
+    command has in that of the axis.
+    """
 
 
 class AxisWindowsRecord(Model):
@@ -50,6 +63,10 @@ class AxisWindowsRecord(Model):
     full_thrust: dict[AxisLetter, float]
     """Axis -> force of a full command by that of one thruster [1, m], where the layout of
     the thrusters is known: they tie the full commands of the axes together.
+    """
+    thrusters: list[ThrusterEffect] = Field(default_factory=list)
+    """What makes up the force, in the order of the allocation; none where nothing says how
+    outputs mix.
     """
     notes: list[str]
     """Sentences on how it was made."""

@@ -93,6 +93,23 @@ class CommandGain(Model):
     """What the data say."""
 
 
+class ThrusterShare(Model):
+    """How strong a thruster is against those that push along the same axes."""
+
+    output: int
+    """Output channel of the autopilot."""
+    value: float | None
+    """Its force over that which its output says, over the median of the same of `others`;
+    null where it does not run.
+    """
+    interval_95: list[float] | None
+    """Ends of its 95 % interval; null where there is none."""
+    others: list[int]
+    """Output channels of the thrusters that it is compared with."""
+    verdict: FigureVerdict
+    """What the data say; from the prior: the motion does not tell it from the others."""
+
+
 class ScaleSource(Model):
     """What turned full commands into newtons."""
 
@@ -191,6 +208,10 @@ class PartialFigures(Model):
     """What holds whatever the newtons are."""
     gains: list[CommandGain]
     """What full commands give; none where the actuators have a thrust curve."""
+    thrusters: list[ThrusterShare] = Field(default_factory=list)
+    """How strong each is; none where nothing says how outputs mix. Forces of the fit have
+    identified ones below .7 that weak, others as strong as their outputs say.
+    """
     scale: ScaleSource | None = None
     """What gave the newtons; absent where the thrust curve did, or nothing."""
     together: TogetherFigures | None = None

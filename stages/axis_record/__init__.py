@@ -18,7 +18,7 @@ from auvid.data_schemas.records.axes import AxisWindowsRecord, LeftOutStretch
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.axis_record.presentation import record_section, record_views
-from auvid.stages.axis_tables import axis_record_table
+from auvid.stages.axis_tables import axis_record_table, effects_of
 from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import leg_window
 from auvid.stages.leg_record.record import RecordedLeg, RecordOptions, leg_record
@@ -130,6 +130,7 @@ def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
             "left_out": [LeftOutStretch.model_validate(item._asdict()) for item in record.left_out],
             "full_force": dict(inputs.vehicle.commands.full_force),
             "full_thrust": dict(drive.full_thrust),
+            "thrusters": [] if record.thrusters is None else effects_of(record.thrusters),
             "notes": list(result.notes),
             "warnings": list(result.warnings),
         }

@@ -41,6 +41,7 @@ from auvid.stages.fit_axes.fitted import (
     Together,
 )
 from auvid.stages.fit_axes.scaling import ScaledAxes, fitted_vehicle
+from auvid.stages.fit_axes.thrusters import share_of
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 NAME, TITLE = "axes", "Axes of the log"
@@ -128,6 +129,7 @@ def partial_figures(
                 figure for item in fits.fitted for figure in free_figures(item, fits.normalised)
             ],
             "gains": _gains(fits, scaled) if fits.normalised else [],
+            "thrusters": [share_of(item) for item in fits.thrusters],
             **({} if scaled.scale is None else {"scale": scaled.scale}),
             **({} if fits.together is None else {"together": _together(fits.together)}),
             "inertia_shares": {

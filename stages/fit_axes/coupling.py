@@ -24,10 +24,9 @@ from auvid.hydro.identification.axes.structure import RIGHTING, SHARE, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.fitted import CommandForces, FittedAxis, HeldOutFit, Together
+from auvid.stages.fit_axes.fitted import CommandForces, FittedAxis, FlownAxis, HeldOutFit, Together
 from auvid.stages.fit_axes.flight import (
     FitOptions,
-    FlownAxis,
     LegData,
     held_out_fits,
     judged,

@@ -10,10 +10,12 @@ import numpy as np
 
 from auvid.data_schemas.records.models import VelocityRange
 from auvid.data_schemas.records.motion import InstallationFigure
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.identification.axes.judgement import STRAIGHT, ShapeVerdict
+from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
 from auvid.hydro.identification.axes.quantities import FitQuantity
+from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
 from auvid.stages.few_axes import SIMULATED_PERCENT
 
@@ -73,6 +75,30 @@ class AxisMotion:
         return float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(change[inside] ** 2)))
 
 
+@dataclass(frozen=True)
+class FlownAxis:
+    """One velocity of a fit: the pool of its training legs, and what was fitted."""
+
+    velocity: str
+    pool: Pool
+    fit: PoolFit
+
+    @property
+    def axis(self) -> str:
+        """Return its letter."""
+        return AXES[VELOCITIES.index(self.velocity)]
+
+    @property
+    def place(self) -> int:
+        """Return where its velocity stands among those of the fit."""
+        return self.pool.structure.velocities.index(self.velocity)
+
+    @property
+    def theta(self) -> Array:
+        """Return the coefficients of all terms of the fit."""
+        return self.fit.values[: len(self.pool.structure.terms)]
+
+
 class JudgedMotion(TypedDict):
     """How a fitted axis moves, as `FittedAxis` has it."""
 
@@ -85,6 +111,7 @@ class JudgedMotion(TypedDict):
     seconds: float
     per_leg: Mapping[str, tuple[float, int]]
     motion: tuple[AxisMotion, ...]
+    flown: FlownAxis
     whole_legs: Mapping[str, float]
     unused_legs: Mapping[str, str]
 
@@ -132,6 +159,8 @@ class FittedAxis:
     """`force`, and acceleration by the sine of the angle [1/s^2] (`RIGHTING`), below 0 where
     it rights.
     """
+    flown: FlownAxis | None = None
+    """The fit that it is of, and the pool of its windows."""
 
     @property
     def axis(self) -> str:
@@ -247,6 +276,8 @@ class AxisFits:
     legs: tuple[str, ...]
     together: Together | None = None
     markers: Markers | None = None
+    thrusters: tuple[ThrusterRatio, ...] = ()
+    """How strong each is against those like it."""
 
     @property
     def inertia_shares(self) -> dict[str, tuple[float, float]]:

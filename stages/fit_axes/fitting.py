@@ -23,6 +23,7 @@ from auvid.hydro.identification.axes.single_axis import (
     refusal,
 )
 from auvid.hydro.identification.axes.structure import RIGHTING
+from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.few_axes import SIMULATED_PERCENT
@@ -31,12 +32,12 @@ from auvid.stages.fit_axes.fitted import (
     AxisFits,
     CommandForces,
     FittedAxis,
+    FlownAxis,
     Lacking,
     LackingVerdict,
 )
 from auvid.stages.fit_axes.flight import (
     FitOptions,
-    FlownAxis,
     LegData,
     idle,
     judged,
@@ -44,6 +45,7 @@ from auvid.stages.fit_axes.flight import (
 )
 from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
 from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
+from auvid.stages.fit_axes.thrusters import as_strong, ratios_of
 from auvid.stages.model_use import TILTS, axes_listed
 from auvid.stages.number_format import fit_in_percent
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -57,12 +59,20 @@ AGAINST = (
 )
 
 
-def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) -> AxisFits:
+def fit_all(
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    *,
+    strengths: tuple[ThrusterRatio, ...] | None = None,
+) -> AxisFits:
     """Return the fits of all axes that the training legs give, with held-out fits.
 
     Validation legs, where there are any, are flown by a fit that does not use them; then
-    windows and legs are left out in turn too.
+    windows and legs are left out in turn too. strengths: of thrusters, where forces have
+    them already; None to find them, and to fit once more where one is weak.
     """
+    as_logged = legs
     first = next(iter(legs.values())).windows
     _check_units(legs)
     markers = markers_of(legs, vehicle, place=options.marker_arm)
@@ -76,6 +86,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
     fitted: list[FittedAxis] = []
     lacking: list[Lacking] = []
     doubtful: dict[str, Lacking] = {}
+    tried: list[FittedAxis] = []
     for step, axis in enumerate(AXES):
         tell(f"axis {axis}", step, len(AXES))
         using = _using(legs, axis)
@@ -84,12 +95,17 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
             lacking.append(why)
         else:
             fit = _fit(axis, using, legs, vehicle, options, hull)
+            tried.append(fit)
             refused = _refused(fit, using, vehicle, options)
             if refused is None or refused.verdict == "not predicted":
                 fitted.append(fit)
                 doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
+    if strengths is None:
+        strengths = ratios_of(tried, legs, vehicle, options)
+        if any(item.is_weak for item in strengths):
+            return fit_all(as_strong(as_logged, strengths), vehicle, options, strengths=strengths)
     shared = shared_lag(fitted)
     if options.fit_lag and shared is not None:
         late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
@@ -112,6 +128,7 @@ def fit_all(legs: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions) 
         force=first.force,
         legs=tuple(legs),
         together=together,
+        thrusters=strengths,
     )
 
 

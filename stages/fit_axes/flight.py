@@ -18,7 +18,7 @@ from auvid.hydro.identification.axes.held_out import (
     signals,
     span_of,
 )
-from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit, loop_rows, make_pool, motion
+from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.single_axis import SURGE, surge_input
 from auvid.hydro.identification.axes.structure import HULL
@@ -29,7 +29,13 @@ from auvid.hydro.identification.axes.windows import (
     turn_of,
     windows_of,
 )
-from auvid.stages.fit_axes.fitted import ArmChoice, AxisMotion, HeldOutFit, JudgedMotion
+from auvid.stages.fit_axes.fitted import (
+    ArmChoice,
+    AxisMotion,
+    FlownAxis,
+    HeldOutFit,
+    JudgedMotion,
+)
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 
@@ -64,30 +70,6 @@ class FitOptions:
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
     marker_arm: ArmChoice = "where_assumed"
-
-
-@dataclass(frozen=True)
-class FlownAxis:
-    """One velocity of a fit: the pool of its training legs, and what was fitted."""
-
-    velocity: str
-    pool: Pool
-    fit: PoolFit
-
-    @property
-    def axis(self) -> str:
-        """Return its letter."""
-        return AXES[VELOCITIES.index(self.velocity)]
-
-    @property
-    def place(self) -> int:
-        """Return where its velocity stands among those of the fit."""
-        return self.pool.structure.velocities.index(self.velocity)
-
-    @property
-    def theta(self) -> Array:
-        """Return the coefficients of all terms of the fit."""
-        return self.fit.values[: len(self.pool.structure.terms)]
 
 
 def motions_of(flown: FlownAxis, using: Mapping[str, LegData]) -> dict[str, AxisMotion]:
@@ -228,6 +210,7 @@ def judged(
         ),
         "per_leg": {part.leg: (motion_percent([part]), len(part.windows)) for part in every},
         "motion": tuple(every),
+        "flown": flown,
         "whole_legs": {
             key: one_run for key, (_, one_run) in checks.items() if np.isfinite(one_run)
         },

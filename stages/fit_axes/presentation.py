@@ -15,6 +15,7 @@ from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
 from auvid.stages.fit_axes.markers import markers_words
+from auvid.stages.fit_axes.thrusters import share_of, weak_words
 from auvid.stages.model_use import axes_listed, ratio_words
 from auvid.stages.number_format import LEAST_FIT, fit_in_percent, significant
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -68,6 +69,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
         blocks.append(remark(markers_words(fits.markers), "warning" if wrong else "note"))
     warnings = [words for item in fits.fitted for words in item.warnings]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
+    blocks += [remark(words, "warning") for words in weak_words(fits.thrusters)]
     blocks += _fit_tables(fits)
     if fits.lacking:
         rows = [
@@ -78,6 +80,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     blocks += _coefficients(card)
     blocks += _beside_damping(card)
     blocks += _free_of_newtons(card)
+    blocks += _thrusters(fits)
     notes = [words for item in fits.fitted for words in item.notes]
     blocks += [remark(words) for words in dict.fromkeys(notes)]
     blocks += [item for fitted in fits.fitted for item in _plots(fitted)]
@@ -250,6 +253,23 @@ def _free_of_newtons(card: ModelCard) -> list[Block]:
             )
         )
     return blocks
+
+
+def _thrusters(fits: AxisFits) -> list[Block]:
+    """Return how strong each thruster is against those like it."""
+    if not fits.thrusters:
+        return []
+    rows: list[list[str | float | None]] = [
+        [item.output, item.value, *_ends(item), ", ".join(map(str, item.others)),
+         item.verdict]
+        for item in map(share_of, fits.thrusters)
+    ]  # fmt: skip
+    heads = ["output", "over the others", "from", "to", "others: outputs", "verdict"]
+    note = (
+        "Force over that which its output says, over the median of the same of the others. From"
+        " the prior: the motion does not tell it from the others, and 1 is assumed."
+    )
+    return [table("Thrusters against those like them", heads, rows, note=note)]
 
 
 def _ends(item: Any) -> Sequence[float | None]:

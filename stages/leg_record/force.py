@@ -39,6 +39,7 @@ from auvid.hydro.dynamics.actuators.thrusters import (
 )
 from auvid.hydro.dynamics.vehicle.logged_directions import turned_as_logged
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.identification.signals.resampling import linear
 from auvid.stages.columns import ATTITUDE, Samples
 from auvid.stages.leg_record.motion import enough, on_clock, pause_s, step_s
@@ -65,6 +66,7 @@ class LegDrive:
     `acting` (n,): some output or command left its dead band. `full` (6,): what the
     actuators can give in each axis, in the unit of the values; nan where not known.
     `axes`: letters that are driven at all. `full_thrust`: see `AxisWindowsRecord`.
+    `thrusters`: what makes `values` up, None where nothing says how outputs mix.
     """
 
     values: Array
@@ -75,6 +77,7 @@ class LegDrive:
     axes: tuple[str, ...]
     full_thrust: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    thrusters: ThrusterForces | None = None
 
 
 def actuator_table(streams: Streams) -> pa.Table:
@@ -257,7 +260,8 @@ def _newtons(
     thrusters, note = _turned(thrusters, info)
     width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
     voltage = streams.voltage(t_s)
-    values = thruster_force(thrusters, thruster_forces(thrusters, width, voltage))
+    forces = thruster_forces(thrusters, width, voltage)
+    values = thruster_force(thrusters, forces)
     notes = [item for item in (note, words) if item]
     if voltage is None and thrusters.curve.voltage_exponent != 0.0:
         notes.append(
@@ -272,6 +276,7 @@ def _newtons(
         "pulses of the thrusters by thrust curve and layout of the vehicle file",
         tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0),
         notes=tuple(notes),
+        thrusters=ThrusterForces(thrusters.outputs, forces, thrusters.allocation),
     )
 
 
@@ -303,6 +308,11 @@ def _full_commands(
         axes,
         {axis: float(full[AXES.index(axis)]) for axis in axes if sized},
         tuple(item for item in (note, words) if item),
+        ThrusterForces(
+            thrusters.outputs,
+            thruster_forces(thrusters, width),
+            thrusters.allocation / np.where(full > 0.0, full, 1.0)[:, None],
+        ),
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
-from auvid.hydro.identification.axes.record import AxisRecord, LeftOut
+from auvid.hydro.identification.axes.record import AxisRecord, LeftOut, ThrusterForces
 from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.selection.axis_windows import (
@@ -146,6 +146,7 @@ def leg_record(
         {axis: own for axis, own in windows.items() if own},
         tuple(left_out),
         motion.by,
+        _bridged_thrusters(drive.thrusters),
     )
     warnings += _clock_words(record, speeds, rate_hz)
     warnings += _one_way_words(record, speeds)
@@ -206,6 +207,14 @@ def _bridged(values: Array) -> Array:
         return values
     at = np.arange(values.size)
     return np.interp(at, at[good], values[good]) if good.any() else np.zeros(values.size)
+
+
+def _bridged_thrusters(thrusters: ThrusterForces | None) -> ThrusterForces | None:
+    """Return forces of thrusters with gaps bridged; None where two share an output."""
+    if thrusters is None or len(set(thrusters.outputs)) < len(thrusters.outputs):
+        return None
+    force = np.stack([_bridged(column) for column in thrusters.force.T], axis=1)
+    return thrusters._replace(force=force)
 
 
 def _any(reasons: list[tuple[str, Mask]]) -> Mask:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.identification.axes.record import AxisRecord
 
 LAG, DEAD_BAND, CURVE = "lag", "dead_band", "curve"
@@ -15,6 +15,9 @@ BOUNDS = {LAG: (0.01, 2.0), DEAD_BAND: (0.0, 0.3), CURVE: (0.5, 2.5)}
 """Lag [s]; dead band in full commands; exponent of the curve."""
 STEPS = {LAG: 0.1, DEAD_BAND: 0.1, CURVE: 0.05}
 """Half widths of differences, relative; of a dead band relative to `BOUNDS`."""
+GAIN, GAIN_BOUNDS, GAIN_SD, GAIN_STEP = "gain of thruster", (-1.0, 3.0), 0.3, 0.1
+"""Name before the number of a thruster, bounds of the share of its force that it gives,
+deviation of that from 1 as thrusters of one vehicle have it, and half width of differences."""
 
 
 @dataclass(frozen=True)
@@ -22,12 +25,14 @@ class ForceDrive:
     """How force follows its command.
 
     y = sign(f) (max(|f| - dead_band, 0) / (1 - dead_band))^curve, then lag_s F_dot + F = y.
-    Dead band and curve are for commands of -1 .. 1; a force in newtons has neither.
+    Dead band and curve are for commands of -1 .. 1; a force in newtons has neither. `gains`
+    (m,): what share of its force each thruster of the record gives; none: all of it.
     """
 
     lag_s: float = 0.08
     dead_band: float = 0.0
     curve: float = 1.0
+    gains: tuple[float, ...] = ()
 
 
 def lagged_columns(step_s: float, force: Array, lag_s: float) -> Array:
@@ -52,6 +57,15 @@ def shaped(force: Array, drive: ForceDrive) -> Array:
     return np.asarray(np.sign(force) * size**drive.curve)
 
 
+def force_of(record: AxisRecord, axis: str, drive: ForceDrive) -> Array:
+    """Return the force (n,) on an axis by thrusters that give their shares of it."""
+    if not drive.gains:
+        return record.force[axis]
+    assert record.thrusters is not None
+    effect = record.thrusters.effect[AXES.index(axis)] * np.array(drive.gains)
+    return np.asarray(record.thrusters.force @ effect)
+
+
 def inputs_of(
     record: AxisRecord,
     names: Sequence[str],
@@ -69,7 +83,7 @@ def inputs_of(
     step = float((record.t_s[1] - record.t_s[0]) * (fine[1] - fine[0]))
     node = np.arange(len(record.t_s), dtype=np.float64)
     forces = [
-        np.interp(fine, node, shaped(np.nan_to_num(record.force[name]), drive))
+        np.interp(fine, node, shaped(np.nan_to_num(force_of(record, name, drive)), drive))
         for name in names
         if name in record.force
     ]
@@ -90,8 +104,10 @@ def input_derivatives(
     driven = [i for i, name in enumerate(names) if name in record.force]
     for e, parameter in enumerate(free):
         value = values_of(drive)[parameter]
-        low, high = BOUNDS[parameter]
-        half = STEPS[parameter] * (high if parameter == DEAD_BAND else value)
+        low, high = bounds_of(parameter)
+        half = GAIN_STEP
+        if parameter in STEPS:
+            half = STEPS[parameter] * (high if parameter == DEAD_BAND else value)
         ends = (max(value - half, low), min(value + half, high))
         here, there = (
             inputs_of(record, [names[i] for i in driven], changed(drive, {parameter: end}), fine)
@@ -101,12 +117,29 @@ def input_derivatives(
     return out
 
 
+def gain_name(number: int) -> str:
+    """Return the name of the gain of a thruster of the record, counted from 0."""
+    return f"{GAIN} {number}"
+
+
+def bounds_of(parameter: str) -> tuple[float, float]:
+    """Return the bounds of a parameter of a drive."""
+    return GAIN_BOUNDS if parameter.startswith(GAIN) else BOUNDS[parameter]
+
+
+def prior_of(parameter: str) -> tuple[float, float] | None:
+    """Return mean and deviation of a parameter of a drive; None without a prior."""
+    return (1.0, GAIN_SD) if parameter.startswith(GAIN) else None
+
+
 def values_of(drive: ForceDrive) -> dict[str, float]:
     """Return the parameters of a drive by name."""
-    return {LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve}
+    gains = {gain_name(number): gain for number, gain in enumerate(drive.gains)}
+    return {LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve} | gains
 
 
 def changed(drive: ForceDrive, values: Mapping[str, float]) -> ForceDrive:
     """Return a drive with some parameters changed."""
     every = values_of(drive) | dict(values)
-    return ForceDrive(every[LAG], every[DEAD_BAND], every[CURVE])
+    gains = tuple(every[gain_name(number)] for number in range(len(drive.gains)))
+    return ForceDrive(every[LAG], every[DEAD_BAND], every[CURVE], gains)

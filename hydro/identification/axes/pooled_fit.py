@@ -20,11 +20,12 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import VELOCITIES, Array, Index, Mask
 from auvid.hydro.identification.axes.drive import (
-    BOUNDS,
     ForceDrive,
+    bounds_of,
     changed,
     input_derivatives,
     inputs_of,
+    prior_of,
     values_of,
 )
 from auvid.hydro.identification.axes.record import AxisRecord
@@ -246,8 +247,8 @@ def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
     count, k = len(pool.structure.terms), len(pool.structure.velocities)
     lower = np.array([t.mean if t.sd == 0.0 else t.lower for t in pool.structure.terms])
     upper = np.array([t.mean if t.sd == 0.0 else t.upper for t in pool.structure.terms])
-    lower = np.append(lower, [BOUNDS[name][0] for name in pool.free])
-    upper = np.append(upper, [BOUNDS[name][1] for name in pool.free])
+    lower = np.append(lower, [bounds_of(name)[0] for name in pool.free])
+    upper = np.append(upper, [bounds_of(name)[1] for name in pool.free])
     begin = values_of(pool.drive)
     common = np.clip(np.append(first, [begin[name] for name in pool.free]), lower, upper)
     local = np.array(
@@ -310,6 +311,10 @@ class PoolWork:
         for i, term in enumerate(self.pool.structure.terms):
             if 0.0 < term.sd < np.inf:
                 precision[i], mean[i] = term.sd**-2, term.mean
+        for i, name in enumerate(self.pool.free, self.count):
+            own = prior_of(name)
+            if own is not None:
+                mean[i], precision[i] = own[0], own[1] ** -2
         away = mean - common
         return 0.5 * float(precision @ away**2), precision, precision * away
 

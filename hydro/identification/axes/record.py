@@ -40,6 +40,19 @@ class LeftOut(NamedTuple):
     reason: str
 
 
+class ThrusterForces(NamedTuple):
+    """Force of each thruster, and what it does to the axes.
+
+    The force on the axes (n, 6) is `force` @ `effect`.T.
+    `outputs` (m,): channels of the autopilot. `force` (n, m): newtons, or full commands of
+    one thruster where the record is normalised. `effect` (6, m): by a force of 1.
+    """
+
+    outputs: tuple[int, ...]
+    force: Array
+    effect: Array
+
+
 @dataclass(frozen=True)
 class AxisRecord:
     """Measured motion of one leg on a uniform grid, what drives it, and windows.
@@ -50,6 +63,7 @@ class AxisRecord:
     of the actuators before any lag, in N and N m, or in full commands where
     `normalised`. `windows`: axis -> (first, last + 1) on the grid. `left_out`:
     stretches without windows. `measured_by`: axis -> what measures it, in words.
+    `thrusters`: what makes the force up, None where nothing says how outputs mix.
 
     Without a velocity log rate["w"] is nan, and heave is fitted to `depth_m`.
     """
@@ -63,6 +77,7 @@ class AxisRecord:
     windows: Mapping[str, tuple[tuple[int, int], ...]]
     left_out: tuple[LeftOut, ...]
     measured_by: Mapping[str, str]
+    thrusters: ThrusterForces | None = None
 
 
 def unmeasured(records: Sequence[AxisRecord]) -> bool:

@@ -37,7 +37,7 @@ BLOCK_S = 5.0
 """Pieces of a dive that count as independent for standard errors."""
 PASSES = 3
 """Regressions, each weighed by the residuals of the one before."""
-WEAK, SURELY_BELOW = 0.7, 0.9
+WEAK_BELOW, SURELY_BELOW = 0.7, 0.9
 """A thruster is weak below so much of the others, and two standard errors below the
 second: on gentle dives of twins healthy ones reach .74, those at half strength .65.
 """
@@ -117,7 +117,7 @@ def thruster_strengths(
     sure = np.flatnonzero(np.diag(covariance) < MOST_ERROR**2)
     result = []
     for i in range(count):
-        alike = _alike(allocation, i)
+        alike = thrusters_alike(allocation, i)
         others = np.intersect1d(alike, sure)
         result.append(
             ThrusterStrength(i + 1, np.nan, np.nan, "not excited", tuple((others + 1).tolist()))
@@ -169,7 +169,7 @@ def _fit(
     return float(np.log(deviation).sum()), gain, covariance * np.outer(least, least)
 
 
-def _alike(allocation: Array, thruster: int) -> Ints:
+def thrusters_alike(allocation: Array, thruster: int) -> Ints:
     """Return the other thrusters whose force has the same body components."""
     direction = np.abs(allocation[:3]) > 0.1 * np.linalg.norm(allocation[:3], axis=0)
     same = np.all(direction == direction[:, [thruster]], axis=0)
@@ -186,7 +186,7 @@ def _strength(
     """
     names = tuple(int(i) + 1 for i in others)
     middle = float(np.median(gain[others])) if len(others) else np.nan
-    agree = np.sum((gain[others] > WEAK * middle) & (gain[others] < middle / WEAK))
+    agree = np.sum((gain[others] > WEAK_BELOW * middle) & (gain[others] < middle / WEAK_BELOW))
     if not (np.isfinite(gain[thruster]) and middle > 0.0 and agree >= min(2, alike)):
         return ThrusterStrength(thruster + 1, np.nan, np.nan, "not separable", names)
     share = float(gain[thruster]) / middle
@@ -202,6 +202,6 @@ def _strength(
         verdict = "reversed"
     elif abs(share) + 2.0 * error < DEAD:
         verdict = "dead"
-    elif share < WEAK and share + 2.0 * error < SURELY_BELOW:
+    elif share < WEAK_BELOW and share + 2.0 * error < SURELY_BELOW:
         verdict = "weak"
     return ThrusterStrength(thruster + 1, share, error, verdict, names)

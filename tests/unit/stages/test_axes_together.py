@@ -11,9 +11,11 @@ import pytest
 import auvid
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.dynamics.actuators.commands import frame_thrusters, full_commands
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import model_card, ranking
 from auvid.stages.fit_axes.coupling import filed_inertia, fitted_shares, held_out_single
@@ -368,3 +370,64 @@ def test_a_dead_band_is_no_drag_of_axes_together() -> None:
         assert item.shape.curve == pytest.approx(1.0, abs=0.03)
         quadratic = item.equation.value(f"{velocity}*|{velocity}|")
         assert quadratic == pytest.approx(TRUTH[velocity][1], rel=0.1)
+
+
+def by_thrusters(item: LegData, strength: Array) -> LegData:
+    """Return a leg whose force vectored thrusters give that are as strong as stated.
+
+    What they say they give is that force where all are sound.
+    """
+    frame = frame_thrusters("vectored")
+    full = full_commands(frame)
+    effect = frame.allocation / np.where(full > 0.0, full, 1.0)[:, None]
+    level = [AXES.index(axis) for axis in "XYN"]
+    total = np.array([item.record.force[axis] for axis in AXES])[level].T
+    force = np.zeros((len(total), 6))
+    force[:, :4] = total @ np.linalg.pinv(effect[level, :4]).T / strength
+    stated = dict(zip(AXES, (force @ effect.T).T, strict=True))
+    thrusters = ThrusterForces(frame.outputs, force, effect)
+    return replace(item, record=replace(item.record, force=stated, thrusters=thrusters))
+
+
+def test_a_thruster_at_half_strength_is_named_and_its_axes_are_flown_with_it() -> None:
+    legs = legs_of(file_inertia())
+    legs = {
+        key: by_thrusters(legs[key], np.array([1.0, 1.0, 0.5, 1.0])) for key in ("leg_1", "leg_3")
+    }
+    options = FitOptions(lag_s=0.08, fit_lag=False, together="never")
+    fitted = fit_all(legs, body(), options)
+    on_paper = fit_all(legs, body(), options, strengths=())
+    ratio = {item.output: item for item in fitted.thrusters}
+    assert set(ratio) == {1, 2, 3, 4}
+    for output, truth in ((1, 1.0), (2, 1.0), (3, 0.5), (4, 1.0)):
+        assert ratio[output].low < truth < ratio[output].high
+        assert ratio[output].value == pytest.approx(truth, abs=0.06)
+    assert [output for output, item in ratio.items() if item.is_weak] == [3]
+    assert ratio[3].others == (1, 2, 4)
+    held_out = [{item.axis: item.held_out_percent for item in own.fitted}
+                for own in (fitted, on_paper)]  # fmt: skip
+    assert 100.0 - held_out[0]["N"] < 0.7 * (100.0 - held_out[1]["N"])
+    card = model_card(fitted, scaled(fitted, body(), by="pull"), (), body())
+    printed = str(fit_section(fitted, card))
+    assert "The thruster on output 3 gives 0." in printed
+    assert card.partial is not None
+    assert [item.output for item in card.partial.thrusters] == [1, 2, 3, 4]
+
+
+def test_thrusters_that_the_motion_does_not_tell_apart_are_as_strong_as_each_other() -> None:
+    """Surge alone moves all four alike: their ratios are those of the prior."""
+    one = legs_of(file_inertia())["leg_1"]
+    surge = one.record.force["X"]
+    still = {axis: surge if axis == "X" else np.zeros_like(surge) for axis in AXES}
+    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=80.0, step_s=0.1, normalised=True)
+    record = replace(
+        one.record, rate=dict.fromkeys("vwpqr", np.zeros_like(surge)) | {"u": ahead.rate["u"]},
+        force=still | {"X": ahead.force["X"]}, windows={"X": one.record.windows["X"]},
+    )  # fmt: skip
+    leg_1 = by_thrusters(replace(one, record=record), np.ones(4))
+    fitted = fit_all({"leg_1": leg_1}, body(), FitOptions(lag_s=0.08, fit_lag=False))
+    assert {item.verdict for item in fitted.thrusters} == {"from the prior"}
+    for item in fitted.thrusters:
+        assert item.value == pytest.approx(1.0, abs=0.02)
+        assert item.low < 0.6
+        assert not item.is_weak

@@ -67,6 +67,11 @@ def test_the_record_survives_its_table(dive):
     record = axis_record_of(result.axis_record, result.axis_windows)
     stamps = result.axis_record["t_us"].to_numpy()
     assert np.abs(record.t_s - (stamps - FIRST_US) / 1e6).max() < 1e-6
+    assert record.thrusters is not None
+    summed = record.thrusters.force @ record.thrusters.effect.T
+    assert record.thrusters.outputs == THRUSTERS.outputs
+    for at, axis in enumerate("XYZKMN"):
+        assert summed[:, at] == pytest.approx(record.force[axis], abs=1e-9)
     for axis, length in result.axis_windows.windows_s.items():
         total = sum(last - first for first, last in record.windows[axis])
         assert total / result.axis_windows.rate_hz == pytest.approx(length)
