@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
@@ -110,25 +110,46 @@ def measured_lag(legs: Sequence[DrivenLeg]) -> ActuatorLag | None:
     """Return the lag of the actuators on legs; None for too short ones."""
     if not legs:
         return None
-    length = sum(len(leg.nu) * leg.step_s for leg in legs)
-    width = max(BLOCK_S, length / MOST_BLOCKS)
-    blocks, start = [], 0
-    for leg in legs:
-        blocks.append(start + (np.arange(len(leg.nu)) * leg.step_s / width).astype(np.int64))
-        start = int(blocks[-1][-1]) + 1
+    blocks = LegBlocks.of([(len(leg.nu), leg.step_s) for leg in legs])
     acting = np.concatenate([leg.actuators for leg in legs])
     swing = np.ptp(acting, axis=0)
     driven = np.flatnonzero(swing > DRIVEN * swing.max(initial=0.0))
-    if start < FEWEST_BLOCKS or not driven.size:
+    if len(blocks.early) < FEWEST_BLOCKS or not driven.size:
         return None
-    block, own = np.concatenate(blocks), _own_terms(legs)
-    lag = _stepped(legs, own, driven, block, loss=True)
-    moved = lag.value_s - _stepped(legs, own, driven, block, loss=False).value_s
+    own = _own_terms(legs)
+    lag = _stepped(legs, own, driven, blocks, loss=True)
+    moved = lag.value_s - _stepped(legs, own, driven, blocks, loss=False).value_s
     return replace(lag, sd_s=float(np.hypot(lag.sd_s, 0.5 * moved)))
 
 
+@dataclass(frozen=True)
+class LegBlocks:
+    """Pieces of legs that count as independent.
+
+    starts (b,): first sample of each among those of all legs; early (b,): those in the
+    first half of their leg. Halves are those of each leg, so that no order of legs counts.
+    """
+
+    starts: Ints
+    early: Mask
+
+    @classmethod
+    def of(cls, legs: Sequence[tuple[int, float]]) -> LegBlocks:
+        """Return the blocks of legs of so many samples, so many seconds apart."""
+        length = sum(samples * step_s for samples, step_s in legs)
+        width = max(BLOCK_S, length / MOST_BLOCKS)
+        starts, early, first = [], [], 0
+        for samples, step_s in legs:
+            block = (np.arange(samples) * step_s / width).astype(np.int64)
+            own = np.flatnonzero(np.diff(block, prepend=-1))
+            starts.append(first + own)
+            early.append(np.arange(len(own)) < len(own) // 2)
+            first += samples
+        return cls(np.concatenate(starts), np.concatenate(early))
+
+
 def _stepped(
-    legs: Sequence[DrivenLeg], own: Sequence[Array], driven: Ints, block: Ints, *, loss: bool
+    legs: Sequence[DrivenLeg], own: Sequence[Array], driven: Ints, blocks: LegBlocks, *, loss: bool
 ) -> ActuatorLag:
     """Return the lag beside columns (n, k) of each axis, and the loss of thrust."""
     nu = np.concatenate([leg.nu for leg in legs])
@@ -140,7 +161,9 @@ def _stepped(
         left, slope = tau_bar - (late - acting), (later - late) / SLOPE_S
         taken = np.abs(late) * nu if loss else np.zeros((len(nu), 0))
         axes = [
-            _Step.of(np.column_stack([slope[:, i], own[i], taken[:, i : i + 1]]), left[:, i], block)
+            _Step.of(
+                np.column_stack([slope[:, i], own[i], taken[:, i : i + 1]]), left[:, i], blocks
+            )
             for i in driven
         ]
         between = _between(axes)
@@ -159,22 +182,23 @@ def _stepped(
 
 @dataclass(frozen=True)
 class _Step:
-    """Change of the lag on one axis: error, and second half less first."""
+    """Change of the lag on one axis: error, and second halves of legs less first."""
 
     change: float
     sd: float
     halves: float
 
     @classmethod
-    def of(cls, columns: Array, force: Array, block: Ints) -> _Step:
+    def of(cls, columns: Array, force: Array, blocks: LegBlocks) -> _Step:
         size = np.linalg.norm(columns, axis=0)
         rows = columns / np.where(size > 0.0, size, 1.0)
-        edges = np.flatnonzero(np.diff(block, prepend=-1))
-        parts = [(part.T @ part, part.T @ f) for part, f in _pieces(rows, force, edges)]
+        pieces = zip(
+            np.split(rows, blocks.starts[1:]), np.split(force, blocks.starts[1:]), strict=True
+        )
+        parts = [(part.T @ part, part.T @ f) for part, f in pieces]
         grams, products = (np.array(each) for each in zip(*parts, strict=True))
         gram, product = grams.sum(axis=0), products.sum(axis=0)
-        middle, count = len(edges) // 2, len(edges)
-        halves = [slice(None, middle), slice(middle, None)]
+        count, halves = len(blocks.early), (blocks.early, ~blocks.early)
         systems = [
             (gram, product),
             *((grams[half].sum(axis=0), products[half].sum(axis=0)) for half in halves),
@@ -186,10 +210,6 @@ class _Step:
         without = lags[3:] - lags[3:].mean()
         sd = np.sqrt((count - 1) / count * np.sum(without**2))
         return cls(float(lags[0]), max(float(sd), 1e-9), float(lags[2] - lags[1]))
-
-
-def _pieces(rows: Array, force: Array, edges: Ints) -> list[tuple[Array, Array]]:
-    return list(zip(np.split(rows, edges[1:]), np.split(force, edges[1:]), strict=True))
 
 
 def _between(axes: Sequence[_Step]) -> float:

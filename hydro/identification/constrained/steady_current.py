@@ -20,16 +20,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
 from auvid.hydro.dynamics.equations_of_motion import residual_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
 from auvid.hydro.identification.constrained.actuator_lag import (
-    BLOCK_S,
     FEWEST_BLOCKS,
-    MOST_BLOCKS,
     RIDGE,
+    LegBlocks,
 )
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, through_water
 
@@ -111,17 +110,16 @@ def measured_currents(
     usual_m_s: standard deviation of each component before the legs are looked at.
     """
     logs = tuple(sorted({leg.log for leg in legs}))
-    length = sum(len(leg.measured.nu) * leg.measured.step_s for leg in legs)
-    block, early = _blocks(legs, max(BLOCK_S, length / MOST_BLOCKS))
+    blocks = LegBlocks.of([(len(leg.measured.nu), leg.measured.step_s) for leg in legs])
     usual = usual_m_s**2 * np.eye(2 * len(logs))
-    if len(early) < FEWEST_BLOCKS:
+    if len(blocks.early) < FEWEST_BLOCKS:
         return {log: SteadyCurrent(np.zeros(2), usual[:2, :2]) for log in logs}
     at = np.zeros((len(logs), 2))
     for _ in range(STEPS):
-        equations = _Equations.of(legs, vehicle, logs, at, block)
+        equations = _Equations.of(legs, vehicle, logs, at, blocks)
         at = _limited(at + _limited(equations.step(usual, at), LONGEST_STEP_M_S), FASTEST_M_S)
-    equations = _Equations.of(legs, vehicle, logs, at, block)
-    precision = np.linalg.inv(equations.covariance(early, usual, at))
+    equations = _Equations.of(legs, vehicle, logs, at, blocks)
+    precision = np.linalg.inv(equations.covariance(blocks.early, usual, at))
     after = np.linalg.inv(precision + np.linalg.inv(usual))
     mean = after @ precision @ (at.ravel() + equations.free_step())
     currents = {}
@@ -152,7 +150,7 @@ class _Equations:
         vehicle: Vehicle,
         logs: Sequence[str],
         at: Array,
-        block: Ints,
+        blocks: LegBlocks,
     ) -> _Equations:
         """Return them linear about currents `at` (l, 2)."""
         parts = []
@@ -165,7 +163,7 @@ class _Equations:
         sizes = np.sqrt(sum((lengths[:c] / rms) ** 2 for _, _, lengths, rms in parts))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         width = c + sum(rows.shape[1] - c for rows, _, _, _ in parts)
-        edges = np.flatnonzero(np.diff(block, prepend=-1))
+        edges = blocks.starts
         grams = np.zeros((len(edges), width, width))
         products = np.zeros((len(edges), width))
         start = c
@@ -178,7 +176,7 @@ class _Equations:
             ):
                 grams[i][np.ix_(own, own)] += part.T @ part
                 products[i, own] += part.T @ f
-        return cls(grams, products, sizes, len(block) / len(edges))
+        return cls(grams, products, sizes, len(force) / len(edges))
 
     def step(self, usual: Array, at: Array, kept: Mask | None = None) -> Array:
         """Return the step (l, 2) towards the likeliest currents, with what is usual.
@@ -225,18 +223,6 @@ class _Equations:
         left = grams + RIDGE * np.eye(grams.shape[-1])
         solved = np.linalg.solve(left, products[..., None])[:, : len(self.sizes), 0]
         return np.asarray(solved / self.sizes)
-
-
-def _blocks(legs: Sequence[LegOverGround], width_s: float) -> tuple[Ints, Mask]:
-    """Return the block of each sample (n,), and which are early in a leg."""
-    block, early, start = [], [], 0
-    for leg in legs:
-        own = (np.arange(len(leg.measured.nu)) * leg.measured.step_s / width_s).astype(np.int64)
-        count = int(own[-1]) + 1
-        block.append(start + own)
-        early.append(np.arange(count) < count // 2)
-        start += count
-    return np.concatenate(block), np.concatenate(early)
 
 
 def _limited(vectors: Array, longest: float) -> Array:

@@ -67,6 +67,21 @@ def test_a_wrong_mass_is_no_lag() -> None:
     assert abs(wrong.value_s - right.value_s) < 0.005
 
 
+def test_the_order_of_legs_does_not_count() -> None:
+    """A leg that says .14 s, one of half its length that says .05: whichever comes first."""
+    long, short = driven_leg(0.14, seed=2), driven_leg(0.05, seed=3)
+    rows = slice(None, len(short.nu) // 2)
+    short = replace(
+        short,
+        **{name: getattr(short, name)[rows] for name in ("nu", "nu_dot", "tau_bar", "actuators")},
+    )
+    one, other = measured_lag([long, short]), measured_lag([short, long])
+    assert one is not None
+    assert other is not None
+    assert other.value_s == pytest.approx(one.value_s, rel=1e-9)
+    assert other.sd_s == pytest.approx(one.sd_s, rel=1e-6)
+
+
 def test_one_driven_axis_determines_no_lag() -> None:
     """A propeller alone: an error of its curve would pass for a lag."""
     lag = measured_lag([driven_leg(0.2, axes=(0,))])
