@@ -14,6 +14,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.torque_sign import RollLeg, torque_share
 from auvid.hydro.identification.fleet.thruster_strength import (
     BLOCK_S,
+    UNEVEN,
     ThrusterLeg,
     ThrusterStrength,
     thruster_strengths,
@@ -50,10 +51,9 @@ def wiring_blocks(legs: Iterable[LegTables], vehicle: Vehicle) -> list[Block]:
     every = strengths(parts, vehicle)
     idle = [vehicle.thrusters.outputs[item.thruster - 1] for item in every if item.is_idle]
     blocks = [remark(_idle_words(idle))] if idle else []
-    weak = [item for item in every if item.verdict in ("weak", "dead")]
-    if weak:
-        words = [_strength_words(item, vehicle.thrusters.outputs) for item in weak]
-        return [*(remark(line, "warning") for line in words), *blocks]
+    uneven = [item for item in every if item.verdict in UNEVEN]
+    if uneven:
+        return [remark(_uneven_words(uneven, vehicle.thrusters.outputs), "warning"), *blocks]
     fault = missing_thruster(parts, vehicle.thrusters.allocation)
     return blocks if fault is None else [remark(_missing_words(fault, vehicle), "warning"), *blocks]
 
@@ -113,16 +113,11 @@ def thruster_legs(
 
 
 def strengths(legs: Sequence[ThrusterLeg], vehicle: Vehicle) -> tuple[ThrusterStrength, ...]:
-    """Return the strength of each thruster; none where the legs are too short.
-
-    Also none where several look weak: that is a fault of the model more than of them.
-    """
+    """Return the strength of each thruster; none where the legs are too short."""
     length_s = sum(float(leg.t_s[-1] - leg.t_s[0]) for leg in legs)
     if vehicle.thrusters is None or length_s < 4.0 * BLOCK_S:
         return ()
-    result = thruster_strengths(legs, vehicle.thrusters.allocation)
-    weak = [item for item in result if item.verdict in ("weak", "dead", "reversed")]
-    return () if len(weak) > 1 else result
+    return thruster_strengths(legs, vehicle.thrusters.allocation)
 
 
 def _idle_words(outputs: Sequence[int]) -> str:
@@ -138,13 +133,33 @@ def _idle_words(outputs: Sequence[int]) -> str:
     )
 
 
-def _strength_words(item: ThrusterStrength, outputs: tuple[int, ...]) -> str:
+def _uneven_words(uneven: Sequence[ThrusterStrength], outputs: tuple[int, ...]) -> str:
+    """Return the warning on thrusters that give another thrust than those like them."""
+    if len(uneven) > 1:
+        each = "; ".join(
+            f"output {outputs[item.thruster - 1]} {item.verdict}, {item.strength:.2f} (standard"
+            f" error {item.standard_error:.2f})"
+            for item in uneven
+        )
+        return (
+            f"{len(uneven)} thrusters give another thrust than those that act as they do: {each}."
+            " Look at their propellers, motors and cables. Where these are sound the vehicle file"
+            " is wrong: another thrust curve, or positions, axes or order of thrusters. The forces"
+            " of this dive are wrong by the difference."
+        )
+    (item,) = uneven
     others = ", ".join(str(outputs[number - 1]) for number in item.others)
+    look = (
+        f"Either these are weak (outputs {others}), or the thrust curve of the vehicle file is not"
+        " its own"
+        if item.verdict == "stronger"
+        else "Look at its propeller, its motor and its cable"
+    )
     return (
         f"The thruster of output {outputs[item.thruster - 1]} looks {item.verdict}:"
         f" {item.strength:.2f} of the thrust of those that act as it does (outputs {others};"
-        f" standard error {item.standard_error:.2f}). Look at its propeller, its motor and its"
-        " cable; the forces of this dive are wrong by what it lacks."
+        f" standard error {item.standard_error:.2f}). {look}; the forces of this dive are wrong by"
+        " the difference."
     )
 
 

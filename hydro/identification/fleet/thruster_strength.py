@@ -10,6 +10,7 @@ f_i the thrust after a common lag, B_i column i of the allocation. Each axis is 
 own terms and weighed by the scatter of its residual; g follows from one regression over
 six axes. In steady motion drag and thrust are one figure, so the common part of g is
 partly taken by the drag: only the ratio to thrusters of the same direction is a result.
+Where some of these give clearly less, the ratio is that to the rest.
 """
 
 from __future__ import annotations
@@ -53,8 +54,11 @@ RIDGE = 1e-9
 """Added to the scaled normal equations, so that inseparable thrusters have huge errors."""
 
 StrengthVerdict = Literal[
-    "as the others", "weak", "dead", "reversed", "not separable", "not excited"
+    "as the others", "weak", "dead", "reversed", "stronger", "not separable", "not excited"
 ]
+"""`stronger`: those like it are weak, but one alone does not tell that of them."""
+UNEVEN: tuple[StrengthVerdict, ...] = ("weak", "dead", "reversed", "stronger")
+"""Verdicts on a thruster that does not give what those like it do."""
 
 
 @dataclass(frozen=True)
@@ -177,13 +181,32 @@ def thrusters_alike(allocation: Array, thruster: int) -> Ints:
     return np.flatnonzero(same).astype(np.int64)
 
 
+def _in_full(gain: Array, group: Ints) -> Ints:
+    """Return the thrusters of a group of like ones that clearly give all their thrust.
+
+    All where they agree; two at least, which agree, and below which the rest is weak; none
+    where gains (m,) show no such step.
+    """
+    order = group[np.argsort(-gain[group])]
+    for count in range(len(order), 1, -1):
+        upper, lower = gain[order[:count]], gain[order[count:]]
+        if upper[-1] > WEAK_BELOW * upper[0] and np.all(lower < WEAK_BELOW * np.median(upper)):
+            return np.sort(order[:count])
+    return order[:0]
+
+
 def _strength(
     thruster: int, gain: Array, covariance: Array, others: Ints, alike: int
 ) -> ThrusterStrength:
     """Return the gain of a thruster over the median of those like it.
 
-    Of `alike` such thrusters the separable `others` have to agree, two of them at least.
+    Of `alike` such thrusters the separable `others` have to agree, two of them at least;
+    those that clearly give less than two others do not count.
     """
+    full = _in_full(gain, np.union1d(others, [thruster]))
+    if np.setdiff1d(full, [thruster]).size:
+        others = np.setdiff1d(full, [thruster])
+        alike = len(others)
     names = tuple(int(i) + 1 for i in others)
     middle = float(np.median(gain[others])) if len(others) else np.nan
     agree = np.sum((gain[others] > WEAK_BELOW * middle) & (gain[others] < middle / WEAK_BELOW))
@@ -204,4 +227,6 @@ def _strength(
         verdict = "dead"
     elif share < WEAK_BELOW and share + 2.0 * error < SURELY_BELOW:
         verdict = "weak"
+    elif share > 1.0 / WEAK_BELOW and share - 2.0 * error > 1.0 / SURELY_BELOW:
+        verdict = "stronger"
     return ThrusterStrength(thruster + 1, share, error, verdict, names)

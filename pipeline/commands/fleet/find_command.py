@@ -13,6 +13,9 @@ from auvid.pipeline.output import FAILED, FINE, answer
 from auvid.pipeline.terminal import table
 from auvid.stages.number_format import fixed
 
+SOUGHT = ("log", "recommended", "axis", "term", "value", "verdict")
+"""Columns of table `coefficients` that an expression may be about."""
+
 
 def find(fleet: FleetFolder, expression: str) -> list[dict[str, Any]]:
     """Return the rows of table `runs` of which an expression holds.
@@ -25,8 +28,9 @@ def find(fleet: FleetFolder, expression: str) -> list[dict[str, Any]]:
     }
     cells: dict[str, dict[str, Any]] = {log: dict(row) for log, row in rows.items()}
     coefficients: dict[str, None] = {}
-    for item in read_table(fleet, "coefficients").to_pylist():
-        if item["recommended"] and item["axis"]:
+    every = read_table(fleet, "coefficients", SOUGHT)
+    for item in every.filter(every["recommended"]).to_pylist():
+        if item["axis"]:
             name = f"{item['axis']}_{item['term'].replace('*', '')}"
             coefficients[name] = None
             cells[item["log"]] |= {name: item["value"], f"{name} verdict": item["verdict"]}

@@ -33,6 +33,7 @@ from auvid.pipeline.commands.fleet.surveys.same_dives import (
     SameDive,
     refusals,
     same_dives,
+    with_clocks,
 )
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.execution.engines import Engine, make_engine
@@ -111,6 +112,7 @@ def _run_fleet(
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
         same = _same_dives(fleet, list(surveys.values()))
         reasons |= refusals(same, names)
+        surveys = with_clocks(surveys, same)
         tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
         ran = _bring("run", tasks, logs, engine, force=force)
         better = {pair.other: pair.better for pair in same}

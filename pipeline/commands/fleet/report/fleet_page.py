@@ -37,7 +37,11 @@ MOST_BOXES, MOST_DIVES = 12, 6
 """Of one vehicle: figures that are drawn, and the last dives of each."""
 KEPT_ROWS = 40
 MOST_AGREED, MOST_WEAK = 3, 3
-"""On the first screen: drags, and weak thrusters of a vehicle."""
+"""On the first screen: drags, and dives of a vehicle with weak thrusters."""
+OF_ALL_AXES = (
+    "A change of the drag of all axes is one of the hull or its payload, or of the thrust of all"
+    " thrusters alike, which is taken for drag: look at voltage and thrust curve too."
+)
 MOST_CELLS = 5_000
 """Of the table of figures dive by dive; the rest stands in the Parquet table."""
 MOST_BOARDS = 4
@@ -225,13 +229,8 @@ def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) ->
                 anchor("changes"),
                 "poor",
             )
-        for row in each.weak[:MOST_WEAK]:
-            yield Alert(
-                f"{each.vehicle}: {row['term']} is {row['verdict']} in {names[row['log']]}:"
-                f" {row['value']:.2f} of those like it",
-                anchor("changes"),
-                "poor",
-            )
+        for words in list(_uneven(each.weak, names))[:MOST_WEAK]:
+            yield Alert(f"{each.vehicle}: {words}", anchor("changes"), "poor")
     for each in vehicles:
         units = {item.name: item.unit for item in each.figures}
         for name, slope in each.trends.items():
@@ -250,6 +249,23 @@ def _look_first(vehicles: Sequence[VehicleFigures], names: Mapping[str, str]) ->
                 anchor("changes"),
                 "fair",
             )
+
+
+def _uneven(rows: Sequence[Row], names: Mapping[str, str]) -> Iterator[str]:
+    """Yield a line for each dive on which thrusters give less than those like them."""
+    of_log: dict[str, list[Row]] = defaultdict(list)
+    for row in rows:
+        of_log[row["log"]].append(row)
+    for log, own in of_log.items():
+        if len(own) == 1:
+            (row,) = own
+            yield (
+                f"{row['term']} is {row['verdict']} in {names[log]}:"
+                f" {row['value']:.2f} of those like it"
+            )
+        else:
+            each = ", ".join(row["term"].removeprefix("thruster ") for row in own)
+            yield f"thrusters {each} are uneven in {names[log]}, or wrong in the vehicle file"
 
 
 def _doubtful_vehicles(runs: Sequence[Row]) -> Iterator[Alert]:
@@ -484,7 +500,8 @@ def _changes_section(
     blocks = []
     if alarms:
         heads = ["vehicle", "figure", "from", "before", "after", "change"]
-        blocks.append(table("Changes", heads, alarms))
+        on_all = any(alarm.figure == ALL_DRAGS for each in vehicles for alarm in each.alarms)
+        blocks.append(table("Changes", heads, alarms, note=OF_ALL_AXES if on_all else ""))
     if weak:
         heads = [
             "vehicle",
@@ -494,7 +511,7 @@ def _changes_section(
             "standard error",
             "verdict",
         ]
-        blocks.append(table("Thrusters that give less", heads, weak))
+        blocks.append(table("Uneven thrusters", heads, weak))
     if trends:
         heads = ["vehicle", "figure", "dives", "per 30 days", "95 %"]
         blocks.append(table("Trends", heads, trends))

@@ -16,6 +16,7 @@ from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
 from auvid.hydro.identification.fleet.drag import common_drag, drag_at_speed, drag_terms
 from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
 from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
+from auvid.hydro.identification.fleet.thruster_strength import UNEVEN
 from auvid.hydro.identification.fleet.trend import FEWEST_DIVES as FEWEST_OF_TREND
 from auvid.hydro.identification.fleet.trend import Trend, clear_trends, trend
 from auvid.pipeline.commands.fleet.fleet_tables import INSTALLATION, THRUSTERS, finite
@@ -29,8 +30,7 @@ MEASURED = (*FIGURE_VERDICTS, "weak", "inseparable")
 """Verdicts on what a dive measures. Which of them it is depends on the value itself, so
 that the mean of dives that call it identified is too large: all are pooled.
 """
-GIVES_LESS = ("weak", "dead", "reversed")
-THRUSTER_VERDICTS = (*FIGURE_VERDICTS, *GIVES_LESS)
+THRUSTER_VERDICTS = (*FIGURE_VERDICTS, *UNEVEN)
 AT_BOUND = "at its bound"
 """Verdict on a term that is taken as it is: it has no error of its own."""
 NOT_MEASURED = ("from the prior", "from the shelf", "from a bench", "not excited")
@@ -203,7 +203,7 @@ def _of_vehicle(
         outlying_dives(watched, _conditions(dives), levels=levels) if watched else (),
         alarms,
         {name: item for name, item in trends.items() if item is not None},
-        tuple(row for row in strengths if row["verdict"] in GIVES_LESS),
+        tuple(row for row in strengths if row["verdict"] in UNEVEN),
         tuple(_unseen(strengths)),
         {
             name: firsts[-1]

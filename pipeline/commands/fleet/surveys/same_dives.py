@@ -95,16 +95,40 @@ def same_dives(surveys: Sequence[LogSurvey], compared: Compared | None = None) -
     return pairs
 
 
-def _merit(log: LogSurvey) -> tuple[bool, bool, int, float, int, str]:
-    """Return what makes a log the better one of a dive, the larger the better."""
+def _merit(log: LogSurvey) -> tuple[bool, bool, int, float, int, bool, str]:
+    """Return what makes a log the better one of a dive, the larger the better.
+
+    Of two that are alike the one with a clock has a place among the other dives.
+    """
     return (
         log.kind == "identification",
         not log.lacking,
         len(log.streams),
         log.legs_s,
         log.rows,
+        log.start_utc is not None,
         log.id,
     )
+
+
+def with_clocks(
+    surveys: Mapping[str, LogSurvey], pairs: Sequence[SameDive]
+) -> dict[str, LogSurvey]:
+    """Return surveys by id; a dive without a clock has that of its other recorder.
+
+    Its day is that of the dive; the two may have been switched on minutes apart.
+    """
+    starts = {
+        pair.better: surveys[pair.other].start_utc
+        for pair in pairs
+        if surveys[pair.other].start_utc is not None
+    }
+    return {
+        name: item.model_copy(update={"start_utc": starts[name]})
+        if item.start_utc is None and name in starts
+        else item
+        for name, item in surveys.items()
+    }
 
 
 def _start_s(log: LogSurvey) -> float | None:
@@ -289,6 +313,6 @@ def _samples(motion: MotionTrace, values: Sequence[float | None]) -> tuple[Array
 def refusals(pairs: Sequence[SameDive], names: Mapping[str, str]) -> dict[str, str]:
     """Return why the other log of each pair is not used; `names`: log -> its file."""
     return {
-        pair.other: f"the same dive as {names[pair.better]}, which has more: {pair.words}"
+        pair.other: f"the same dive as {names[pair.better]}, which serves better: {pair.words}"
         for pair in pairs
     }

@@ -70,6 +70,18 @@ def test_a_thruster_at_half_strength_is_named_by_its_output() -> None:
     assert weak["level"] == "warning"
 
 
+def test_several_weak_thrusters_are_named_in_one_warning() -> None:
+    uneven = tables(B * np.where(np.isin(np.arange(8), [2, 3, 5]), 0.5, 1.0))
+    (weak,) = wiring_blocks([uneven], HEAVY)
+    words = str(weak["text"])
+    assert words.startswith("3 thrusters give another thrust than those that act as they do: ")
+    assert all(f"output {number} weak, 0." in words for number in (3, 4, 6))
+    strong = tables(B * np.where(np.arange(8) == 2, 1.0, 0.5))
+    (one,) = wiring_blocks([strong], HEAVY)
+    assert "The thruster of output 3 looks stronger: " in str(one["text"])
+    assert "these are weak (outputs 1, 2, 4)" in str(one["text"])
+
+
 def test_a_dead_thruster_is_not_called_reversed() -> None:
     still = tables(B * np.where(np.arange(8) == 2, 0.0, 1.0))
     (dead,) = wiring_blocks([still], HEAVY)

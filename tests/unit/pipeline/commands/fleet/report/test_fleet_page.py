@@ -131,6 +131,14 @@ def test_the_first_screen_names_the_vehicle_the_change_and_the_thruster() -> Non
     assert "drifts by" not in page
 
 
+def test_several_weak_thrusters_of_a_dive_stand_in_one_line() -> None:
+    rows = tables(weak=True)
+    (third,) = (row for row in rows["coefficients"] if row["verdict"] == "weak")
+    rows["coefficients"].append(third | {"term": "thruster 5", "value": 0.6})
+    page = page_of(rows)
+    assert "rov: thrusters 3, 5 are uneven in dive9.BIN" in page
+
+
 def test_the_next_dive_after_a_change_comes_from_the_dives_since() -> None:
     rows = tables(fouled_from=6)
     (rov,) = vehicle_figures(as_columns(rows["coefficients"]), rows["runs"])

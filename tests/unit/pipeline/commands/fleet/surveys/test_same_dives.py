@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
-from auvid.pipeline.commands.fleet.surveys.same_dives import Compared, same_dives
+from auvid.pipeline.commands.fleet.surveys.same_dives import Compared, same_dives, with_clocks
 
 STEP_S = 0.5
 LENGTH_S = 200.0
@@ -47,14 +47,27 @@ def log(name: str, trace: MotionTrace, *, form: str, start: str | None = None) -
 
 @pytest.mark.parametrize("start", [None, "2026-01-07T10:00:00Z"])
 def test_two_recorders_of_a_dive_are_one_and_the_fuller_is_used(start: str | None) -> None:
-    pairs = same_dives(
-        [
-            log("bin", motion(1, noise_seed=2), form="DataFlash"),
-            log("tlog", motion(1, noise_seed=3, shift_s=20.0), form="telemetry", start=start),
-            log("other", motion(4, noise_seed=5), form="telemetry", start=start),
-        ]
-    )
+    logs = [
+        log("bin", motion(1, noise_seed=2), form="DataFlash"),
+        log("tlog", motion(1, noise_seed=3, shift_s=20.0), form="telemetry", start=start),
+        log("other", motion(4, noise_seed=5), form="telemetry", start=start),
+    ]
+    pairs = same_dives(logs)
     assert [(pair.better, pair.other) for pair in pairs] == [("bin", "tlog")]
+    clocks = {
+        name: item.start_utc
+        for name, item in with_clocks({each.id: each for each in logs}, pairs).items()
+    }
+    assert clocks == {"bin": start, "tlog": start, "other": start}
+
+
+def test_of_two_like_recorders_the_one_with_a_clock_is_used() -> None:
+    for names in (("a", "b"), ("b", "a")):
+        logs = [
+            log(names[0], motion(1, noise_seed=2), form="DataFlash", start="2026-01-07T10:00:00Z"),
+            log(names[1], motion(1, noise_seed=3), form="ULog").model_copy(update={"rows": 1000}),
+        ]
+        assert [pair.better for pair in same_dives(logs)] == [names[0]]
 
 
 def test_two_vehicles_at_one_time_are_two_dives() -> None:
