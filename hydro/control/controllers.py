@@ -145,7 +145,7 @@ def design(
     k = regulator_gain(B, P, R)
     poles = closed_loop_eigenvalues(A, B, k)
     some = np.unique(np.linspace(0, len(A) - 1, CHECKED).astype(int))
-    margins = np.array([stability_margins(A[i], B[i], k[i]) for i in some])
+    margins = np.array([stability_margins(A[i], B[i], k[i], r=weights.R) for i in some])
     still = closed_loop_eigenvalues(
         A[some], B[some], regulator_gain(B[some], frozen_riccati(A[some], B[some], Q, R), R)
     )

@@ -189,20 +189,24 @@ def require_controllable(
 
 
 def stability_margins(
-    A: ArrayLike, B: ArrayLike, k: ArrayLike, *, points: int = 400
+    A: ArrayLike, B: ArrayLike, k: ArrayLike, *, r: ArrayLike, points: int = 400
 ) -> tuple[float, float, float]:
     """Return gain margins (lower, upper as factors) and phase margin [rad].
 
     Of all inputs at once, from the least return difference.
 
-    With a = min over frequency of the smallest singular value of I + k (j omega - A)^-1
-    B at the plant input, the factors are 1/(1 + a) and 1/(1 - a) (infinite for a >= 1),
-    the phase 2 asin(a / 2): guaranteed for changes in every channel together (Lehtomaki
-    1981). A regulator with diagonal R has a >= 1.
+    With a = min over frequency of the smallest singular value of I + W k (j omega -
+    A)^-1 B W^-1 at the plant input, W = sqrt(R), the factors are 1/(1 + a) and 1/(1 - a)
+    (infinite for a >= 1), the phase 2 asin(a / 2): guaranteed for changes in every channel
+    together (Lehtomaki 1981), which a diagonal W leaves as they are; without it newtons
+    and radians would be one unit. `r`: the diagonal of R. Gains of the algebraic equation
+    have a >= 1.
     """
     a, b, gain = (np.asarray(matrix, dtype=np.float64) for matrix in (A, B, k))
     poles = np.abs(np.linalg.eigvals(a - b @ gain))
     band = np.geomspace(max(poles.min(), 1e-4) / 30.0, poles.max() * 30.0, points)
+    root = np.sqrt(np.asarray(r, dtype=np.float64))
+    b, gain = b / root, root[:, None] * gain
     loop = gain @ np.linalg.solve(
         1j * band[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (points, *b.shape))
     )

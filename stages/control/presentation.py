@@ -423,7 +423,7 @@ def design_blocks(flown: Sequence[Flown]) -> list[Block]:
                 _rounded(s.eigenvalues.real.min()),
                 watch,
                 _rounded(low),
-                _rounded(high),
+                _rounded(high) if high < 100.0 else "over 100",
                 _rounded(np.degrees(phase)),
                 _rounded(np.sqrt(np.sum(residual[:3] ** 2))),
                 _rounded(np.sqrt(np.sum(residual[3:] ** 2))),

@@ -79,7 +79,7 @@ def glide_views(glides: GlideLegs) -> dict[str, Any]:
         ):
             groups.append(
                 view(
-                    f"glide/{leg}/{entity}",
+                    f"glide/{leg}/{entity}/lines",
                     "glides",
                     [columns.format(item) for item in ("measured", "fitted")],
                     ["measured", "predicted"],

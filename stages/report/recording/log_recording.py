@@ -126,14 +126,13 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
         if not good.size:
             continue
         own = degrees(unit)[1]
-        names = [name.replace("_rad", "_deg") for name in names]
         entity = f"raw/{stream}/{own.replace('/', '_').replace('^', '') or 'value'}"
         inks = line_inks(names, ["raw"] * len(names))
         out.static(
             entity,
             rr.SeriesLines(
                 colors=[item.rgb for item in inks],
-                names=names,
+                names=[_words(name, unit) for name in names],
                 widths=1.5,
                 aggregation_policy="MinMax",
             ),
@@ -143,6 +142,16 @@ def _send_stream(out: Recording, stream: str, table: pa.Table, clock: Array) -> 
             StreamPlot(entity, stream, reading, float(good.min()), float(good.max()), len(names))
         )
     return plots
+
+
+def _words(column_name: str, unit: str) -> str:
+    """Return the name of a column without its unit, which the plot has.
+
+    >>> _words("gyro_x_rad_s", "rad/s"), _words("depth_m", "m")
+    ('gyro x', 'depth')
+    """
+    suffix = unit.replace("/", "_").replace("^", "")
+    return column_name.removesuffix(f"_{suffix}").replace("_", " ")
 
 
 def _send_spans(

@@ -63,7 +63,7 @@ PARTS_KEPT = 8
 MOST_COLUMNS = 3
 """Loaded at once of a table with series one below the other: it is a long one."""
 CLOCKS = ("t_s", "t_us", "time_us")
-BAND, GAP = 2.0, 20.0
+BAND, GAP, MINUTE_S = 2.0, 20.0, 60.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
 NO_TITLES: Mapping[str, str] = {}
@@ -235,12 +235,14 @@ def _send_groups(
 def parted(times: Array, values: Array) -> tuple[Array, Array]:
     """Return series (n, k) with a row of NaN in each gap, so that no line crosses one.
 
-    A gap: `GAP` times as long as the median step, as between the glides of a dive.
+    A gap: `GAP` times as long as the median step, or a minute where that is three steps,
+    as between the glides of a dive.
     """
     steps = np.diff(times)
     if not steps.size:
         return times, values
-    places = np.flatnonzero(steps > GAP * np.median(steps)) + 1
+    median = float(np.median(steps))
+    places = np.flatnonzero(steps > min(GAP * median, max(MINUTE_S, 3.0 * median))) + 1
     if not places.size:
         return times, values
     middles = 0.5 * (times[places - 1] + times[places])

@@ -37,7 +37,13 @@ def answer_text(summary: Summary) -> str:
 
 
 def _wrapped(words: str, indent: str = MARGIN) -> list[str]:
-    return wrap(words, WIDTH, initial_indent=indent, subsequent_indent=indent)
+    return wrap(
+        words,
+        WIDTH,
+        initial_indent=indent,
+        subsequent_indent=indent,
+        break_on_hyphens=False,
+    )
 
 
 def _item(label: str, words: str) -> list[str]:

@@ -59,6 +59,7 @@ SUBJECTS = (
 )
 """Beginning of the name of a value -> what it is of, and whose axis."""
 NOT_DETERMINED = "not determined"
+RESULTS_MOVE = "the results change with them"
 NO_LEGS: Mapping[str, str] = {}
 
 
@@ -112,11 +113,11 @@ def summarise_results(
     elif not has_verdicts and len(figures) == 1 and figures[0][1]["value"] is not None:
         only = _figure(*figures[0])
         unjudged = f"{_capitalised(only.quantity)}: {only.value}"
+    headline = _headline(len(judged), good_of, bounds) or unjudged
     return Summary(
         level=level,
-        headline=(_headline(len(judged), good_of, bounds) or unjudged)
-        + ("; the legs disagree" if disagreements else ""),
-        explanation=_explanation(figures, findings),
+        headline=headline + ("; the legs disagree" if disagreements else ""),
+        explanation=_explanation(figures, findings, headline),
         recommended=None,
         judged_on="validation",
         facts=_facts(logs, rows, good, judged, bounds),
@@ -134,7 +135,7 @@ def summarise_results(
             *disagreements,
             *_undetermined(doubtful),
             *_damaged(logs),
-            *assumed_figures(vehicle),
+            *(assumed_figures(vehicle) if judged else assumed_figures(vehicle, RESULTS_MOVE)),
         ),
         warnings=warnings,
         figures=tuple(_figure(part, row) for part, row in figures),
@@ -207,13 +208,19 @@ def _capitalised(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _explanation(figures: list[tuple[str, Document]], findings: tuple[str, ...]) -> str:
-    """Return the explanation of a verdict.
+def _explanation(
+    figures: list[tuple[str, Document]], findings: tuple[str, ...], headline: str
+) -> str:
+    """Return the explanation of a verdict, without ranges of what is there already.
 
     Few determined figures with their intervals; of many, what the stages state first.
     """
     if not any(row.get("verdict") for _, row in figures):
-        return " ".join((*findings[:2], *_ranges(figures)))
+        words = (headline, *findings[:2])
+        ranges = [
+            item for item in _ranges(figures) if not any(item.split(":")[0] in w for w in words)
+        ]
+        return " ".join((*findings[:2], *ranges))
     with_value = [_figure(part, row) for part, row in figures if row["value"] is not None]
     if not with_value or len(with_value) > FEW:
         return " ".join(findings[:2])

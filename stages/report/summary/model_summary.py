@@ -414,12 +414,14 @@ def _notes_on(chosen: MeritRecord | None, sections: Mapping[str, Document]) -> t
     return tuple(Alert(words) for words in notes if words.startswith(f"{chosen.title} "))
 
 
-def assumed_figures(vehicle: VehicleDocument) -> tuple[Alert, ...]:
+def assumed_figures(
+    vehicle: VehicleDocument, moved: str = "the coefficients shift or scale with them"
+) -> tuple[Alert, ...]:
     count, words = assumed_words(vehicle)
     if not count:
         return ()
-    sentence = f"{plural(count, 'figure')} assumed, not measured (sources: Provenance); the"
-    sentence += f" coefficients shift or scale with them. {words}."
+    sentence = f"{plural(count, 'figure')} assumed, not measured (sources: Provenance);"
+    sentence += f" {moved}. {words}."
     return (Alert(sentence, anchor("provenance"), "good"),)
 
 

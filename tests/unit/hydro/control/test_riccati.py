@@ -63,12 +63,13 @@ def test_backward_riccati_satisfies_its_equation_where_the_system_varies() -> No
 
 
 def test_margins_of_a_regulator_with_diagonal_weights() -> None:
-    low, high, phase = stability_margins(
-        A, B, regulator_gain(B, algebraic_riccati(A, B, Q, np.eye(4)), np.eye(4))
-    )
-    assert low == pytest.approx(0.5, abs=1e-3)
-    assert high > 100.0
-    assert phase >= np.radians(59.9)
+    """Also where inputs have units of their own, as newtons and radians."""
+    for weights in (np.ones(4), np.array([1e-4, 10.0, 1.0, 300.0])):
+        gain = regulator_gain(B, algebraic_riccati(A, B, Q, np.diag(weights)), np.diag(weights))
+        low, high, phase = stability_margins(A, B, gain, r=weights)
+        assert low == pytest.approx(0.5, abs=1e-3)
+        assert high > 100.0
+        assert phase >= np.radians(59.9)
 
 
 def test_states_out_of_reach_are_named() -> None:

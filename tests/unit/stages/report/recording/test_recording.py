@@ -294,6 +294,10 @@ def test_no_line_crosses_a_gap() -> None:
     assert np.isnan(drawn[4]).all()
     assert np.array_equal(np.delete(drawn, 4, axis=0), values)
     assert parted(times[:1], values[:1])[0].tolist() == [0.0]
+    glides = np.array([0.0, 20.0, 40.0, 60.0, 170.0, 190.0])
+    assert parted(glides, values)[0].tolist() == [0.0, 20.0, 40.0, 60.0, 115.0, 170.0, 190.0]
+    slow = np.array([0.0, 0.1, 0.2, 1.0, 1.1, 1.2])
+    assert parted(slow, values)[0].size == 6, "a pause of a few steps is no gap"
 
 
 def test_recording_leaves_no_global_stream_behind(example: ExampleRun) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 from auvid.stages.page.first_screen import CoefficientLine, Summary, Use
@@ -33,6 +34,8 @@ def test_the_answer_has_uses_intervals_and_what_is_unknown() -> None:
     assert "  surge damping: X_u = -57.9 (95 %: -59.3 to -56.5)" in lines
     assert lines[-1] == "- Roll is unknown."
     assert max(map(len, lines)) <= WIDTH
+    long = replace(SUMMARY, explanation=" ".join(["depth rates of held-out glides"] * 9))
+    assert not re.search(r"-$", answer_text(long), re.MULTILINE), "words stay whole"
 
 
 def test_what_the_terminal_has_printed_before_is_not_repeated() -> None:
