@@ -48,6 +48,11 @@ MOST_ERROR = 0.12
 """Largest standard error at which half the strength is told from all of it: a quarter of
 the difference.
 """
+LEAST_IN_COMMON = 0.2
+"""Of the thrust, what those like a thruster give in the regression: where the drag has taken
+more, as on a dive at steady speed, their ratios mean nothing. Dives of sound twins have .5 to
+.8, of twins whose level thrusters all are at .6 they have .4, a real dive .03 to .1.
+"""
 LEAST_PUSH = 0.02
 """Of the largest scatter of a thruster's force: less is a thruster that does not work."""
 RIDGE = 1e-9
@@ -210,7 +215,7 @@ def _strength(
     names = tuple(int(i) + 1 for i in others)
     middle = float(np.median(gain[others])) if len(others) else np.nan
     agree = np.sum((gain[others] > WEAK_BELOW * middle) & (gain[others] < middle / WEAK_BELOW))
-    if not (np.isfinite(gain[thruster]) and middle > 0.0 and agree >= min(2, alike)):
+    if not (np.isfinite(gain[thruster]) and middle > LEAST_IN_COMMON and agree >= min(2, alike)):
         return ThrusterStrength(thruster + 1, np.nan, np.nan, "not separable", names)
     share = float(gain[thruster]) / middle
     slope = np.zeros(len(gain))

@@ -147,6 +147,8 @@ def test_what_a_dive_does_not_separate() -> None:
     stopped[:, 4] = 20.0
     assert thruster_strengths([still], B)[4].is_idle, "it always pushes as much"
     assert result[5].others == (7, 8)
+    taken = thruster_strengths([drawn([0.1] * 7 + [0.05], noise=0.01)], B)
+    assert {item.verdict for item in taken} == {"not separable"}, "the drag has the thrust"
     loud = thruster_strengths([drawn([1.0] * 8, noise=60.0)], B)
     assert {item.verdict for item in loud} == {"not separable"}
 
