@@ -267,7 +267,7 @@ def _thrusters(fits: AxisFits) -> list[Block]:
     heads = ["output", "over the others", "from", "to", "others: outputs", "verdict"]
     note = (
         "Force over that which its output says, over the median of the same of the others. From"
-        " the prior: the motion does not tell it from the others, and 1 is assumed."
+        " the prior: the motion does not tell it from the others."
     )
     return [table("Thrusters against those like them", heads, rows, note=note)]
 

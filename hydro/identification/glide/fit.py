@@ -41,6 +41,8 @@ LEAST_SPEEDS = 10
 """So many rows with a speed, in two glides or more, free the lift."""
 FREED = 0.7
 """The record frees an unknown that it alone knows better than this share of the prior."""
+OF_RECORD = ("alpha_0", "C_D1")
+"""Unknowns that it may free so, in this order."""
 
 
 @dataclass(frozen=True)
@@ -139,12 +141,29 @@ def fit_glides(
     values = _start(problem, values)
     values = problem.solve(values, free)
     if "trim" in free:
-        for name in ("alpha_0", "C_D1"):
-            trial = problem.standard_errors(values, [*free, name])
-            if trial[-1] < FREED * prior[name].sd:
-                free.append(name)
-                values = problem.solve(values, free)
+        values = _freed(problem, values, free, prior)
     return _estimate(problem, values, free, prior)
+
+
+def _freed(
+    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+) -> Array:
+    """Return values with what the record alone knows better freed, and named in `free`.
+
+    The record is asked where it puts the unknown: beside a figure of the file that is off,
+    residuals are those of the file, and the unknown looks like one that nothing tells. Once
+    more for the first, since the second may have been what was off.
+    """
+    for name in (*OF_RECORD, OF_RECORD[0]):
+        if name in free:
+            continue
+        noise, trial = problem.noise, problem.solve(values, [*free, name])
+        if problem.standard_errors(trial, [*free, name])[-1] < FREED * prior[name].sd:
+            free.append(name)
+            values = trial
+        else:
+            problem.noise = noise
+    return values
 
 
 def drag_asked(rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFigure]) -> float:

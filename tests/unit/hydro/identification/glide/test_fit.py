@@ -48,6 +48,19 @@ def test_intervals_reach_the_truth_under_waves_and_noise(speed: str) -> None:
     assert estimate.verdicts["C_L_alpha"] == expected
 
 
+def test_figures_of_the_file_that_are_two_spreads_off_do_not_bind_the_record() -> None:
+    """Residuals beside them are wide: what the record knows is seen where it is freed."""
+    far = file_figures()
+    for name in ("alpha_0", "C_D1"):
+        far[name] = replace(far[name], mean=far[name].mean + 2.0 * far[name].sd)
+    estimate = fit_glides(rows_of(record(flight(), 2)), body=BODY, prior=far)
+    assert {"alpha_0", "C_D1"} <= set(estimate.free)
+    lift, error = estimate.at_pitch(-np.radians(17.0))["C_L"]
+    truth = POLAR.lift_slope * float(angle_of_attack(-np.radians(17.0), POLAR))
+    assert lift == pytest.approx(truth, rel=0.03)
+    assert abs(lift - truth) < 2.5 * error
+
+
 def test_scipy_finds_the_same_minimum() -> None:
     """The full nonlinear balance in other words, without the lag of slow changes."""
     body = replace(BODY, mass_kg=BODY.mass_kg)
