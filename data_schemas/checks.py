@@ -148,6 +148,18 @@ def accepted_findings(manifest: Mapping[str, Any], log: str) -> frozenset[str]:
     return frozenset([*(manifest.get("accept") or ()), *(entry.get("accept") or ())])
 
 
+def standing_findings(
+    document: Mapping[str, Any], accepted: frozenset[str]
+) -> list[Mapping[str, Any]]:
+    """Return the findings of a `health` document, and what an accepted one explains.
+
+    Who accepts a finding says that its mistake was not made, so what it explained has
+    another cause.
+    """
+    others = [item for item in document.get("explained", ()) if item["by"] in accepted]
+    return [*document["findings"], *others]
+
+
 FORCE_MODEL_NEEDS = ("no_velocity", "no_depth", "no_actuators", "not_excited")
 """Findings on what a force model needs and a bench recording does not.
 
@@ -187,7 +199,7 @@ def log_findings(
     logs: dict[tuple[str, bool, str], list[str]] = {}
     for log, document in health.items():
         accepted = accepted_findings(manifest, log)
-        for item in document["findings"]:
+        for item in standing_findings(document, accepted):
             name = item["id"]
             if name in passed_over or (item["severity"] == "note" and not checks()[name].stops):
                 continue

@@ -137,6 +137,13 @@ class FindingRecord(Model):
     """Fields of the stream that are in question, as a column map writes them."""
 
 
+class ExplainedRecord(FindingRecord):
+    """Findings that go away with the mistake that another one names."""
+
+    by: str
+    """Check of the finding that explains it; who accepts that one still has this one."""
+
+
 class StreamRecord(Model):
     """Streams."""
 
@@ -222,6 +229,8 @@ class HealthRecord(Model):
     """What the log can be used for in one sentence."""
     findings: list[FindingRecord]
     """What was found, the severe first."""
+    explained: list[ExplainedRecord] = Field(default_factory=list)
+    """What the cause of another finding explains as well."""
     streams: dict[str, StreamRecord]
     """The streams that the log has."""
     shared_spans_s: list[list[float]]

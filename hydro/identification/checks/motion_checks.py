@@ -9,6 +9,7 @@ Nothing here decides.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -129,7 +130,7 @@ def depth_gains(
 def _rise_and_parts(
     t_depth: Array, depth: Array, t_attitude: Array, t_velocity: Array, rates: Array
 ) -> tuple[Array, Array] | None:
-    """Return change of depth (m,), and its parts (m, 3) by rates (n, 3), by window.
+    """Return change of depth (m,), and its parts (m, k) by rates (n, k), by window.
 
     None for too few windows.
     """
@@ -140,6 +141,53 @@ def _rise_and_parts(
         return None
     rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
     return rise, integrals(t_velocity, rates, at)
+
+
+@dataclass(frozen=True)
+class TiltOffset:
+    """Roll and pitch that an attitude lacks against velocity and depth.
+
+    `angle` (2,) and its standard deviation `sd` [rad]; `likelier`: logarithm of the
+    likelihood over gains of surge, sway and heave in the depth rate that are off.
+    """
+
+    angle: Array
+    sd: Array
+    likelier: float
+
+
+def tilt_offset(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> TiltOffset | None:
+    """Return by what constant tilt the depth rate departs from velocity and attitude.
+
+    d(z)/dt = r(phi + a, theta + b) . [u v w], linear in small a and b, r the last row of
+    the rotation, over windows of 1 s. None for too few windows.
+    """
+    down = down_at(t_velocity, t_attitude, euler)
+    phi, theta = (np.interp(t_velocity, t_attitude, euler[:, column]) for column in (0, 1))
+    u, v, w = velocity.T
+    by_roll = down[:, 2] * v - down[:, 1] * w
+    by_pitch = -np.cos(theta) * u - np.sin(theta) * (np.sin(phi) * v + np.cos(phi) * w)
+    rates = np.column_stack([down * velocity, by_roll, by_pitch])
+    shared = _rise_and_parts(t_depth, depth, t_attitude, t_velocity, rates)
+    if shared is None:
+        return None
+    rise, parts = shared
+    rest = rise - parts[:, :3].sum(axis=1)
+    tilted, scaled = fitted_gains(rest, parts[:, 3:]), fitted_gains(rest, parts[:, :3])
+    if tilted is None or scaled is None:
+        return None
+    left = [
+        max(float(np.median(np.abs(values - np.median(values)))), 1e-12)
+        for values in (rest - parts[:, 3:] @ tilted.gain, rest - parts[:, :3] @ scaled.gain)
+    ]
+    return TiltOffset(tilted.gain, tilted.sd, len(rest) * float(np.log(left[1] / left[0])))
 
 
 AXES_TAKEN = {

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from auvid.data_schemas.checks import accepted_findings, checks
+from auvid.data_schemas.checks import accepted_findings, checks, standing_findings
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import Campaign, inside
 from auvid.pipeline.campaigns.yaml_files import load_yaml
@@ -51,9 +51,10 @@ def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) ->
     stopping = [
         (log, item)
         for log, document in health.items()
-        for item in document["findings"]
+        for accepted in (accepted_findings(campaign.document, log),)
+        for item in standing_findings(document, accepted)
         if checks()[item["id"]].stops
-        and item["id"] not in accepted_findings(campaign.document, log)
+        and item["id"] not in accepted
         and not (method == "kinematic" and item["id"].startswith(ACCELEROMETER))
     ]
     if not stopping:

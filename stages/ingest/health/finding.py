@@ -86,7 +86,15 @@ class CheckedLog:
         imu = self.tables["imu"].drop_columns(
             [name for name in ACCELEROMETER if name in self.tables["imu"].column_names]
         )
-        return replace(self, tables={**self.tables, "imu": imu}, _times={})
+        return replace(self, tables={**self.tables, "imu": imu})
+
+    def with_columns(self, stream: str, columns: Mapping[str, Array]) -> CheckedLog:
+        """Return the log with other values in some columns of a stream."""
+        table = self.tables[stream]
+        for name, values in columns.items():
+            place = table.column_names.index(name)
+            table = table.set_column(place, table.schema.field(name), pa.array(values))
+        return replace(self, tables={**self.tables, stream: table})
 
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:
         """Return time stamps (n,) in seconds from the start of the log."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,8 @@ from auvid.stages.ingest.health.agreement.velocity_axes import (
     velocity_evidence,
 )
 from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
-from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding, listed
+from auvid.stages.ingest.health.causes import by_cause
+from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
     clock_findings,
@@ -124,12 +125,11 @@ def check_health(
     real = without_placeholders(log, absent)
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
+    compared = _compared(real)
     measured += [item for check in OF_VALUES for item in check(real)]
-    if any(item["id"] in OF_GRAVITY for item in measured):
-        real = real.without_accelerometer()  # it is no evidence against others
-    evidence = velocity_evidence(real.in_time())
-    answers, of_commands = _of_commands(real, evidence)
-    measured = beside_tilts(beside_clocks([*measured, *of_commands]))
+    measured, explained = by_cause(
+        real, [*measured, *compared.findings], lambda mended: _compared(mended).findings
+    )
     findings = ranked([*measured, *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -139,60 +139,35 @@ def check_health(
         "status": info.status,
         "duration_s": (info.end_us - info.start_us) / 1e6,
         "findings": findings,
+        "explained": explained,
         "streams": {name: _stream(log, name) for name in tables},
         "shared_spans_s": [list(span) for span in common_spans(log) if np.isfinite(span).all()],
         "verdict": verdict(uses, findings),
         "capabilities": uses,
-        "unseen": unseen(real, evidence, answers),
+        "unseen": unseen(compared.log, compared.evidence, compared.answers),
         "excitation": excited,
         "notes": list(info.notes),
     }
 
 
-def beside_clocks(findings: list[Finding]) -> list[Finding]:
-    """Join the signs of answers that a wrong clock may have turned, and say so.
+@dataclass(frozen=True)
+class _Compared:
+    """What sensors and outputs say of each other; `log` as its evidence goes."""
 
-    None is left out: who accepts the clock still has to accept the sign.
-    """
-    signs = [item for item in findings if item["id"] == "response_sign"]
-    by_clock: dict[tuple[str, ...], list[Finding]] = {}
-    for item in signs:
-        by_clock.setdefault(tuple(_clocks_of(item, findings)), []).append(item)
-    kept = [item for item in findings if item["id"] != "response_sign"] + by_clock.pop((), [])
-    for names, turned in by_clock.items():
-        axes = listed([item["text"].split()[0].lower() for item in turned]).capitalize()
-        kept.append(
-            {
-                **turned[0],
-                "text": f"{axes} {'answer' if len(turned) > 1 else 'answers'} the thrusters the"
-                f" wrong way round. A wrong clock turns a sign too ({listed(names)}).",
-                "remedy": f"Mend the clock first ({listed(names)}). {turned[0]['remedy']}",
-                "fields": [name for item in turned for name in item["fields"]],
-            }
-        )
-    return kept
+    log: CheckedLog
+    evidence: VelocityEvidence
+    answers: dict[str, Response]
+    findings: list[Finding]
 
 
-def beside_tilts(findings: list[Finding]) -> list[Finding]:
-    """Say of signs of the velocity that a tilt of the wrong sign turns them too."""
-    tilts = [item for item in findings if item["id"] == "accelerometer_axes"]
-    if not tilts:
-        return findings
-    return [
-        {**item, "text": f"{item['text']} A tilt of the wrong sign does so too: {tilts[0]['id']}."}
-        if item["id"] == "velocity_sign" or (item["id"], item["stream"]) == ("response_sign", "imu")
-        else item
-        for item in findings
-    ]
-
-
-def _clocks_of(sign: Finding, findings: list[Finding]) -> list[str]:
-    """Return the findings of clocks that concern the motion of a sign."""
-    streams = (sign["stream"], "actuators")
-    names = (
-        item["id"] for item in findings if item["id"] in OF_CLOCKS and item["stream"] in streams
-    )
-    return list(dict.fromkeys(names))
+def _compared(log: CheckedLog) -> _Compared:
+    """Compare the sensors of a log with each other and with its outputs."""
+    measured = [item for check in OF_SENSORS for item in check(log)]
+    if any(item["id"] in OF_GRAVITY for item in measured):
+        log = log.without_accelerometer()  # it is no evidence against others
+    evidence = velocity_evidence(log.in_time())
+    answers, of_commands = _of_commands(log, evidence)
+    return _Compared(log, evidence, answers, [*measured, *of_commands])
 
 
 def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
@@ -247,11 +222,10 @@ OF_RECORDS = (
     identity_findings,
 )
 """Checks of how a log was recorded; each yields its findings."""
+OF_SENSORS = (gyro_findings, accelerometer_findings, depth_findings)
+"""Checks of sensors against each other, which also run on a log that is mended."""
 OF_VALUES = (
-    gyro_findings,
-    accelerometer_findings,
     attitude_findings,
-    depth_findings,
     velocity_findings,
     outlier_findings,
     pose_findings,
@@ -269,15 +243,6 @@ OF_GRAVITY = (
     "accelerometer_axes",
 )
 """Findings of an accelerometer that is no evidence against other sensors."""
-OF_CLOCKS = (
-    "gyro_lag",
-    "velocity_lag",
-    "clock_drift",
-    "command_late",
-    "commands_early",
-    "command_delay",
-)
-"""Findings of clocks."""
 OF_ANSWERS = (response_findings, clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 

@@ -223,7 +223,10 @@ def _drift(t_s: Array, motion: Array, at: Array, commands: Array) -> Iterator[Fi
 
 
 def wrap_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield yaw that was averaged across its wrap, of attitude and pose."""
+    """Yield yaw that was averaged across its wrap, of attitude or pose.
+
+    One column may be mapped to both.
+    """
     for stream in ("attitude", "pose"):
         if not log.has(stream) or (stream == "attitude" and log.source(stream).startswith("pose")):
             continue
@@ -239,3 +242,4 @@ def wrap_findings(log: CheckedLog) -> Iterator[Finding]:
                 at_s=first,
                 fields=(ATTITUDE[2],),
             )
+            return

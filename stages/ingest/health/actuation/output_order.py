@@ -9,6 +9,7 @@ import numpy as np
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation, thruster_forces
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.joined_outputs import (
@@ -64,7 +65,7 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
         return
     own = [motions[row] for row in driven]
     terms = [_other_terms(log, row, motions[row][0]) for row in driven]
-    places = _other_places(vehicle)
+    places = other_places(vehicle)
     joined = joined_outputs(
         [_motion_windows(own, terms, at + lag) for lag in ANSWERS_S],
         integrals(t_s, forces, at, ORDER_WINDOW_S),
@@ -171,7 +172,7 @@ def _other_terms(log: CheckedLog, row: int, at: Array) -> Array | None:
     return np.sin(np.interp(at, log.t_s("attitude"), angle))[:, None]
 
 
-def _other_places(vehicle: Vehicle) -> dict[str, Array]:
+def other_places(vehicle: Vehicle) -> dict[str, Array]:
     """Return the allocations (6, m) of thrusters in other places, by what is wrong."""
     entry = vehicle.document.actuators.thrusters
     if entry is None or entry.position is None or entry.axis is None:
@@ -182,6 +183,17 @@ def _other_places(vehicle: Vehicle) -> dict[str, Array]:
         words: thruster_allocation(position[:, order] * signs, axis)
         for words, (order, signs) in OTHER_PLACES.items()
     }
+
+
+def placed_otherwise(
+    vehicle: Vehicle, order: tuple[int, int, int], signs: tuple[float, float, float]
+) -> Vehicle:
+    """Return the vehicle of a file with other places of the thrusters."""
+    document = vehicle.document.model_dump(mode="python", exclude_none=True)
+    entry = document["actuators"]["thrusters"]["position"]
+    places = np.asarray(entry["value"], dtype=np.float64)
+    entry["value"] = (places[:, order] * signs).tolist()
+    return vehicle_from_document(document)
 
 
 def _motion_windows(

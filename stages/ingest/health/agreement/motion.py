@@ -40,6 +40,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     weak_forces,
 )
 from auvid.stages.ingest.health.actuation.responses import late_outputs
+from auvid.stages.ingest.health.agreement.tilt import tilt_findings
 from auvid.stages.ingest.health.agreement.velocity_axes import (
     VelocityEvidence,
     heading_findings,
@@ -339,7 +340,7 @@ def _depth(
             fields=(*LINEAR_VELOCITY, "depth_m"),
         )
     else:
-        yield from _scale_off(log, gains, int(best))
+        yield from list(tilt_findings(log)) or _scale_off(log, gains, int(best))
 
 
 def _scale_off(log: CheckedLog, gains: AxisGains, best: int) -> Iterator[Finding]:

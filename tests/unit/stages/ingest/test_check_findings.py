@@ -24,8 +24,7 @@ from auvid.hydro.identification.checks.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
-from auvid.stages.ingest.health.finding import CheckedLog, finding
-from auvid.stages.ingest.health.health_check import beside_clocks
+from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
@@ -472,6 +471,11 @@ def _copied_output(log: Log) -> None:
     log.streams["actuators"]["pwm_6_us"] = log.streams["actuators"]["pwm_5_us"].copy()
 
 
+@spoils("tilt_offset")
+def _askew(log: Log) -> None:
+    log.streams["attitude"]["theta_rad"] = log.streams["attitude"]["theta_rad"] + 0.1
+
+
 SPOIL["scale_off"] = scaled("depth", ("depth_m",), 1.25)
 
 
@@ -861,30 +865,6 @@ def test_a_binary_log_has_no_column_map_to_mend() -> None:
     log = sound()
     SPOIL["output_unnamed"](log)
     assert "column map" not in log.finding("output_unnamed")["remedy"]
-
-
-@pytest.mark.parametrize(
-    ("clock_off", "stream", "turned"),
-    [
-        ("gyro_lag", "imu", {"imu"}),
-        ("velocity_lag", "velocity", {"velocity"}),
-        ("velocity_lag", "depth", set()),
-        ("command_late", "actuators", {"imu", "velocity"}),
-    ],
-)
-def test_a_wrong_clock_hides_no_sign_and_is_named_at_those_that_it_turns(
-    clock_off: str, stream: str, turned: set[str]
-) -> None:
-    columns = {"u_m_s": "velocity", "v_m_s": "velocity", "gyro_x_rad_s": "imu"}
-    signs = [
-        finding("response_sign", "Surge answers.", stream=own, fields=(name,))
-        for name, own in columns.items()
-    ]
-    late = finding(clock_off, "Late.", stream=stream)
-    again = [item for item in beside_clocks([*signs, late]) if item["id"] == "response_sign"]
-    of_clock = [item for item in again if "wrong clock" in item["text"]]
-    assert {name for item in again for name in item["fields"]} == set(columns)
-    assert {columns[name] for item in of_clock for name in item["fields"]} == turned
 
 
 @pytest.mark.parametrize(

@@ -237,6 +237,11 @@ def test_yaw_that_was_averaged_across_its_wrap_is_named() -> None:
     assert rows.size
     yaw[rows] = 0.5 * (yaw[rows] + yaw[rows + 1])
     (item,) = of(ingested(*tank_poses(run)), "yaw_across_wrap")
+    columns, entries = tank_poses(run)
+    entries += [{**entry, "stream": "attitude"} for entry in entries if entry["field"] in ATTITUDE]
+    assert [row["value"] for row in of(ingested(columns, entries), "yaw_across_wrap")] == [
+        item["value"]
+    ]
     assert item["value"] >= 0.5 * rows.size
     assert item["at_s"] == pytest.approx(run["t_s"][rows[0]], abs=20.0)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from auvid.data_schemas.checks import log_findings
+from auvid.data_schemas.checks import log_findings, standing_findings
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.commands.check.run_gate import refusal
@@ -79,6 +79,14 @@ def test_one_message_holds_all_findings_that_stop_and_how_to_accept_them(campaig
     assert "ArduCopter" in text
     assert "accept: [gyro_sign, not_underwater]" in text
     assert "campaign.yaml" in text
+
+
+def test_who_accepts_a_cause_still_has_what_it_explained() -> None:
+    """A wrong sign of surge alone turns its answer to the thrusters as well."""
+    cause, other = {"id": "velocity_sign"}, {"id": "response_sign", "by": "velocity_sign"}
+    document = {"findings": [cause], "explained": [other]}
+    assert standing_findings(document, frozenset()) == [cause]
+    assert standing_findings(document, frozenset({"velocity_sign"})) == [cause, other]
 
 
 def test_the_manifest_accepts_findings_of_a_log_or_of_the_campaign(campaign: Any) -> None:

@@ -33,6 +33,7 @@ from auvid.pipeline.commands.new import new_example
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
+from auvid.stages.ingest.health.causes import OF_MOTION
 
 ROOT = Path(__file__).resolve().parents[5]
 TEMPLATES = ROOT / "pipeline" / "templates"
@@ -476,7 +477,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "Output 1",
     ),
     "pulses around zero": (data(lambda pulse: pulse - 1500.0, *PULSES), "actuators", "no pulses"),
-    "pulses turned": (data(lambda pulse: 3000.0 - pulse, *PULSES), "response_sign", "Surge"),
+    "pulses turned": (
+        data(lambda pulse: 3000.0 - pulse, *PULSES),
+        "response_sign",
+        "All outputs act the other way round",
+    ),
     "field misspelt": (
         misspelt("field", "roll_rad", "phi_rad"),
         "phi_rad",
@@ -496,7 +501,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "attitude and gyro both flu": (
         both(frame("flu", *ANGLES), frame("flu", *GYRO)),
         "response_sign",
-        "Yaw",
+        "forward, left, up",
     ),
     "depth in fathoms": (data(lambda z: z / 1.8288, "depth_m"), "velocity_scale", "fathoms"),
     "pressure in kPa as depth": (
@@ -523,11 +528,15 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "commands 2 s early": (late(-2.0, *PULSES), "commands_early", "stamped early"),
     "commands frozen": (data(lambda p: 0.0 * p + 1600.0, *PULSES), "outputs_held", "No output"),
     "outputs 1 and 2 exchanged": (exchanged(*PULSES[:2]), "response_sign", "Yaw"),
-    "depth and heave turned": (both(sign("depth_m"), sign(SPEED[2])), "response_sign", "Heave"),
+    "depth and heave turned": (
+        both(sign("depth_m"), sign(SPEED[2])),
+        "depth_sign",
+        "both count upward",
+    ),
     "surge and pulses turned": (
         both(sign(SPEED[0]), data(lambda pulse: 3000.0 - pulse, *PULSES)),
         "response_sign",
-        "Heave",
+        "All outputs act the other way round",
     ),
     "inertia in g cm^2 taken for kg m^2": (vehicle("inertia", factor=1e7), "body_size", "gyration"),
     "inertia in lb ft^2 taken for kg m^2": (
@@ -666,6 +675,12 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "weight_held",
         "the vehicle file gives -20",
     ),
+    "pitch and its rate turned, without an accelerometer": (
+        sign(ANGLES[1], GYRO[1]),
+        "response_sign",
+        "Pitch and its rate",
+    ),
+    "roll 4 degrees off": (data(lambda a: a + 4.0, ANGLES[0]), "tilt_offset", "roll reads +4.0"),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -723,7 +738,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "nothing to do with",
     ),
     "yaw and its rate both turned": (sign("psi_rad", GYRO[2]), "response_sign", "Yaw"),
-    "velocity 0.6 s early": (late(-0.6, *SPEED), "velocity_lag", "before the accelerometer"),
+    "velocity 0.6 s early": (late(-0.6, *SPEED), "velocity_lag", "0.7 s early"),
     "depth 0.5 s late": (late(0.5, "depth_m"), "velocity_lag", "depth comes"),
     "clock of the velocity 2 % slow": (slow(0.98, *SPEED), "clock_drift", "clock of the velocity"),
     "pitch and its rate turned": (sign("theta_rad", GYRO[1]), "accelerometer_axes", "or pitch"),
@@ -755,7 +770,23 @@ NOT_STOPPING = (
     "rejected_samples",
     "velocity_outliers",
     "outputs_frozen",
+    "tilt_offset",
 )
+
+
+ONE_CAUSE = {
+    "surge turned": ("response_sign of surge",),
+    "heave turned": ("response_sign of heave",),
+    "depth and heave turned": ("depth_above_water", "velocity_sign of surge", "of sway"),
+    "velocity 1 s late": ("command_delay",),
+    "commands 2 s early": ("commands_early",),
+    "pitch and its rate turned, without an accelerometer": ("velocity_sign of surge",),
+}
+"""Mistakes of several findings, of which one is left that names what else it explains."""
+EITHER = {
+    "yaw and its rate both turned": ("x of the positions counted backward", "yaw and its rate"),
+}
+"""Mistakes that nothing in the log tells from others, which are all named."""
 
 
 def judged(case: Case) -> list[dict[str, Any]]:
@@ -800,6 +831,10 @@ def test_a_wrong_map_is_stopped_with_its_cause(name: str) -> None:
     ]
     assert hit, [(item["id"], item["text"], item["remedy"]) for item in stopping]
     assert mistakes()[name] in [item["id"] for item in hit]
+    if name in ONE_CAUSE:
+        assert [item["id"] for item in findings if item["id"] in OF_MOTION] == [hit[0]["id"]]
+    for part in (*ONE_CAUSE.get(name, ()), *EITHER.get(name, ())):
+        assert part in hit[0]["text"]
 
 
 def unseen(case: Case) -> list[str]:
