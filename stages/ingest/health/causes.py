@@ -195,7 +195,7 @@ def _short(item: Finding) -> str:
 
 def _mistakes(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
     names = {item["id"] for item in left}
-    if names & set(OF_SIGNS):
+    if names & set(OF_SIGNS) and "response_order" not in names:  # which weighs signs itself
         yield from _signs(log, left)
     if names & {*OF_LAGS, "clock_drift"}:
         yield from _clocks(log, left)
@@ -214,6 +214,16 @@ def _signs(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
                 1,
                 partial(_turned_speeds, axes=(axis,)),
             )
+    if log.has("velocity") and "depth_sign" in names:
+        yield Mistake(
+            "velocity_sign",
+            "all axes of the velocity have the wrong sign: it is that of the water past the hull",
+            "velocity",
+            LINEAR_VELOCITY,
+            1,
+            partial(_turned_speeds, axes=(0, 1, 2)),
+            remedy="Set sign: -1 for the three columns of the velocity.",
+        )
     if log.has("depth") and names & {"depth_sign", "depth_above_water"}:
         yield Mistake(
             "depth_sign",
@@ -288,7 +298,7 @@ def _signs(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
                 " thrusters in the vehicle file."
             ),
         )
-    if names & {"response_sign", "response_order"} and log.vehicle is not None:
+    if "response_sign" in names and log.vehicle is not None:
         for words in other_places(log.vehicle):
             yield Mistake(
                 "response_order",

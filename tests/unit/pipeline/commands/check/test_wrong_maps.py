@@ -520,7 +520,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "velocity_scale",
         "km/h",
     ),
-    "velocity of the water past the hull": (sign(*SPEED), "response_sign", "Surge"),
+    "velocity of the water past the hull": (
+        sign(*SPEED),
+        "velocity_sign",
+        "past the hull",
+    ),
     "velocity over ground as body velocity": (over_ground, "velocity_axes", "over ground"),
     "surge and heave exchanged": (exchanged(SPEED[0], SPEED[2]), "velocity_axes", "surge and"),
     "sway and heave exchanged": (exchanged(SPEED[1], SPEED[2]), "velocity_axes", "sway and"),
