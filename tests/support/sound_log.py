@@ -124,6 +124,11 @@ class Log:
             others=self.others,
         )
 
+    def every_id(self) -> set[str]:
+        """The findings by name, with those that another one explains."""
+        document = self.health()
+        return {item["id"] for item in (*document["findings"], *document["explained"])}
+
     def ids(self) -> list[str]:
         """The findings by name."""
         return [item["id"] for item in self.health()["findings"]]

@@ -148,8 +148,13 @@ def _tried(
     log: CheckedLog, left: list[Finding], check: Check, *, all_of: bool = False
 ) -> list[_Tried]:
     """Return mistakes with what they leave, none behind one that leaves nothing."""
+    named = {(item["id"], item["stream"]) for item in left}
+
+    def order(mistake: Mistake) -> tuple[int, bool]:
+        return mistake.entries, (mistake.check, mistake.stream) not in named
+
     tried: list[_Tried] = []
-    for mistake in sorted(_mistakes(log, left), key=lambda item: item.entries):
+    for mistake in sorted(_mistakes(log, left), key=order):
         if not all_of and tried and not tried[-1].left:
             break
         mended = mistake.mend(log)
