@@ -168,7 +168,7 @@ def _key(item: Finding) -> tuple[str, str | None, tuple[str, ...]]:
 
 
 def _named(mistake: Mistake, gone: list[Finding]) -> tuple[Finding | None, Finding]:
-    """Return the finding that names a mistake already, if any, and that which does now."""
+    """Return the finding that names a mistake already, if any, and the new one."""
     own = next(
         (
             item
@@ -348,7 +348,7 @@ def _clocks(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
 
 
 def _late(name: str, late_s: float) -> Mistake:
-    """Return that a stream is stamped so much later than it was measured, or earlier."""
+    """Return a stream that is stamped so much later than measured, or earlier."""
     late = "late" if late_s > 0.0 else "early"
     check = "velocity_lag"
     if name == "actuators":
