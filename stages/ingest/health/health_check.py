@@ -37,6 +37,7 @@ from auvid.stages.ingest.health.agreement.placeholder_values import (
     placeholders,
     without_placeholders,
 )
+from auvid.stages.ingest.health.agreement.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.agreement.sources import (
     attitude_findings,
     depth_findings,
@@ -49,7 +50,6 @@ from auvid.stages.ingest.health.agreement.velocity_axes import (
 from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
 from auvid.stages.ingest.health.causes import by_cause
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
-from auvid.stages.ingest.health.pose import pose_findings, wrap_findings
 from auvid.stages.ingest.health.records import (
     clock_findings,
     file_findings,
