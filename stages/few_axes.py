@@ -38,8 +38,13 @@ def axis_card(
     *,
     samples: int,
     rms: tuple[float, float],
+    shifts: Array | None = None,
 ) -> AxisCard:
-    """Return the card of an axis; covariance (k, k), RMS of signal and of error."""
+    """Return the card of an axis; covariance (k, k), RMS of signal and of error.
+
+    shifts (k,): what an assumed figure moves the values by.
+    """
+    assumed = np.zeros((0, 0)) if shifts is None else np.outer(shifts, shifts)
     return AxisCard(
         unit=unit,
         samples=samples,
@@ -52,6 +57,7 @@ def axis_card(
         covariance=CovarianceCard(
             terms=[item.term for item in terms],
             lower=[covariance[row, : row + 1].tolist() for row in range(len(terms))],
+            assumed=[assumed[row, : row + 1].tolist() for row in range(len(assumed))],
         ),
         combinations=[],
     )

@@ -366,7 +366,7 @@ class ModelFile(Model):
     predictor * product(factors).
     """
     covariance: dict[str, CovarianceCard]
-    """Axis -> covariance of its coefficients by noise."""
+    """Axis -> covariance of its coefficients, by noise and by assumed figures."""
     combinations: dict[str, list[TermCombination]]
     """Axis -> what the data determine of inseparable coefficients."""
     fitted_inertia: list[InertiaCard]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from pydantic import Field
@@ -60,6 +61,23 @@ class CovarianceCard(Model):
     """Terms that carry a number."""
     lower: list[list[float]]
     """Rows of the lower triangle in SI."""
+    assumed: list[list[float]] = Field(default_factory=list)
+    """The same of what assumed figures move them by, beside noise; empty for nothing."""
+
+    def assumed_of(self, terms: Sequence[str]) -> list[list[float]]:
+        """Return `assumed` between terms; 0 for a term that it does not have."""
+        if not self.assumed:
+            return []
+        place = {term: i for i, term in enumerate(self.terms)}
+        return [
+            [self._between(place.get(term), place.get(other)) for other in terms[: i + 1]]
+            for i, term in enumerate(terms)
+        ]
+
+    def _between(self, one: int | None, other: int | None) -> float:
+        if one is None or other is None:
+            return 0.0
+        return self.assumed[max(one, other)][min(one, other)]
 
 
 class TermCombination(Model):

@@ -27,6 +27,7 @@ from auvid.hydro.identification.constrained.equations import (
     added_mass_unknown,
 )
 from auvid.hydro.identification.constrained.limits import bounds, positive_inertia
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 
 SEED = 0
@@ -49,8 +50,8 @@ signs). The first row is the model itself.
 def export(request: Request) -> Exported:
     """Return `NAME_draws.csv`: the model itself, then draws that gain no energy.
 
-    Normal draws of each axis in the covariance of the model file, in the size of the
-    printed standard errors; those whose damping gives energy to some motion of the flown
+    Normal draws of each axis in the covariance of its printed intervals, by noise and
+    assumed figures; those whose damping gives energy to some motion of the flown
     range count at the nearest passive model, in the metric of the posterior. Inertia that
     was fitted is drawn too.
     """
@@ -89,8 +90,8 @@ def export(request: Request) -> Exported:
         _USAGE.format(counts=counts),
         (
             counts,
-            "Axes and inertia are drawn independently of each other; assumed values of the"
-            " vehicle and the form of the model are not drawn.",
+            "Axes and inertia are drawn independently of each other, with what assumed figures of"
+            " the vehicle file (spreads) move them by; the form of the model is not drawn.",
         ),
     )
 
@@ -99,7 +100,7 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
     """Return unknowns (p), values (p,) and covariance (p, p) of a model file.
 
     What it has no error of has the variance 0. Each axis in the size of the printed
-    standard errors.
+    intervals, by noise and assumed figures.
     """
     entries = {Unknown(item.axis, item.term): item for item in model.coefficients}
     unknowns, values = list(entries), [item.predictor for item in model.coefficients]
@@ -111,11 +112,13 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
     for axis, card in model.covariance.items():
         places = [unknowns.index(Unknown(axis, term)) for term in card.terms]
         covariance[np.ix_(places, places)] = printed_covariance(
-            card.lower, [entries[unknowns[place]].standard_error for place in places]
+            card.lower,
+            [entries[unknowns[place]].standard_error for place in places],
+            card.assumed,
         )
     for item in model.fitted_inertia:
         place_of = unknowns.index(added_mass_unknown(item.name))
-        covariance[place_of, place_of] = item.standard_error**2
+        covariance[place_of, place_of] = total_error(item.standard_error, item.assumed_shifts) ** 2
     return unknowns, np.array(values), covariance
 
 

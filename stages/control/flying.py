@@ -28,6 +28,7 @@ from auvid.hydro.control.plants import (
 )
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.constrained.draws import printed_covariance
 from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
 DESIGN_EVERY_S = 0.5
@@ -298,7 +299,7 @@ def monte_carlo(
     """Return errors of `members` vehicles with drawn viscous coefficients.
 
     Under the controller of the nominal one: performance and cross-track error over time
-    (members, n). Draws follow the covariance of the card, or a relative standard
+    (members, n). Draws follow the printed intervals of the card, or a relative standard
     deviation without one.
     """
     rng = np.random.default_rng(seed)
@@ -362,20 +363,18 @@ def _drawn(
         names = [name for name in covariance.terms if name in terms]
         if not names:
             continue
-        matrix = _symmetric(covariance.lower)
+        errors = {item.term: item.standard_error for item in card.axes[axis].terms}
+        matrix = printed_covariance(
+            covariance.lower,
+            [errors.get(term) for term in covariance.terms],
+            covariance.assumed,
+        )
         kept = [covariance.terms.index(name) for name in names]
         root = _root(matrix[np.ix_(kept, kept)])
         out[:, row, [terms.index(name) for name in names]] += (
             rng.standard_normal((members, len(names))) @ root.T
         )
     return out
-
-
-def _symmetric(lower: Sequence[Sequence[float]]) -> Array:
-    matrix = np.zeros((len(lower), len(lower)))
-    for i, row in enumerate(lower):
-        matrix[i, : i + 1] = matrix[: i + 1, i] = row
-    return matrix
 
 
 def _root(covariance: Array) -> Array:

@@ -211,12 +211,15 @@ def ranking(card: ModelCard, fits: AxisFits) -> RankingRecord:
 def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> AxisCard:
     axis, forces = item.axis, scaled.forces[item.axis]
     kept = [place for place, name in enumerate(forces.names) if name != FORCE]
+    terms = [_term(item, forces, place, scaled, vehicle) for place in kept]
+    moved = [term.assumed_shifts.get("thrust", 0.0) * np.sign(term.value or 0.0) for term in terms]
     return few_axes.axis_card(
         unit_of(axis, CONSTANT, scaled),
-        [_term(item, forces, place, scaled, vehicle) for place in kept],
+        terms,
         forces.covariance[np.ix_(kept, kept)],
         samples=item.samples,
         rms=(item.rate_rms, item.error_rms),
+        shifts=np.array(moved) if any(moved) else None,
     )
 
 

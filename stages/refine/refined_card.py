@@ -155,10 +155,16 @@ def _axis(
             "covariance": CovarianceCard(
                 terms=[unknowns[i].term for i in kept],
                 lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
+                assumed=part.covariance.assumed_of([_free_term(unknowns[i], status) for i in kept]),
             ),
             "combinations": [_combination(axis, item, fit) for item in part.combinations],
         }
     )
+
+
+def _free_term(unknown: Unknown, status: Mapping[Unknown, EstimateStatus]) -> str:
+    """Return the term of an unknown, '' for one that a bound or a prior holds."""
+    return "" if status[unknown].status in (AT_BOUND, FROM_PRIOR) else unknown.term
 
 
 def _term(
@@ -204,7 +210,7 @@ def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombin
     variance = float(weights[used] @ fit.covariance[np.ix_(used, used)] @ weights[used])
     error = float(np.sqrt(variance)) if variance >= 0.0 else None
     reading = str(Combination(item.weights, value, error or 0.0))
-    return TermCombination(weights=item.weights, value=value, standard_error=error, reading=reading)
+    return item.model_copy(update={"value": value, "standard_error": error, "reading": reading})
 
 
 def _inertia(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -205,7 +205,7 @@ def _axis_entry(
             )
             for item in determined
         ],
-        covariance=_covariance_entry(fit.terms, wide),
+        covariance=_covariance_entry(fit.terms, wide, figures.values()),
     )
 
 
@@ -217,12 +217,19 @@ def _shifts_of_sum(
     return {name: float(np.linalg.norm(shifts @ own)) for name, shifts in figures.items()}
 
 
-def _covariance_entry(terms: Sequence[str], covariance: Array) -> CovarianceCard:
-    """Return the lower triangle over the terms that carry a number in `solution`."""
+def _covariance_entry(
+    terms: Sequence[str], covariance: Array, shifts: Collection[Array]
+) -> CovarianceCard:
+    """Return the lower triangles over the terms that carry a number in `solution`.
+
+    shifts: of each assumed figure (c, k).
+    """
     kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
+    assumed = sum((part.T @ part for part in shifts), np.zeros(covariance.shape))
     return CovarianceCard(
         terms=[terms[i] for i in kept],
         lower=[[float(covariance[i, j]) for j in kept if j <= i] for i in kept],
+        assumed=[[float(assumed[i, j]) for j in kept if j <= i] for i in kept if shifts],
     )
 
 

@@ -359,10 +359,16 @@ def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:
     covariance = CovarianceCard(
         terms=[fit.unknowns[i].term for i in kept],
         lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
+        assumed=part.covariance.assumed_of([_free_term(fit.unknowns[i], status) for i in kept]),
     )
     return part.model_copy(
         update={"j": float(fit.rms[AXES.index(axis)]), "terms": terms, "covariance": covariance}
     )
+
+
+def _free_term(unknown: Unknown, status: Mapping[Unknown, CoefficientStatus]) -> str:
+    """Return the term of an unknown, '' for one that a bound or a prior holds."""
+    return "" if status[unknown].status in (AT_BOUND, FROM_PRIOR) else unknown.term
 
 
 def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus) -> TermCard:

@@ -37,6 +37,7 @@ from auvid.hydro.identification.constrained.equations import (
     added_mass_unknown,
 )
 from auvid.hydro.identification.constrained.limits import inertia_limits
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
 from auvid.stages.columns import ATTITUDE, VELOCITY
@@ -123,8 +124,8 @@ class FreeFlight:
 def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> ModelDraws:
     """Return models drawn from the coefficients of a card, within its limits.
 
-    Each axis has its covariance, in the size of the printed standard errors; axes and
-    inertia count as independent. What the card has no error of stays as it is. A draw
+    Each axis has the covariance of its printed intervals, by noise and assumed figures;
+    axes and inertia count as independent. What the card has no error of stays as it is. A draw
     outside the limits counts at the nearest point within (`draw_within`).
     """
     unknowns = [Unknown(axis, term) for axis, row in card.predictor.items() for term in row]
@@ -137,11 +138,13 @@ def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> 
         places = [unknowns.index(Unknown(axis, term)) for term in terms]
         errors = {item.term: item.standard_error for item in part.terms}
         covariance[np.ix_(places, places)] = printed_covariance(
-            part.covariance.lower, [errors.get(term) for term in terms]
+            part.covariance.lower,
+            [errors.get(term) for term in terms],
+            part.covariance.assumed,
         )
     for item in card.inertia:
         i = unknowns.index(added_mass_unknown(item.name))
-        covariance[i, i] = item.standard_error**2
+        covariance[i, i] = total_error(item.standard_error, item.assumed_shifts) ** 2
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
     rows, cuts = flown_limits(unknowns, card.damping, flown)
     inertia_rows, inertia_cuts = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)

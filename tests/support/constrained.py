@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, needs_propeller_speed
+from auvid.hydro.identification.constrained.draws import printed_covariance
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ACTUATOR_RATES,
     extra_rows,
 )
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
 
 TERMS = tuple(term for term in BASIS_TERMS if not needs_propeller_speed(term))
@@ -110,3 +114,26 @@ def index(unknowns, axis, term):
 
 
 __all__ = ["AXES", "VELOCITIES", "Dive", "design", "index", "oracle", "solve"]
+
+
+def drawn_as_printed(card: ModelCard) -> int:
+    """Assert that draws of each free coefficient have its printed error; return how many.
+
+    That is of noise and assumed figures; a number without an error is not drawn from data.
+    """
+    count = 0
+    for part in card.axes.values():
+        items = {item.term: item for item in part.terms}
+        kept = [items[term] for term in part.covariance.terms]
+        covariance = printed_covariance(
+            part.covariance.lower,
+            [item.standard_error for item in kept],
+            part.covariance.assumed,
+        )
+        assert np.linalg.eigvalsh(covariance).min(initial=0.0) >= -1e-9 * np.trace(covariance)
+        for item, variance in zip(kept, np.diag(covariance).tolist(), strict=True):
+            if item.value is not None and item.standard_error:
+                total = total_error(item.standard_error, item.assumed_shifts)
+                assert np.sqrt(variance) == pytest.approx(total, rel=1e-6), item
+                count += 1
+    return count

@@ -73,21 +73,34 @@ def draw_within(
     return PosteriorDraws(drawn, moved, dict(outside))
 
 
-def printed_covariance(lower: Sequence[Sequence[float]], errors: Sequence[float | None]) -> Array:
-    """Return the covariance (p, p) of a lower triangle in the size of printed errors.
+def printed_covariance(
+    lower: Sequence[Sequence[float]],
+    errors: Sequence[float | None],
+    assumed: Sequence[Sequence[float]] = (),
+) -> Array:
+    """Return the covariance (p, p) of printed intervals, by noise and assumed figures.
 
-    errors: standard errors; None keeps the size of the triangle.
+    lower: triangle of noise, taken to the size of the printed standard errors; None keeps
+    its own. assumed: triangle of what assumed figures move the values by, where known.
 
     >>> printed_covariance([[4.0], [1.0, 1.0]], [1.0, None]).tolist()
     [[1.0, 0.5], [0.5, 1.0]]
+    >>> printed_covariance([[1.0], [0.0, 1.0]], [1.0, 1.0], [[3.0], [2.0, 3.0]]).tolist()
+    [[4.0, 2.0], [2.0, 4.0]]
     """
-    block = np.zeros((len(lower), len(lower)))
-    for i, row in enumerate(lower):
-        block[i, : i + 1] = block[: i + 1, i] = row[: i + 1]
+    block = _symmetric(lower)
     own = np.sqrt(np.maximum(np.diag(block), 0.0))
     printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
     scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
-    return np.asarray(block * np.outer(scale, scale))
+    noise = block * np.outer(scale, scale)
+    return np.asarray(noise + _symmetric(assumed) if len(assumed) else noise)
+
+
+def _symmetric(lower: Sequence[Sequence[float]]) -> Array:
+    block = np.zeros((len(lower), len(lower)))
+    for i, row in enumerate(lower):
+        block[i, : i + 1] = block[: i + 1, i] = row[: i + 1]
+    return block
 
 
 def flown_limits(

@@ -27,6 +27,7 @@ from auvid.stages.fit_axes.presentation import fit_section, together_words
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.model_file.contents import model_document, use_entry
 from tests.support.axis_twin import FULL, TRUTH, leg
+from tests.support.constrained import drawn_as_printed
 from tests.support.motions import shipped_vehicle as vehicle
 
 PROVENANCE: dict[str, Any] = {"logs": {}, "vehicle": "0", "stages": {}, "packages": {}}
@@ -85,6 +86,8 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
         assert damping[f"{x}*|{x}|"] == pytest.approx(quadratic, rel=0.02)
         item = next(item for item in card.inertia if item.name[0] == axis)
         assert item.value == pytest.approx(inertia, rel=0.01)
+    assert drawn_as_printed(card) >= 2 * len(TRUTH)
+    assert "thrust" in card.axes["Z"].terms[0].assumed_shifts
     percent = {item.axis: item.held_out_percent for item in fitted.fitted}
     assert min(filter(None, percent.values())) > 90.0
     assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)

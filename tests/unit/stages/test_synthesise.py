@@ -64,6 +64,7 @@ from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
 from auvid.stages.synthesise.presentation import sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
+from tests.support.constrained import drawn_as_printed
 from tests.support.motions import (
     fusion_document,
     ratio_of,
@@ -963,6 +964,12 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     card = outputs.model_card["diagonal"]
     check_document(card, "model_card")
     (surge,) = card.axes["X"].terms
+    assert drawn_as_printed(card) == 6
+    models = ("linear", "symmetric")
+    with_prior = synthesise.Params(models=models, prior="vehicle", trim=True)
+    cards = synthesise.run(inputs, with_prior).model_card
+    assert drawn_as_printed(cards["linear"]) > 36
+    assert drawn_as_printed(cards["symmetric"]) > 12
     assert card.spreads["thrust"] == 0.2
     assert surge.assumed_shifts["thrust"] == pytest.approx(0.2 * 40.0, rel=0.01)
     assert surge.standard_error is not None

@@ -111,8 +111,20 @@ def test_draws_have_the_printed_errors_and_stay_within_the_limits() -> None:
     assert len(drawn.models) == 4000
     assert np.sum(K > -1e-9) == drawn.moved, "the nearest point within is the limit"
     assert np.all(drawn.trims == 0.5)
-    free = draw_models(card({"K": 2.0}, damping="free", K=-0.5), VEHICLE, count=500, seed=1)
-    assert (free.moved, len(free.models)) == (0, 500)
+    model = card({"K": 2.0, "Y": 2.0}, damping="free", K=-0.5)
+    part = model.axes["Y"]
+    (item,) = part.terms
+    wide = part.model_copy(
+        update={
+            "terms": [item.model_copy(update={"assumed_shifts": {"thrust": 3.0, "mass": 6.0}})],
+            "covariance": part.covariance.model_copy(update={"assumed": [[45.0]]}),
+        }
+    )
+    model = model.model_copy(update={"axes": {**model.axes, "Y": wide}})
+    free = draw_models(model, VEHICLE, count=2000, seed=1)
+    assert (free.moved, len(free.models)) == (0, 2000)
+    sway = np.std([drawn.coefficients["Y"]["v"] for drawn in free.models])
+    assert sway == pytest.approx(7.0, rel=0.05), "of noise and assumed figures, as printed"
 
 
 def test_where_no_draw_is_within_all_are_moved_onto_the_limits() -> None:
@@ -123,7 +135,9 @@ def test_where_no_draw_is_within_all_are_moved_onto_the_limits() -> None:
 
 def test_a_drawn_inertia_is_one_that_the_fit_allows() -> None:
     """A normal of 1.9 +- 1 kg m2 has a share below 0; none below the rigid body's stays."""
-    inertia = InertiaCard.model_construct(name="N_rdot", change=-1.0, standard_error=1.0)
+    inertia = InertiaCard.model_construct(
+        name="N_rdot", change=-1.0, standard_error=0.6, assumed_shifts={"thrust": 0.8}
+    )
     fitted = card({}).model_copy(update={"inertia": [inertia]})
     drawn = draw_models(fitted, VEHICLE, count=200, seed=1)
     change = drawn.added_mass[:, 5, 5]

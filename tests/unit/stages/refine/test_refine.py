@@ -34,6 +34,7 @@ from auvid.stages.refine.fitting import CardUnknowns, SensorFit
 from auvid.stages.refine.presentation import stated_lag_blocks
 from auvid.stages.refine.refined_card import _term as refined_term
 from auvid.stages.validate import Predictor
+from tests.support.constrained import drawn_as_printed
 from tests.support.example_run import example_run
 from tests.support.motions import log_document, shipped_vehicle
 
@@ -190,6 +191,28 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     share = {"output_error": "95 %", "filter_error": "90 %"}[estimator]
     assert f"held the truth in {share} where the truth is" in words
     assert ("filter error calls none identified" in words) == (estimator == "filter_error")
+
+
+def test_draws_of_a_refined_card_have_its_printed_errors(twin: refine.Inputs) -> None:
+    """With what a thrust curve moves the least-squares coefficients by, a tenth of each."""
+    card = twin.model_card["symmetric"]
+    axes = {}
+    for axis, part in card.axes.items():
+        shifts = {item.term: 0.1 * (item.value or 0.0) for item in part.terms}
+        moved = np.array([shifts[term] for term in part.covariance.terms])
+        rows = [[float(a * b) for b in moved[: i + 1]] for i, a in enumerate(moved)]
+        terms = [
+            item.model_copy(update={"assumed_shifts": {"thrust": abs(shifts[item.term])}})
+            for item in part.terms
+        ]
+        covariance = part.covariance.model_copy(update={"assumed": rows})
+        axes[axis] = part.model_copy(update={"terms": terms, "covariance": covariance})
+    spread = replace(
+        twin, model_card=collection({"symmetric": card.model_copy(update={"axes": axes})})
+    )
+    (refined,) = outputs(spread, estimator="output_error").model_card.values()
+    assert drawn_as_printed(refined) > 12
+    assert any(item.assumed_shifts for item in refined.axes["X"].terms)
 
 
 def test_a_lag_of_the_card_is_held_where_none_is_fitted(twin: refine.Inputs) -> None:
