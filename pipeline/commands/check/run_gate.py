@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import filecmp
+import itertools
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.checks import accepted_findings, checks, standing_findings
@@ -23,6 +26,8 @@ TOO_LATE = {
     1e4: "Milliseconds or a time of day? Divide, or subtract the time of the first record.",
 }
 """Start of a leg beyond which it is probably of another clock or unit [s], and words."""
+MOST_SEEN = 0.5
+"""Share of a validation leg from which its being training data stops the run."""
 ONE_CHANNEL = {"w": "heave", "r": "yaw"}
 """Channels that a log shows without a velocity sensor: depth rate and gyro."""
 
@@ -43,6 +48,7 @@ def refusal(
     return (
         _stopped(campaign, health, method)
         or _outside(campaign, health, params)
+        or _judged_by_training(campaign, health)
         or _starved(campaign, health, stages, method, forceless=forceless)
     )
 
@@ -105,6 +111,67 @@ def _outside(
             dict.fromkeys(["start_s and end_s count seconds from the start of the log.", *remedies])
         ),
     )
+
+
+def _judged_by_training(campaign: Campaign, health: Mapping[str, Document]) -> DataError | None:
+    """Return validation legs that are training data by half or more, in one error."""
+    lines = []
+    for name, leg in campaign.legs.items():
+        if leg["use"] != "validation":
+            continue
+        start, end = _span(leg, health)
+        shared = {}
+        for other, training in campaign.legs.items():
+            if training["use"] == "training" and _same_data(campaign, leg["log"], training["log"]):
+                first, last = _span(training, health)
+                shared[other] = max(min(end, last) - max(start, first), 0.0)
+        seconds = min(sum(shared.values()), end - start)
+        if seconds >= MOST_SEEN * (end - start):
+            most = max(shared, key=lambda other: shared[other])
+            line = f"\n  leg '{name}' shares {seconds:.4g} s with training leg '{most}'"
+            if campaign.legs[most]["log"] != leg["log"]:
+                line += f": logs '{leg['log']}' and '{campaign.legs[most]['log']}' are one file"
+            lines.append(line)
+    if not lines:
+        return None
+    return DataError(
+        f"validation on the data that the models are fitted to:{''.join(lines)}\n"
+        "Any model passes there, and no error says how well it predicts",
+        file=campaign.file.path,
+        remedy="Give validation a stretch of its own, or a log of another dive.",
+    )
+
+
+def _span(leg: Mapping[str, Any], health: Mapping[str, Document]) -> tuple[float, float]:
+    """Return start and end of a leg in seconds of its log."""
+    length = float(health[leg["log"]]["duration_s"]) if leg["log"] in health else math.inf
+    end = length if leg.get("end_s") is None else min(float(leg["end_s"]), length)
+    return float(leg.get("start_s") or 0.0), end
+
+
+def _same_data(campaign: Campaign, one: str, other: str) -> bool:
+    """Return whether two logs are one: the same entry, or files of the same bytes."""
+    if one == other:
+        return True
+    if campaign.twin is not None:
+        return False
+    pairs = list(itertools.zip_longest(_files(campaign, one), _files(campaign, other)))
+    return all(
+        a is not None
+        and b is not None
+        and a.is_file()
+        and b.is_file()
+        and filecmp.cmp(a, b, shallow=False)
+        for a, b in pairs
+    )
+
+
+def _files(campaign: Campaign, log: str) -> list[Path]:
+    entry = campaign.logs[log]
+    return [
+        inside(campaign.folder, file["file"], campaign.file.path)
+        for file in entry.get("files") or [entry]
+    ]
 
 
 def _places(campaign: Campaign, log: str, item: Document) -> str:

@@ -150,14 +150,19 @@ def _figures(
 
 
 def assumed_most(card: ModelCard) -> str:
-    """Return the assumed figure that moves most coefficients most, or ''."""
-    first = [
-        max(item.assumed_shifts, key=lambda name: item.assumed_shifts[name])
+    """Return the assumed figure that is most of most intervals, or ''.
+
+    Most of one: more than half of its variance, that of noise included.
+    """
+    largest = [
+        next((name for name, shift in item.assumed_shifts.items() if shift**2 > 0.5 * error**2), "")
         for part in card.axes.values()
         for item in part.terms
-        if item.verdict == IDENTIFIED and item.assumed_shifts
+        if item.verdict == IDENTIFIED and item.standard_error
+        for error in [total_error(item.standard_error, item.assumed_shifts)]
     ]
-    return FIGURES[max(first, key=first.count)] if first else ""
+    most = max(largest, key=largest.count, default="")
+    return FIGURES[most] if most and largest.count(most) > 0.5 * len(largest) else ""
 
 
 def _published(name: str, vehicle: Vehicle, shelf: Mapping[str, Vehicle]) -> tuple[str, str]:

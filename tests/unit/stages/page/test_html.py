@@ -245,7 +245,7 @@ def test_the_table_of_coefficients_names_intervals_by_noise_alone(
         axes = {**card.axes, "X": part.model_copy(update={"terms": items})}
         example.cards[name] = card.model_copy(update={"axes": axes})
     page = run(example.inputs(), Params()).report_html.decode()
-    together = "by noise and assumed values of the vehicle together; most of it is the scale"
+    together = "by noise and assumed values of the vehicle together"
     moved = bool(shifts) and verdict == "identified"
     assert (together in page, "± is 95 %, by noise alone." in page) == (moved, not moved)
     assert (" (noise alone)</td>" in page) == moved

@@ -51,6 +51,21 @@ def fault(
     return refusal(campaign, health, stages[: stages.index(until) + 1], params)
 
 
+def test_validation_on_training_data_stops(campaign: Any, tmp_path: Path) -> None:
+    (tmp_path / "one.csv").write_text("the same")
+    (tmp_path / "two.csv").write_text("the same")
+    text = str(fault(campaign(), sound(), sound()))
+    assert "leg 'check' shares" in text
+    assert "logs 'two' and 'one' are one file" in text
+    (tmp_path / "two.csv").write_text("another")
+    assert fault(campaign(), sound(), sound()) is None
+    part = "  - {id: part, log: two, use: training, end_s: END}"
+    third, most = (f"{share * sound().health()['duration_s']:.0f}" for share in (0.3, 0.7))
+    assert fault(campaign(more=part.replace("END", third)), sound(), sound()) is None
+    text = str(fault(campaign(more=part.replace("END", most)), sound(), sound()))
+    assert f"leg 'check' shares {most} s with training leg 'part'\n" in text
+
+
 def turned(log: Log) -> Log:
     """The gyro's y the other way round."""
     log.streams["imu"]["gyro_y_rad_s"] = -log.streams["imu"]["gyro_y_rad_s"]

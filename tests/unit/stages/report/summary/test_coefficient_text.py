@@ -18,6 +18,7 @@ from auvid.data_schemas.records.models import (
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.page.campaign_sections import shared_data
+from auvid.stages.report.summary.coefficient_table import assumed_most
 from auvid.stages.report.summary.coefficient_text import findings
 
 
@@ -107,6 +108,17 @@ def test_constant_forces_and_couplings_stand_apart() -> None:
     assert by_kind[1].note.startswith(
         "2 of them a hull symmetric to port and starboard cannot have"
     )
+
+
+def test_an_assumed_figure_is_most_of_the_intervals_or_none_is_named() -> None:
+    def moved(error: float, **shifts: float) -> TermCard:
+        return term("u", -50.0, error).model_copy(update={"assumed_shifts": shifts})
+
+    thrust, arm = moved(1.0, thrust=5.0, lever_arm=1.0), moved(1.0, thrust=1.0, lever_arm=1.2)
+    assert assumed_most(card(X=[thrust])) == "scale of the thrust curve"
+    assert assumed_most(card(X=[thrust], Y=[arm], Z=[thrust])) == "scale of the thrust curve"
+    # The arm moves two of three most, and is half of no interval.
+    assert assumed_most(card(X=[arm], Y=[arm], Z=[thrust])) == ""
 
 
 def segment(use: str, start: float, length: float, log: str = "dive") -> SegmentRecord:
