@@ -19,6 +19,7 @@ from auvid.pipeline.command_line.arguments import (
     Scheduler,
     WorkerMemory,
 )
+from auvid.pipeline.command_line.imports import kept_for_good
 from auvid.pipeline.output import (
     OUTPUT,
     RUNNING,
@@ -83,8 +84,9 @@ def run(
             print(printed.text, end="")
             answer(printed.answer)
             raise typer.Exit(printed.status)
-    from auvid.pipeline.commands.run.run_command import run_campaign
-    from auvid.pipeline.execution.engines import make_engine
+    with kept_for_good():
+        from auvid.pipeline.commands.run.run_command import run_campaign
+        from auvid.pipeline.execution.engines import make_engine
 
     status = run_campaign(
         campaign,

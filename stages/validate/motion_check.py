@@ -360,7 +360,7 @@ def _words(check: MotionCheck, decay: Growth | None) -> str:
 
 def _tips(items: Sequence[SteadyRange]) -> list[str]:
     """Return where a drive tips it over: in pitch above .1 m/s of surge."""
-    words = []
+    words: list[str] = []
     for item in items:
         unit = "rad/s" if item.axis == "N" else "m/s"
         beyond = [
@@ -368,7 +368,9 @@ def _tips(items: Sequence[SteadyRange]) -> list[str]:
             for side, end, flown in zip(("below", "above"), item.upright, item.flown, strict=True)
             if end != flown
         ]
-        what = ENDS.get(item.tips_in, f"it tips over in {item.tips_in}")
+        follows = bool(words) and words[-1].startswith(("it tips", "in "))
+        what = f"in {item.tips_in}" if follows else f"it tips over in {item.tips_in}"
+        what = ENDS.get(item.tips_in, what)
         cause = f" (most of it by {_named(item)})" if item.cause else ""
         words.append(f"{what} {listed(beyond)} {unit} of {AXIS_WORDS[item.axis]}{cause}")
     return words

@@ -63,9 +63,10 @@ def write_runs_page(names: Sequence[str], *, whole_history: bool = False) -> Pat
         words = "+".join(re.sub(r"[^\w.@-]", "_", column.name) for column in columns)
         path = run.folder.parent / f"{words[:120]}.html"
     if sum(column.entry is not None for column in columns) < FEWEST:
+        lacking = [column.name for column in columns if column.entry is None]
+        words = f": no finished run of {', '.join(lacking)}" if lacking else ""
         raise DataError(
-            "fewer than two runs to set side by side",
-            value=", ".join(names),
+            f"fewer than two runs to set side by side{words}",
             remedy="Run them first: auvid run CAMPAIGN. Of one campaign, CAMPAIGN@N is run N.",
         )
     write_atomically(path, runs_page(title, left_out, columns))

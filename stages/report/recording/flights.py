@@ -10,7 +10,7 @@ import rerun as rr
 
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
-from auvid.stages.number_format import visible
+from auvid.stages.number_format import in_words, visible
 from auvid.stages.page.colours import ROLES, Ink, inks_of, key
 from auvid.stages.report.recording.rerun_stream import TIMELINE, Recording
 
@@ -76,7 +76,7 @@ def _trajectory(
                 [flown],
                 colors=[ink],
                 radii=FLOWN_WIDTH,
-                labels=[str(visible(flight))],
+                labels=[str(visible(in_words(flight)))],
                 show_labels=False,
             ),
         )
@@ -93,7 +93,7 @@ def _trajectory(
     box = np.array([np.nanmin(points, axis=0), np.nanmax(points, axis=0)])
     for near in _near(ends, TOGETHER * float(np.ptp(box, axis=0).max())):
         more = f" and {len(near) - NAMED} more" if len(near) > NAMED else ""
-        named = ", ".join(near[:NAMED]) + more
+        named = ", ".join(map(in_words, near[:NAMED])) + more
         label = rr.Points3D.from_fields(labels=[str(visible(named))], show_labels=True)
         out.static(f"{above}/{rr.escape_entity_path_part(near[0])}/end", label)
     return box

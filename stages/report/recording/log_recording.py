@@ -27,7 +27,7 @@ from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.base import Document
-from auvid.stages.number_format import visible
+from auvid.stages.number_format import printed_unit, visible
 from auvid.stages.page.colours import GREEN, GREY, ROLES, VERMILLION, Ink, distinct
 from auvid.stages.presentation import degrees
 from auvid.stages.report.recording.blueprint import opened, paths_view, spans_view, time_plot
@@ -381,7 +381,7 @@ def _blueprint(
 ) -> rrb.Blueprint:
     views = {
         plot.entity: time_plot(
-            plot.entity, f"{plot.stream} [{plot.unit}]", span, (plot.low, plot.high)
+            plot.entity, f"{plot.stream} [{printed_unit(plot.unit)}]", span, (plot.low, plot.high)
         )
         for plot in plots
     }

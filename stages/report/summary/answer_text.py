@@ -7,7 +7,7 @@ from textwrap import wrap
 from auvid.stages.page.first_screen import Summary
 from auvid.stages.page.html import lead
 
-WIDTH = 96
+WIDTH = 79
 MARGIN = "  "
 
 
@@ -26,7 +26,7 @@ def answer_text(summary: Summary) -> str:
     if summary.identified:
         lines += [
             "",
-            "identified (± is 95 %, by noise, with the assumed figures that stand in brackets):",
+            "identified (± is 95 %, by noise and the assumed figures in brackets):",
         ]
         for entry in summary.identified:
             lines += _item(entry.label, "; ".join(entry.figures))

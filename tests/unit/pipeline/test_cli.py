@@ -5,6 +5,7 @@ goes wrong.
 from __future__ import annotations
 
 import errno
+import gc
 import io
 import json
 import re
@@ -24,6 +25,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
+from auvid.pipeline.command_line.imports import kept_for_good
 from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
@@ -406,3 +408,12 @@ def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
     )
     assert not loaded & {stage.run.__module__ for stage in STAGES}
     assert not loaded & {"auvid.stages.registry", "scipy", "pandas"}
+
+
+def test_imports_of_a_run_are_left_alone_by_the_garbage_collector() -> None:
+    gc.unfreeze()
+    with kept_for_good():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() > 0
+    gc.unfreeze()

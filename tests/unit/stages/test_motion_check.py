@@ -8,7 +8,14 @@ import pytest
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
 from auvid.hydro.dynamics.steady_motion import Floating, SteadyDrive, steady_motions
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.stages.validate.motion_check import ORIGIN, Tried, _range, decay_starts, motion_checks
+from auvid.stages.validate.motion_check import (
+    ORIGIN,
+    Tried,
+    _range,
+    _tips,
+    decay_starts,
+    motion_checks,
+)
 from tests.support.example_run import example_run
 from tests.support.motions import shipped_vehicle
 
@@ -73,6 +80,8 @@ def test_a_drive_that_tips_over_is_the_verdict_with_its_speed() -> None:
     assert surge.upright[0] < 0.0
     assert "driven by its thrusters it tips over in pitch" in check.words
     assert "of surge (most of it by M_u" in check.words
+    both = _tips([surge, surge.model_copy(update={"axis": "Y"})])
+    assert [words.partition(" pitch")[0] for words in both] == ["it tips over in", "in"]
 
 
 def test_an_unstable_equilibrium_is_said_with_its_growth() -> None:

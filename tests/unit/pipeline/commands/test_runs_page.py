@@ -127,6 +127,9 @@ def test_history_and_several_campaigns_are_written(
     monkeypatch.setattr(pages, "read", lambda folder: [FIRST])
     with pytest.raises(DataError, match="fewer than two"):
         pages.write_runs_page(["dive"], whole_history=True)
+    monkeypatch.setattr(pages, "_now", lambda run: None)
+    with pytest.raises(DataError, match="no finished run of dive"):
+        pages.write_runs_page(["dive"])
     with pytest.raises(DataError, match="no number"):
         pages.write_runs_page(["dive", "dive@linear"])
 
