@@ -31,6 +31,12 @@ and does not count for the rate.
 """
 
 
+FEWEST_CHANGES, HELD_STEPS = 60, 2.5
+"""Fewest changes that tell a period, and how many samples it must be longer than."""
+SURE_OF_PERIOD, LEAST_ANEW = 0.99, 0.6
+"""Share of the changes that keep the period, and of its steps that bring a new value."""
+
+
 @dataclass(frozen=True)
 class ClockStatistics:
     """Steps of a clock: rate [Hz], median step [s], jitter [s], longest step [s].
@@ -101,6 +107,29 @@ def repeats(values: ArrayLike) -> Repeats:
     moves = [column[column > 0.0] for column in steps.T]
     leap = max((float(np.median(item) / item.min()) for item in moves if item.size), default=1.0)
     return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]), leap)
+
+
+def held_every(t_s: ArrayLike, values: ArrayLike) -> float | None:
+    """Return the period [s] at which values (n, k) come anew; None if not held.
+
+    A record that is written several times for each value changes at the steps of one
+    period alone, and in most of them. One that a pilot holds for a while does neither.
+
+    >>> t = 0.1 * np.arange(2000)
+    >>> held_every(t, np.sin(0.5 * np.floor(t / 0.5 + 1e-9))[:, None])
+    0.5
+    >>> held_every(t, np.sin(t)[:, None])
+    """
+    at, array = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    changes = at[1:][(np.diff(array, axis=0) != 0.0).any(axis=1)]
+    if changes.size < FEWEST_CHANGES:
+        return None
+    step, gaps = float(np.median(np.diff(at))), np.diff(changes)
+    period = float(np.median(gaps))
+    anew = changes.size * period / float(np.ptp(changes))
+    regular = float(np.mean(gaps > period - 1.5 * step)) > SURE_OF_PERIOD
+    held = period > HELD_STEPS * step and regular and anew > LEAST_ANEW
+    return round(period, 2) if held else None
 
 
 def slow_speed(velocity: ArrayLike) -> float:

@@ -14,6 +14,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.signal_checks import (
     clock_statistics,
     flat_top,
+    held_every,
     repeats,
     slow_speed,
 )
@@ -256,6 +257,11 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
         rate = f"{stream} ({log.source(stream)}) comes at {significant(clock.rate_hz)} Hz"
         if stream == "actuators" and clock.rate_hz < limit("low_actuator_rate"):
             yield finding("low_actuator_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
+        elif stream == "actuators" and (outputs := log.thrusters() + log.commands()):
+            period = held_every(log.t_s(stream), log.values(stream, outputs))
+            if period is not None and LONGEST_HOLD_S > period > 1.0 / limit("low_actuator_rate"):
+                text = f"{rate}, and its values change every {period:g} s only: they are held."
+                yield finding("low_actuator_rate", text, stream=stream, value=1.0 / period)
         if stream in ("imu", "attitude", "velocity") and clock.rate_hz < limit("low_rate"):
             yield finding("low_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
         if stream in STEADY and clock.relative_jitter > limit("irregular_rate"):
@@ -291,6 +297,10 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
                 f" {clipped[worst]} samples."
             )
             yield finding("gyro_saturated", text, stream="imu", value=clipped[worst])
+
+
+LONGEST_HOLD_S = 1.2
+"""Of a slow record; a pilot or a plan that steps holds its outputs for longer."""
 
 
 def _is_time(t_s: Array, values: Array) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
-from auvid.stages.columns import OF_FIXES, OF_POSES
+from auvid.stages.columns import GYRO, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight
 from auvid.stages.ingest.health.actuation.push_answers import (
     clear_scales,
@@ -28,6 +28,8 @@ SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.06, 0.8
 """Turn and scale of a velocity that would be seen for certain (four standard deviations),
 and share of a depth rate or an answer from which on its clock would be.
 """
+SLOW_TURN = 0.03
+"""Standard deviation of a rate [rad/s] below which noise of the attitude decides."""
 SURE_WEIGHT = 0.04
 """Part of the weight that the thrusters must show (three standard deviations)."""
 CLEAR, CLEAR_WEIGHT = 4.0, 3.0
@@ -57,6 +59,18 @@ def _attitude(log: CheckedLog) -> Iterator[Unseen]:
         yield "unit, signs and axes of the gyro", "there is no attitude that turns with it"
     elif log.has("attitude") and not log.has("imu"):
         yield "unit and signs of the attitude", "there is no gyro that turns with it"
+    if log.has("imu", "attitude") and np.all(
+        np.std(log.values("imu", GYRO[:2]), axis=0) < SLOW_TURN
+    ):
+        yield (
+            "smoothing of roll and pitch (means of a second)",
+            "the vehicle hardly rolls or pitches",
+        )
+    if log.has("depth"):
+        yield (
+            "zero of the depth",
+            "a constant of the depth moves no force; look at it at the surface",
+        )
     if log.accelerometer() is None and log.has("attitude"):
         yield "zero and signs of roll and pitch", "there is no accelerometer that shows gravity"
 
@@ -88,6 +102,11 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
             "thrust and mass by themselves",
             "the motion shows their ratio, which agrees or is named above",
         )
+    yield (
+        "angles of the thrusters, moments of inertia by themselves",
+        "each axis shows its force over its inertia alone; pulls on the bench in surge, sway and"
+        " yaw (docs/bench.md), or a pendulum, tell them",
+    )
     borne = borne_weight(log)
     weight = log.vehicle.mass_kg * log.vehicle.gravity
     if borne is None:

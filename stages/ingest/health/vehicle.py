@@ -46,6 +46,10 @@ THRUST_OF_WEIGHT, PULSES_US = (0.005, 5.0), (1100.0, 1900.0, 41)
 """Most force of a thruster over the weight of the displaced water, .05 to 1 in six vehicle
 files, and first, last and number of the pulses at which it is sought.
 """
+LEAST_OF_LENGTH = 0.5
+"""Most inertia about the length of a slender hull as a part of that across: .02 to .05 of three
+torpedoes.
+"""
 LONGEST_LAG_S = 5.0
 LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
 """Of the distance of the outermost of three thrusters or more, which sit outside the hull."""
@@ -161,6 +165,7 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
                 f" has a radius of {radius:.3g} m.{cause}",
                 value=length / radius,
             )
+    yield from _slender_inertia(vehicle)
     yield from _thrust_and_lag(vehicle)
     below = float(vehicle.r_B[2] - vehicle.r_G[2])
     if below > limit("buoyancy_low"):
@@ -173,6 +178,25 @@ def _sizes(vehicle: Vehicle) -> Iterator[Finding]:
             " gravity: at rest the vehicle would turn over.",
             value=below,
         )
+
+
+def _slender_inertia(vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield a slender hull whose inertia about its length is not the smallest one."""
+    geometry = vehicle.geometry
+    if geometry is None or geometry.hull.length_m < SLENDER * geometry.hull.diameter_m:
+        return
+    about = np.diag(vehicle.inertia)
+    if not about.min() or about[0] < LEAST_OF_LENGTH * about[1:].min():
+        return
+    axis = "yz"[int(np.argmin(about[1:]))]
+    yield finding(
+        "body_size",
+        f"The hull of the vehicle file is {geometry.hull.length_m:.3g} m long and"
+        f" {geometry.hull.diameter_m:.3g} m thick, and its inertia about its length (x) is"
+        f" {about[0]:.3g} kg m^2, about {axis} {about[1:].min():.3g}: they are exchanged.",
+        value=float(about[0] / about[1:].min()),
+        fields=(),
+    )
 
 
 def _thrust_and_lag(vehicle: Vehicle) -> Iterator[Finding]:

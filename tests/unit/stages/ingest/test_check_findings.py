@@ -1351,6 +1351,24 @@ def test_bundled_vehicles_have_possible_sizes(name: str) -> None:
     assert not {"body_size", "upside_down", "gravity_value"} & set(log.ids())
 
 
+def test_moments_of_inertia_of_a_long_hull_that_are_exchanged_are_found() -> None:
+    log, document = sound(), copy.deepcopy(vehicle_document("remus100"))
+    entry = document["rigid_body"]["inertia"]
+    entry["value"] = np.diag(np.diag(entry["value"])[::-1]).tolist()
+    log.vehicle = vehicle_from_document(document)
+    assert "they are exchanged" in log.finding("body_size")["text"]
+
+
+def test_outputs_that_are_held_for_half_a_second_are_found() -> None:
+    log = sound()
+    columns = log.streams["actuators"]
+    for name in columns:
+        if name.startswith("pwm_"):
+            moving = columns[name] + 20.0 * np.sin(0.3 * np.arange(columns[name].size))
+            columns[name] = moving[np.arange(moving.size) // 5 * 5]
+    assert "every 0.5 s only" in log.finding("low_actuator_rate")["text"]
+
+
 def turned_log(degrees: float) -> Log:
     """Log of a driven vehicle whose velocity sensor is turned about the vertical."""
     log = sound()

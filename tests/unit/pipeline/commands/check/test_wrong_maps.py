@@ -856,8 +856,11 @@ def test_what_a_log_cannot_show_is_listed_by_name() -> None:
     of_dive, of_example = unseen(_whole_dive()), unseen(_example())
     assert {"scale of the thrust", "mass and added mass", "steady current"} <= set(of_dive)
     assert "scale of surge and sway of the velocity" in of_dive
+    assert {"zero of the depth", "smoothing of roll and pitch (means of a second)"} <= set(of_dive)
+    assert "angles of the thrusters, moments of inertia by themselves" in of_dive
     assert "weight in water (displaced mass)" not in of_dive
     assert "scale of the thrust" not in of_example
+    assert "smoothing of roll and pitch (means of a second)" not in of_example
     assert {"steady current", "rate of a clock that all sensors share"} <= set(of_example)
 
 
