@@ -128,8 +128,8 @@ def held_every(t_s: ArrayLike, values: ArrayLike) -> float | None:
     period = float(np.median(gaps))
     anew = changes.size * period / float(np.ptp(changes))
     regular = float(np.mean(gaps > period - 1.5 * step)) > SURE_OF_PERIOD
-    held = period > HELD_STEPS * step and regular and anew > LEAST_ANEW
-    return round(period, 2) if held else None
+    slow = period > HELD_STEPS * step and regular and anew > LEAST_ANEW
+    return round(period, 2) if slow else None
 
 
 def slow_speed(velocity: ArrayLike) -> float:
