@@ -330,9 +330,10 @@ def low_pass_words(cutoff_hz: float, leaning: Mapping[str, Sequence[str]]) -> st
     return (
         f"The low-pass of {cutoff_hz:g} Hz is too low for this motion. Drag goes with products of"
         " velocities, which reach twice the band in which the vehicle moves; what the low-pass took"
-        f" leans these coefficients by more than their noise: {models}. Their intervals count it."
-        " Raise stages.fuse.cutoff_hz as far as the slowest sensor allows, or name a model in"
-        " stages.refine.models: it is fitted to the sensors themselves, without a low-pass."
+        f" leans these coefficients by more than their noise and a tenth: {models}. Their"
+        " intervals count it. Raise stages.fuse.cutoff_hz as far as the slowest sensor allows, or"
+        " name a model in stages.refine.models: it is fitted to the sensors themselves, without a"
+        " low-pass."
     )
 
 

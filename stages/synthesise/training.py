@@ -85,8 +85,10 @@ SPLINES = {
     "thesis": (*ACCELEROMETER, *VELOCITY[3:]),
 }
 """Splines that bound how fast each acceleration can be, by the method of fuse."""
-FEWEST_LEANING = 2
-"""Coefficients of a model that a low-pass leans before it is called too low."""
+FEWEST_LEANING, LEANING_SHARE = 2, 0.1
+"""Coefficients of a model that a low-pass leans before it is called too low, and the share
+of its value that counts (decision 0081): a smaller lean is in the interval in silence.
+"""
 RESIDUAL_COLUMNS = (
     "eta_ratio",
     *VELOCITY,
@@ -381,18 +383,19 @@ def moved_by_lag(
 def leaning_terms(
     fits: Fits, coloured: Mapping[tuple[str, str], Coloured], low_pass: Sequence[NormalChange]
 ) -> dict[str, list[str]]:
-    """Return model -> terms clear of zero that a low-pass leans beyond noise.
+    """Return model -> terms clear of zero that a low-pass leans.
 
-    Models with fewer than `FEWEST_LEANING` of them are left out.
+    That is by more than noise, and by a tenth of the value at least. Models with fewer than
+    `FEWEST_LEANING` of them are left out.
     """
     leaning: dict[str, list[str]] = {}
     for (model, axis), fit in fits.items():
         noise = np.sqrt(np.maximum(np.diag(coloured[model, axis].covariance), 0.0))
         for shift in (change.shift(fit) for change in low_pass):
-            clear = np.abs(fit.coefficients) > NORMAL_95 * noise
+            size, lean = np.abs(fit.coefficients), np.abs(shift)
+            leans = (size > NORMAL_95 * noise) & (lean > noise) & (lean > LEANING_SHARE * size)
             leaning.setdefault(model, []).extend(
-                str(Unknown(axis, fit.terms[i]))
-                for i in np.flatnonzero(clear & (np.abs(shift) > noise))
+                str(Unknown(axis, fit.terms[i])) for i in np.flatnonzero(leans)
             )
     return {model: names for model, names in leaning.items() if len(names) >= FEWEST_LEANING}
 

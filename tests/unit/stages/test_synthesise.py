@@ -47,6 +47,7 @@ from auvid.hydro.identification.regression.error_functions import (
 )
 from auvid.hydro.identification.regression.excitation import axis_excitation
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
 from auvid.hydro.identification.selection import folds
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
@@ -917,6 +918,23 @@ def test_a_low_pass_that_is_too_low_widens_intervals_and_is_named() -> None:
         warned.append(f"The low-pass of {cutoff_hz:g} Hz is too low" in str(outputs.section))
     assert errors[0] > 5.0 * errors[1]
     assert warned == [True, False]
+
+
+@pytest.mark.parametrize(("lean", "named"), [(0.07, False), (0.12, True), (-0.12, True)])
+def test_a_lean_of_less_than_a_tenth_is_no_warning(lean: float, named: bool) -> None:
+    """Beyond noise all the same: it stands in the interval."""
+    rows = np.random.default_rng(3).standard_normal((200, 2))
+    force = np.zeros((200, 6))
+    force[:, 0] = rows @ np.array([-40.0, -60.0])
+    factor = TriangularFactor.empty(("u", "u*|u|")).update(rows.T, force)
+    fit = solve_axis(factor, axis="X", terms=("u", "u*|u|"))
+    target = np.zeros((3, 6))
+    target[:2, 0] = rows.T @ rows @ (lean * fit.coefficients)
+    change = NormalChange(("u", "u*|u|", "constant"), np.zeros((3, 3)), target)
+    np.testing.assert_allclose(change.shift(fit), lean * fit.coefficients)
+    coloured = {("fossen", "X"): training.Coloured(np.eye(2), 1.0)}
+    terms = training.leaning_terms({("fossen", "X"): fit}, coloured, [change])
+    assert terms == ({"fossen": ["X_u", "X_u|u|"]} if named else {})
 
 
 def test_a_current_under_a_velocity_over_ground_is_in_the_intervals_and_named() -> None:
