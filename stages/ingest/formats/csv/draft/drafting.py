@@ -37,8 +37,10 @@ from auvid.stages.ingest.formats.csv.draft.commands import (
 from auvid.stages.ingest.formats.csv.draft.pose_draft import (
     TURNED_AXES,
     in_upward_axes,
+    is_numbered,
     is_turned,
     pose_velocities,
+    with_level_order,
     with_pose,
 )
 from auvid.stages.ingest.formats.csv.draft.time_column import seconds_of, time_column
@@ -107,6 +109,7 @@ def draft_columns(
         later = seconds_of(time, own, more[time["column"]])
         t_s = np.append(t_s, later - np.nanmin(later) + np.nanmax(t_s) + BETWEEN_RUNS_S)
         values = {name: np.append(values[name], own[name]) for name in values}
+    rest = with_level_order(rest, values)
     named = dict(commands or {})
     rest = [as_command(item, named[item.name]) if item.name in named else item for item in rest]
     if named:
@@ -192,8 +195,10 @@ def _with_columns(
         if stream == "pose":
             words = UPWARD_WORDS.get(item.frame, "ned, z down: else frame flu or enu")
             check = "; ".join(filter(None, (check, f"frame {words}")))
-        if name.startswith("q_") and not item.name.lower().endswith(name[-1]):
-            check = "; ".join(filter(None, (check, "w first of the four assumed")))
+        if is_numbered(item):
+            first = "w first of the four assumed"
+            order = first if name.endswith(item.part) else "w last of the four: only so it is level"
+            check = "; ".join(filter(None, (check, order)))
         check = "; ".join(
             filter(None, (check, _spoken(item, name, rivals.get((stream, name), []))))
         )

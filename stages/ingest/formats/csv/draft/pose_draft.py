@@ -24,6 +24,8 @@ TURNED_AXES = ("v", "w", "q", "r")
 PLACES = tuple(("position", name) for name in POSITION)
 FULL_TURN, LARGEST_M = 6.4, 100.0
 """Angles beyond are in degrees, positions of a tank beyond in mm."""
+MORE_LEVEL_RAD = 0.05
+"""Numbered parts of a quaternion have w last where the mean tilt is so much smaller then."""
 
 
 def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
@@ -63,6 +65,43 @@ def with_pose(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
             item = replace(item, frame=frame)  # a pose is in one frame
         placed.append(item)
     return placed
+
+
+def is_numbered(item: NamedColumn) -> bool:
+    """Return whether a column is a part of a quaternion that only its number tells."""
+    of_quaternion = item.place is not None and item.place[1].startswith("q_")
+    return of_quaternion and not item.name.lower().endswith(item.part)
+
+
+def with_level_order(
+    columns: Sequence[NamedColumn], values: Mapping[str, Array]
+) -> list[NamedColumn]:
+    """Return the columns with w of a numbered quaternion last where that is more level.
+
+    A vehicle changes its heading more than its tilt; in the wrong order headings are tilts.
+    """
+    parts = [next((item for item in columns if item.part == part), None) for part in "wxyz"]
+    if not all(item is not None and is_numbered(item) for item in parts):
+        return list(columns)
+    q = np.column_stack([values[item.name] for item in parts if item is not None])
+    if _tilt_rad(q) - _tilt_rad(q[:, [3, 0, 1, 2]]) < MORE_LEVEL_RAD:
+        return list(columns)
+    later = dict(zip("wxyz", "xyzw", strict=True))
+    return [
+        replace(item, place=(item.place[0], f"q_{later[item.part]}"))
+        if item.place is not None and item in parts
+        else item
+        for item in columns
+    ]
+
+
+def _tilt_rad(q: Array) -> float:
+    """Return the mean tilt of quaternions (n, 4), w first; 0 is upside down, too."""
+    q = q[np.isfinite(q).all(axis=1) & (np.linalg.norm(q, axis=1) > 0.0)]
+    if not len(q):
+        return 0.0
+    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
+    return float(np.mean(np.arccos(np.minimum(np.abs(w**2 - x**2 - y**2 + z**2), 1.0))))
 
 
 def _by_compass(item: NamedColumn) -> NamedColumn:

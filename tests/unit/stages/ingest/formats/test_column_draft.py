@@ -129,12 +129,14 @@ def test_velocities_that_may_be_of_world_axes_are_marked(
     assert {item.check for item in draft.columns} == {check}
 
 
-def test_a_numbered_quaternion_is_taken_with_w_first_and_marked() -> None:
-    turn = wave(0.2)
-    parts = (np.cos(turn), 0.0 * turn, 0.0 * turn, np.sin(turn))
-    draft = drafted({"t_s": T_S, **{f"q[{n}]": part for n, part in enumerate(parts)}})
-    assert [item.field for item in draft.columns] == ["q_w", "q_x", "q_y", "q_z"]
-    assert all("w first" in item.check for item in draft.columns)
+def test_a_numbered_quaternion_has_w_where_it_is_level_and_is_marked() -> None:
+    heading = wave(1.2)
+    parts = (np.cos(heading), wave(0.02), 0.0 * heading, np.sin(heading))
+    for order, words in (("wxyz", "w first"), ("xyzw", "w last")):
+        columns = {f"q[{n}]": parts["wxyz".index(part)] for n, part in enumerate(order)}
+        draft = drafted({"t_s": T_S, **columns})
+        assert [item.field for item in draft.columns] == [f"q_{part}" for part in order]
+        assert all(words in item.check for item in draft.columns)
 
 
 def test_semicolons_and_decimal_commas() -> None:
