@@ -19,12 +19,12 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.data_schemas.records.logs import FindingRecord
 from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.pipeline.commands.check.motion_trace import motion_of
 from auvid.pipeline.commands.fleet.discovery import FleetLog, hash_of_file
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
 from auvid.pipeline.commands.fleet.run_results import results_of
 from auvid.pipeline.commands.fleet.surveys.log_traits import (
     conditions,
-    motion_of,
     start_utc,
     unnamed,
 )

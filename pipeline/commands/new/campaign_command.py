@@ -11,7 +11,10 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.data_schemas.records.fleet import MotionTrace
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.structures import lift_and_drag
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
@@ -22,6 +25,7 @@ from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.campaigns.workspace import find_workspace, vehicle_file_of
 from auvid.pipeline.commands.check.axes_route import MOTORS_OF_VEHICLE
 from auvid.pipeline.commands.check.log_page import LogPage, campaign_refusal, log_pages
+from auvid.pipeline.commands.check.motion_trace import agreement, motion_of
 from auvid.pipeline.commands.new.campaign_text import (
     CampaignContent,
     WrittenFile,
@@ -295,21 +299,30 @@ def _sort(
 def _same_dives(kept: list[tuple[SurveyedLog, CampaignFeed]]) -> list[str]:
     """Take logs of a dive that an earlier log holds out, and return them in words.
 
-    A dive in training and, from another recorder, in validation would judge itself.
+    A dive in training and, from another recorder, in validation would judge itself. A
+    computer whose clock begins anew gives two dives one time: they differ in their motion.
     """
-    spans: list[tuple[str, tuple[float, float]]] = []
+    earlier: list[tuple[str, tuple[float, float], MotionTrace | None]] = []
     words = []
     for item in list(kept):
-        info = checked(item[0].page).info
+        log, _ = item
+        info = checked(log.page).info
         if info.utc_offset_us is None:
             continue
         span = (info.start_us + info.utc_offset_us) / 1e6, (info.end_us + info.utc_offset_us) / 1e6
-        same = next((name for name, other in spans if shared(other, span) >= SAME_DIVE), None)
-        if same is not None:
-            kept.remove(item)
-            words.append(f"{item[0].name}: the same dive as {same}, by its clock")
+        motion = motion_of(log.page)
+        for name, other_span, other in earlier:
+            if shared(other_span, span) < SAME_DIVE:
+                continue
+            shorter_s = min(np.ptp(span), np.ptp(other_span))
+            by_motion = motion and other and agreement(other, motion, shorter_s, by_clock=True)
+            if by_motion != "":
+                kept.remove(item)
+                how = by_motion or "by its clock"
+                words.append(f"{log.name}: the same dive as {name}: {how}")
+                break
         else:
-            spans.append((item[0].name, span))
+            earlier.append((log.name, span, motion))
     return words
 
 

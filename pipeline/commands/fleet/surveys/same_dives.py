@@ -5,33 +5,21 @@ from __future__ import annotations
 import datetime
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 
-from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.fleet import LogSurvey, MotionTrace
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.signals.clock_offset import clock_offset
+from auvid.pipeline.commands.check.motion_trace import OVERLAP, agreement, turns
 from auvid.pipeline.commands.fleet.surveys.repeated_rows import repeated
 
-SAME_CORRELATION = 0.95
-"""Two recorders of one dive agree at least so well in depth or in yaw rate."""
 PROMISING = 0.75
 """Peak of the plain correlation from which on a pair is looked at in full. Of 720 pairs of
 one dive of a minute, a third of it missing and the samples half a step off, all but 1 or 2
 exceed it; of half a million pairs of 1013 dives one in a hundred.
 """
-OVERLAP = 0.5
-"""Share of the shorter log that both must have."""
-LEAST_S = 20.0
-MOST_STD_S = 1.0
 STEP_S = 0.5
 PADDING = 2
-LEAST_TURNING_RAD_S = 0.02
-"""Standard deviation of the yaw rate over steps of half a second: less is a heading that is
-held, and its noise.
-"""
 LEAST_ENERGY = 1e-3
 """Share of a log's turning below which nothing turned."""
 UTC = "%Y-%m-%dT%H:%M:%SZ"
@@ -234,15 +222,9 @@ def _alike(
 def _yaw_rates(log: LogSurvey) -> Array:
     """Return the yaw rate of a log at `STEP_S`, empty where it holds its heading."""
     motion = log.motion
-    if motion is None or not motion.yaw_rate_rad_s or not _turns(motion):
+    if motion is None or not motion.yaw_rate_rad_s or not turns(motion):
         return np.empty(0)
     return _uniform(motion, np.array([item or 0.0 for item in motion.yaw_rate_rad_s]))
-
-
-def _turns(motion: MotionTrace) -> bool:
-    """Return whether the yaw rate of a log is more than noise of its heading."""
-    rates = [item for item in motion.yaw_rate_rad_s if item is not None]
-    return bool(rates) and float(np.std(rates)) > LEAST_TURNING_RAD_S
 
 
 def _depth_rates(log: LogSurvey) -> Array:
@@ -262,52 +244,12 @@ def _uniform(motion: MotionTrace, values: Array) -> Array:
 
 
 def _agreement(first: LogSurvey, second: LogSurvey) -> str:
-    """Return in words how two logs agree; empty where they do not.
-
-    By the yaw rate, or by the depth where the yaw rate, if both turn, puts them at the same
-    time: among half a million pairs of dives of a minute some depths look alike. Without
-    turns and clock it takes the depth rate, since any two dives go down and come up.
-    """
-    one, two = first.motion, second.motion
-    assert one is not None
-    assert two is not None
-    starts = _start_s(first), _start_s(second)
-    clock_s = None if None in starts else float(starts[1]) - float(starts[0])  # type: ignore[arg-type]
+    """Return in words how two logs agree; empty where they do not, or nothing tells."""
+    assert first.motion is not None
+    assert second.motion is not None
+    by_clock = None not in (_start_s(first), _start_s(second))
     shorter = min(first.duration_s, second.duration_s)
-    depths = ("depth", one.depth_m, two.depth_m)
-    if _turns(one) and _turns(two):
-        series = [("yaw rate", one.yaw_rate_rad_s, two.yaw_rate_rad_s), depths]
-    elif clock_s is None:
-        series = [("depth rate", _steps(one.depth_m), _steps(two.depth_m))]
-    else:
-        series = [depths]
-    by_yaw: float | None = None
-    for name, own, other in series:
-        samples = _samples(one, own), _samples(two, other)
-        try:
-            offset = clock_offset(
-                *samples[0], *samples[1], min_overlap_s=max(LEAST_S, OVERLAP * shorter)
-            )
-        except (DataError, IndexError):
-            continue
-        at_one_time = by_yaw is None or abs(offset.offset_s - by_yaw) <= MOST_STD_S
-        by_yaw = offset.offset_s
-        if offset.correlation >= SAME_CORRELATION and offset.std_s <= MOST_STD_S and at_one_time:
-            clock = "" if clock_s is None else ", and by its clock"
-            return f"{name} correlates by {offset.correlation:.2f}{clock}"
-    return ""
-
-
-def _steps(values: Sequence[float | None]) -> list[float | None]:
-    """Return the differences of neighbours; None where one has no number."""
-    return [None if None in pair else pair[1] - pair[0] for pair in pairwise(values)]  # type: ignore[operator]
-
-
-def _samples(motion: MotionTrace, values: Sequence[float | None]) -> tuple[Array, Array]:
-    samples = np.array([np.nan if item is None else item for item in values], dtype=np.float64)
-    times = np.asarray(motion.start_s + motion.step_s * np.arange(samples.size), np.float64)
-    finite = np.isfinite(samples)
-    return times[finite], samples[finite]
+    return agreement(first.motion, second.motion, shorter, by_clock=by_clock) or ""
 
 
 def refusals(pairs: Sequence[SameDive], names: Mapping[str, str]) -> dict[str, str]:

@@ -239,7 +239,7 @@ def test_one_dive_of_two_recorders_is_taken_once(tmp_path: Path) -> None:
     copy = tmp_path / "copy.tlog"
     copy.write_bytes(TLOG.read_bytes())
     result = new_campaign("twice", [TLOG, copy])
-    assert any("copy.tlog: the same dive as dive.tlog" in line for line in result.lines)
+    assert any("copy.tlog: the same dive as dive.tlog: yaw" in line for line in result.lines)
     assert len(read_yaml((result.folder / "campaign.yaml").read_text())["logs"]) == 1
 
 
@@ -247,8 +247,13 @@ def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
     text = (ROOT / "campaigns/blueye_heave/logs/dive.csv").read_text()
     logs = [tmp_path / "dive.csv", tmp_path / "dive.txt"]
     logs[0].write_text(text)
-    logs[1].write_text(text.replace("\n17", "\n16").replace(",", ";"))  # another dive
+    head, *rows = [line.partition(",") for line in text.splitlines()]
+    # Another dive, of a computer whose clock begins anew: it goes the other way.
+    backward = [(a[0], ",", b[2]) for a, b in zip(rows, rows[::-1], strict=True)]
+    lines = ["".join(parts) for parts in (head, *backward)]
+    logs[1].write_text("\n".join(lines).replace(",", ";") + "\n")
     result = new_campaign("two", logs)
+    assert not any("the same dive" in line for line in result.lines)
     first, second = (result.folder / "columns" / name for name in ("dive.yaml", "dive_2.yaml"))
     assert "delimiter" not in read_yaml(first.read_text())
     assert read_yaml(second.read_text())["delimiter"] == ";"

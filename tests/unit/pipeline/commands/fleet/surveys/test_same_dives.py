@@ -95,7 +95,7 @@ def test_a_pair_is_compared_once(monkeypatch: pytest.MonkeyPatch) -> None:
     compared = Compared()
     first = same_dives(logs, compared)
     assert len(first) == len(compared.words) == 1
-    monkeypatch.setattr("auvid.pipeline.commands.fleet.surveys.same_dives.clock_offset", None)
+    monkeypatch.setattr("auvid.pipeline.commands.check.motion_trace.clock_offset", None)
     assert same_dives(logs, compared) == first
     assert same_dives(logs[:1], compared) == []
     with pytest.raises(TypeError):  # a log that comes back is compared again
