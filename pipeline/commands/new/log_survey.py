@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,13 @@ from auvid.pipeline.store.atomic_files import contents
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.column_map import dialect_map
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
-from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
+from auvid.stages.ingest.formats.csv.draft.draft_corrections import (
+    OF_GRAVITY,
+    SIGNS,
+    corrected,
+    in_upward_body,
+    reversals,
+)
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 from auvid.stages.ingest.formats.csv.reader import CSV, header
 from auvid.stages.ingest.registry import reader_of
@@ -198,22 +205,48 @@ def _corrected(runs: Sequence[SurveyedLog], vehicle: Vehicle | None) -> list[Sur
             log if log.page.health is None else replace(log, page=_page(log.files, vehicle))
             for log in logs
         ]
+    logs = _in_one_frame(logs, vehicle)
     for _ in range(ROUNDS):
         findings = _common_findings(logs)
-        files = [
-            tuple(
-                replace(file, draft=file.draft and corrected(file.draft, findings))
-                for file in log.files
-            )
-            for log in logs
-        ]
-        if all(new == log.files for new, log in zip(files, logs, strict=True)):
+        mended = _redrafted(logs, partial(corrected, findings=findings), vehicle)
+        if mended is None:
             break
-        logs = [
-            log if log.page.health is None else replace(log, files=new, page=_page(new, vehicle))
-            for new, log in zip(files, logs, strict=True)
-        ]
+        logs = mended
     return logs
+
+
+def _in_one_frame(logs: list[SurveyedLog], vehicle: Vehicle | None) -> list[SurveyedLog]:
+    """Return logs in forward-left-up axes where nothing is reversed in these any more.
+
+    That is one cause of what single signs would mend one by one, in mirrored axes.
+    """
+    if len(reversals(_common_findings(logs))) < 2:
+        return logs
+    for heading in (True, False):
+        tried = _redrafted(logs, partial(in_upward_body, heading=heading), vehicle)
+        if tried is not None and not any(
+            item["id"] in (*SIGNS, OF_GRAVITY) for item in _common_findings(tried)
+        ):
+            return tried
+    return logs
+
+
+def _redrafted(
+    logs: Sequence[SurveyedLog],
+    change: Callable[[ColumnDraft], ColumnDraft],
+    vehicle: Vehicle | None,
+) -> list[SurveyedLog] | None:
+    """Return logs checked with their drafts changed; None where nothing changes."""
+    files = [
+        tuple(replace(file, draft=file.draft and change(file.draft)) for file in log.files)
+        for log in logs
+    ]
+    if all(new == log.files for new, log in zip(files, logs, strict=True)):
+        return None
+    return [
+        log if log.page.health is None else replace(log, files=new, page=_page(new, vehicle))
+        for new, log in zip(files, logs, strict=True)
+    ]
 
 
 def _common_findings(logs: Sequence[SurveyedLog]) -> list[Mapping[str, Any]]:

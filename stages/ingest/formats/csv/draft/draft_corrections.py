@@ -10,6 +10,7 @@ from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft, Draf
 
 SIGNS = ("gyro_sign", "velocity_sign", "depth_sign")
 """Findings that a turned sign of their fields mends."""
+OF_GRAVITY, UPSIDE_DOWN_DEG = "accelerometer_direction", 170.0
 OTHER_UNIT = {"rad": "deg", "deg": "rad", "rad/s": "deg/s", "deg/s": "rad/s"}
 UNITS = {"attitude_unit": ("phi_", "theta_", "psi_"), "gyro_scale": ("gyro_",)}
 """Findings that the other unit of an angle mends, and the fields that they concern."""
@@ -35,17 +36,41 @@ def corrected(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> Colu
 def _from_above(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> ColumnDraft:
     """Return the draft in forward-left-up axes where sway and yaw answer reversed.
 
-    Two axes at once are a frame; one alone may as well be a thruster of the vehicle file.
+    Without thrusters of sway heave stands for it. Two axes at once are a frame; one alone may
+    as well be a thruster of the vehicle file.
     """
     reversed_fields = {
         field for item in findings if item["id"] == "response_sign" for field in item["fields"]
     }
-    if not {"v_m_s", "gyro_z_rad_s"} <= reversed_fields or "u_m_s" in reversed_fields:
+    turned = "gyro_z_rad_s" in reversed_fields and {"v_m_s", "w_m_s"} & reversed_fields
+    if not turned or {"u_m_s", "gyro_x_rad_s"} & reversed_fields:
         return draft
-    why = "forward-left-up: sway and yaw answer the thrusters the wrong way round otherwise"
+    why = "sway or heave and yaw answer the thrusters the wrong way round otherwise"
+    return in_upward_body(draft, why=why)
+
+
+def reversals(findings: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Return which findings say that signs of sensors are turned against each other."""
+    return {
+        str(item["id"])
+        for item in findings
+        if item["id"] in SIGNS
+        or (item["id"] == OF_GRAVITY and (item["value"] or 0.0) > UPSIDE_DOWN_DEG)
+    }
+
+
+def in_upward_body(
+    draft: ColumnDraft, *, why: str = "more than one sign is turned otherwise", heading: bool = True
+) -> ColumnDraft:
+    """Return the draft with velocity, imu and attitude in forward-left-up axes.
+
+    heading: that of the attitude turns with them, unlike one of a compass.
+    """
     columns = tuple(
-        replace(item, frame="flu", sign=1, check=why)
-        if item.stream in ("velocity", "imu", "attitude") and not item.frame
+        replace(item, frame="flu", sign=1, check=f"forward-left-up: {why}")
+        if item.stream in ("velocity", "imu", "attitude")
+        and not item.frame
+        and (heading or item.field != "psi_rad")
         else item
         for item in draft.columns
     )
@@ -81,7 +106,7 @@ def _change(item: Mapping[str, Any]) -> Callable[[DraftColumn], DraftColumn] | N
             if column.field.startswith("accel_") and column.check
             else column
         )
-    if name == "accelerometer_direction" and (item["value"] or 0.0) > 170.0:
+    if name == OF_GRAVITY and (item["value"] or 0.0) > UPSIDE_DOWN_DEG:
         return lambda column: (
             replace(column, sign=-column.sign, check=_added(column, f"sign turned: {text}"))
             if column.field.startswith("accel_")

@@ -17,7 +17,7 @@ from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
-from auvid.pipeline.commands.new.log_survey import unused_words
+from auvid.pipeline.commands.new.log_survey import survey, unused_words
 from auvid.pipeline.commands.new.refusal import NoCampaignError
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.pipeline.output import OUTPUT
@@ -241,6 +241,33 @@ def test_one_dive_of_two_recorders_is_taken_once(tmp_path: Path) -> None:
     result = new_campaign("twice", [TLOG, copy])
     assert any("copy.tlog: the same dive as dive.tlog: yaw" in line for line in result.lines)
     assert len(read_yaml((result.folder / "campaign.yaml").read_text())["logs"]) == 1
+
+
+def test_a_forward_left_up_body_under_a_compass_is_one_frame_not_many_signs(
+    tmp_path: Path,
+) -> None:
+    t_s = np.arange(0.0, 60.0, 0.1)
+    noise = np.random.default_rng(1)
+    waves = [(0.1, 6.0), (0.15, 9.0), (0.8, 14.0), (0.5, 11.0), (0.3, 8.0), (0.3, 10.0)]
+    phi, theta, psi, u, v, w = (size * np.sin(2.0 * np.pi * t_s / s) for size, s in waves)
+    d_phi, d_theta, d_psi = (np.gradient(angle, t_s) for angle in (phi, theta, psi))
+    down = np.array([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)])
+    rates = np.array([d_phi, d_theta * np.cos(phi), -d_theta * np.sin(phi)]) + d_psi * down
+    accelerations = np.gradient(np.array([u, v, w]), t_s, axis=1) - 9.81 * down
+    depth = 5.0 + np.cumsum(np.sum(down * [u, v, w], axis=0)) * 0.1
+    upward = np.array([[1.0], [-1.0], [-1.0]])
+    angles = [np.degrees(each) for each in (phi, -theta, psi)]
+    table = np.vstack([angles, upward * rates, upward * accelerations, upward * [u, v, w], [depth]])
+    table = np.vstack([t_s, table + noise.normal(0.0, 0.003, table.shape)])
+    head = "time_s,roll_deg,pitch_deg,heading_deg,gyro_x,gyro_y,gyro_z,acc_x,acc_y,acc_z,vx,vy,vz,"
+    path = tmp_path / "dive.csv"
+    np.savetxt(path, table.T, "%.5f", ",", header=f"{head}depth_m", comments="")
+    (log,) = survey([path])
+    assert log.files[0].draft is not None
+    frames = {item.field: (item.frame, item.sign) for item in log.files[0].draft.columns}
+    turned = {field for field, frame in frames.items() if frame != ("", 1)}
+    assert turned == set(frames) - {"psi_rad", "depth_m"}
+    assert {frames[field] for field in turned} == {("flu", 1)}
 
 
 def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:

@@ -255,9 +255,10 @@ def test_a_forward_left_up_body_is_a_frame_and_one_axis_is_none() -> None:
     )
     both = [
         {"id": "response_sign", "fields": [name], "text": "Reversed.", "value": -9.0}
-        for name in ("v_m_s", "gyro_z_rad_s")
+        for name in ("v_m_s", "gyro_z_rad_s", "w_m_s")
     ]
-    assert {item.frame for item in corrected(draft, both).columns} == {"flu"}
+    assert {item.frame for item in corrected(draft, both[:2]).columns} == {"flu"}
+    assert {item.frame for item in corrected(draft, both[1:]).columns} == {"flu"}  # no sway
     assert corrected(draft, both[:1]) == draft
 
 
