@@ -17,7 +17,7 @@ import rerun.blueprint as rrb
 from auvid.data_schemas.errors import UsageError, nearest
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document
-from auvid.stages.number_format import printed_unit, visible
+from auvid.stages.number_format import visible
 from auvid.stages.page.colours import is_model
 from auvid.stages.report.recording.readable import readable_group
 from auvid.stages.report.recording.rerun_stream import TIMELINE
@@ -299,7 +299,7 @@ def _plots(
     for origin, name in names.items():
         group, lines = chosen[origin], tuple(sorted(set(named[origin])))
         models = all(is_model(str(role)) or role in ("measured", "true") for role in group["roles"])
-        unit = printed_unit(readable_group(group)[1])
+        unit = readable_group(group)[1]
         title = f"{name} [{unit}]" if unit else name
         legend = not plots or (not models and lines not in explained)
         explained.add(lines)

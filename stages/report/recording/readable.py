@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from auvid.stages.base import Document
+from auvid.stages.number_format import printed_unit
 from auvid.stages.page.colours import is_model
 from auvid.stages.presentation import degrees
 
@@ -29,7 +30,8 @@ def readable(unit: str, columns: Sequence[str], names: Sequence[str] = ()) -> tu
 def readable_group(group: Document) -> tuple[float, str]:
     """Return factor and unit of a group of a `views` document."""
     columns, names = (list(map(str, group[key])) for key in ("columns", "names"))
-    return readable(str(group["unit"]), columns, names)
+    factor, unit = readable(str(group["unit"]), columns, names)
+    return factor, printed_unit(unit)
 
 
 def titled(name: str, role: str, titles: Mapping[str, str]) -> str:

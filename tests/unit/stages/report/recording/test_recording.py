@@ -37,6 +37,7 @@ from auvid.stages.report.recording.blueprint import (
     outer,
     with_room,
 )
+from auvid.stages.report.recording.readable import readable_group
 from auvid.stages.report.recording.recording import (
     MOST_COLUMNS,
     _pieces,
@@ -264,6 +265,8 @@ def test_angles_are_in_degrees_depths_downwards_and_models_have_titles() -> None
     plots = _plots(groups, groups, VisibleTabs(ranges))
     assert [str(plot.name) for plot in plots.values()] == ["depth [m, downwards]", "turn [deg/s]"]
     assert out.names == ["r fused", "r Symmetric, quadratic"]
+    moments = [{"unit": unit, "columns": ["K"], "names": ["K"]} for unit in ("N*m", "N m")]
+    assert {readable_group(item) for item in moments} == {(1.0, "N m")}, "one plot has both"
 
 
 class SentSeries:
