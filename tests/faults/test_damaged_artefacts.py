@@ -18,9 +18,11 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.history import run_history
 from auvid.pipeline.commands.look.diff.diff_operands import read_operand
 from auvid.pipeline.commands.look.inspect.inspect_command import campaign_subject
+from auvid.pipeline.commands.model.named_model import named_model
 from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.commands.regress.regress_command import error_tables
 from auvid.pipeline.commands.run.run_command import report_file
+from auvid.results import open_run as open_results
 from tests.support.campaign_runs import copy_workspace
 
 FLIPS = int(os.environ.get("AUVID_FLIPS", "1"))
@@ -54,6 +56,11 @@ def history() -> None:
         raise PipelineError("a damaged entry is named")
 
 
+def models() -> None:
+    for path in sorted(RUN.glob("model_file/model_file/*.json")):
+        named_model(f"example/{path.stem}")
+
+
 READERS: dict[str, tuple[Callable[[], object], tuple[str, ...]]] = {
     "diff": (
         lambda: read_operand("example"),
@@ -75,6 +82,11 @@ READERS: dict[str, tuple[Callable[[], object], tuple[str, ...]]] = {
         ("validate/error_table.parquet", "ingest/run/imu.parquet", "validate/manifest.json"),
     ),
     "history": (history, ("history/*.json",)),
+    "model": (models, ("model_file/model_file/*.json",)),
+    "open_run": (
+        lambda: list(open_results("example").values()),
+        ("fuse/train/fused.parquet", "model_file/section.json"),
+    ),
 }
 
 
