@@ -98,7 +98,7 @@ row, column and value are named.
 | EIO | 362 | 0 |
 | EACCES | 362 | 0 |
 | EDQUOT | 362 | 0 |
-| one bit of an artefact, read by diff, report, inspect, regress, history, models, Python | 464 | 0 |
+| one bit of an artefact, read by seven commands and Python | 464 | 0 |
 | two thrusters exchanged, or one reversed, on the real dive | 36 | 20 (d) |
 | wiring right: synthetic dives (dead, uneven thrusters, tether), the real dive | 1,321 | 2 (e) |
 
