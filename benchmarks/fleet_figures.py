@@ -40,7 +40,7 @@ from auvid.hydro.identification.fleet.alarms import (
     change_odds,
     change_odds_and_sizes,
 )
-from auvid.hydro.identification.fleet.drag import common_drag
+from auvid.hydro.identification.fleet.drag import common_drag, expected_scatters
 from auvid.hydro.identification.fleet.pooling import FEWEST_DIVES, outside_share
 from auvid.hydro.identification.fleet.scatter import between_dives
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
@@ -106,11 +106,11 @@ def selection() -> Iterator[str]:
                 )
 
 
-def largest_odds(values: Array, errors: Array) -> Array:
+def largest_odds(values: Array, errors: Array, expected: Array | None = None) -> Array:
     """Return the largest odds of a rise and of a fall (2, n, k) up to each dive."""
     largest = np.full((2, *values.shape), -np.inf)
     for end in range(4, values.shape[-1] + 1):
-        odds, sizes = change_odds_and_sizes(values[:, :end], errors[:, :end])
+        odds, sizes = change_odds_and_sizes(values[:, :end], errors[:, :end], expected=expected)
         for side, is_of_it in enumerate((sizes > 0.0, sizes <= 0.0)):
             largest[side, :, end - 1] = np.where(is_of_it, odds, -np.inf).max(axis=-1)
     return np.asarray(np.maximum.accumulate(largest, axis=-1))
@@ -236,7 +236,11 @@ def together(fleets: int, dives: int = 10, figures: int = 20) -> Iterator[str]:
         values = 1.0 + size * np.sqrt(i2) * random.standard_normal(errors.shape)
         values += errors * random.standard_normal(errors.shape)
         values[: len(change), :, dives // 2 :] += np.array(change)[:, None, None]
-        own = [largest_odds(*pair)[..., -1] for pair in zip(values, errors, strict=True)]
+        expected = np.full((figures, fleets), np.nan)
+        expected[: len(change)] = np.transpose(
+            [expected_scatters(list(values[: len(change), n])) for n in range(fleets)]
+        )
+        own = [largest_odds(*each)[..., -1] for each in zip(values, errors, expected, strict=True)]
         drags = [
             common_drag([(values[a, n], errors[a, n]) for a in range(len(change))])
             for n in range(fleets)

@@ -9,7 +9,8 @@ against none are
 D the difference of the means after and before c given tau, V its variance, s the typical
 error and r the size of a change in scatters of one dive. The alarm is raised where the
 largest B_c passes a limit that fleets of so many dives without a change pass as rarely as
-stated.
+stated. Where like figures of the vehicle show what one dive scatters by, tau is expected to
+be like theirs: four or five dives before a change hardly tell it.
 """
 
 from __future__ import annotations
@@ -78,14 +79,19 @@ def change_odds(values: ArrayLike, errors: ArrayLike, *, size: float = SIZE) -> 
 
 
 def change_odds_and_sizes(
-    values: ArrayLike, errors: ArrayLike, *, size: float = SIZE
+    values: ArrayLike,
+    errors: ArrayLike,
+    *,
+    size: float = SIZE,
+    expected: ArrayLike | None = None,
 ) -> tuple[Array, Array]:
     """Return the log odds of `change_odds`, and how large each change would be.
 
     Both (..., k - 3); the size is the mean after less that before, in the unit of values.
+    `expected` (...): scatter of a dive that like figures show, nan for none.
     """
     y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
-    scatter = between_dives(y, s, grid=GRID)
+    scatter = between_dives(y, s, grid=GRID, expected=expected)
     difference, variance = _contrast(scatter, y, s)
     sizes = (scatter.weight[..., None] * difference).sum(axis=-2)
     wide = size**2 * (scatter.tau**2 + typical_error(s)[..., None] ** 2)
@@ -113,13 +119,15 @@ def change_alarms(
     false_alarms: float = FALSE_ALARMS,
     shares: Mapping[str, float] = MappingProxyType({}),
     rises: Mapping[str, float] = MappingProxyType({}),
+    expected: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[ChangeAlarm, ...]:
     """Return the changes of figures over dives in order of time, earliest first.
 
     `figures`: name -> (values (k,), standard errors (k,)), nan where a dive has none.
     `shares`: name -> its share of the probability of false alarms; the other figures have
     equal ones of the rest. `rises`: name -> the part of its share that rises have, falls
-    have what is left; half where it is not named. After an alarm the dives before the change
+    have what is left; half where it is not named. `expected`: name -> scatter of a dive that
+    like figures show. After an alarm the dives before the change
     no longer count, and the limit grows with the number of dives: of any number of them
     without a change an alarm is as rare.
     """
@@ -131,6 +139,7 @@ def change_alarms(
             *map(np.asarray, pair),
             rate=false_alarms * own.get(name, rest),
             rises=rises.get(name, 0.5),
+            expected=expected.get(name, np.nan),
         )
         for name, pair in figures.items()
     ]
@@ -143,7 +152,9 @@ def change_alarms(
         for group in alike.values():
             values = np.array([watch.values[watch.level] for watch in group])
             errors = np.array([watch.errors[watch.level] for watch in group])
-            for watch, *looks in zip(group, *change_odds_and_sizes(values, errors), strict=True):
+            like = np.array([watch.expected for watch in group])
+            odds = change_odds_and_sizes(values, errors, expected=like)
+            for watch, *looks in zip(group, *odds, strict=True):
                 alarms += watch.look(*looks)
     return tuple(sorted(alarms, key=lambda alarm: (alarm.dive, alarm.figure)))
 
@@ -152,9 +163,16 @@ class _Watch:
     """A figure that is watched dive by dive: from which dive on, and to which."""
 
     def __init__(
-        self, name: str, values: Array, errors: Array, *, rate: float, rises: float
+        self,
+        name: str,
+        values: Array,
+        errors: Array,
+        *,
+        rate: float,
+        rises: float,
+        expected: float,
     ) -> None:
-        self.name = name
+        self.name, self.expected = name, expected
         self.values, self.errors = values.astype(np.float64), errors.astype(np.float64)
         self.dives = np.flatnonzero(np.isfinite(self.values) & np.isfinite(self.errors))
         # A limit is passed by as many rises as falls.

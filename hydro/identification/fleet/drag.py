@@ -22,6 +22,8 @@ FEWEST_DIVES = 3
 """Of an axis that counts in the drag of all: two have no scatter."""
 MOST_SCATTER = 0.5
 """Of one dive, over the mean: an axis that scatters more does not count."""
+FEWEST_AXES = 2
+"""That tell what a further axis scatters by."""
 TRADING = 0.95
 """Correlation from which on two terms are one figure: each has 3.2 times the error that
 it would have, were the other one sure. Normal velocities about rest have -.92.
@@ -123,6 +125,29 @@ def common_drag(drags: Sequence[tuple[Array, Array]]) -> tuple[Array, Array] | N
         return None
     with np.errstate(invalid="ignore"):  # dives without any
         return moment / total, np.sqrt(variance) / total
+
+
+def expected_scatters(drags: Sequence[Array]) -> list[float]:
+    """Return the scatter of a dive that each axis has, if it is like the other axes.
+
+    drags: values (k,) of each axis in order of time, nan where a dive has none. The scatter
+    over the mean is told by the differences of neighbouring dives, which a change between two
+    of them hardly moves: sum d^2 / (2 n). Expected is the median of the other axes, nan where
+    there are fewer than two.
+    """
+    shares = []
+    for values in drags:
+        y = values[np.isfinite(values)]
+        steps = np.diff(y)
+        enough = len(y) >= FEWEST_DIVES and y.mean() != 0.0
+        shares.append(math.sqrt(np.mean(steps**2) / 2.0) / abs(y.mean()) if enough else math.nan)
+    expected = []
+    for axis, values in enumerate(drags):
+        others = [share for at, share in enumerate(shares) if at != axis and share > 0.0]
+        enough = len(others) >= FEWEST_AXES and np.isfinite(values).any()
+        mean = abs(float(np.nanmean(values))) if enough else math.nan
+        expected.append(mean * float(np.median(others)) if enough else math.nan)
+    return expected
 
 
 def common_speed(conditions: Sequence[Mapping[str, float]], axis: str) -> float:

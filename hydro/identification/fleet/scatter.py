@@ -21,6 +21,8 @@ GRID = 160
 """Values of tau, in equal steps of its logarithm: 9 steps a decade at least."""
 LEAST_TAU, MOST_TAU = 1e-3, 3e3
 """Ends of the grid: of the typical error, and of the scatter of the estimates."""
+LIKE_OTHERS = 0.7
+"""Width, in the logarithm, of what is expected of a scatter from that of like figures."""
 MOST_STEPS = 60
 """Towards a quantile."""
 
@@ -103,16 +105,24 @@ class BetweenDives:
 
 
 def between_dives(
-    values: ArrayLike, errors: ArrayLike, *, levels: ArrayLike | None = None, grid: int = GRID
+    values: ArrayLike,
+    errors: ArrayLike,
+    *,
+    levels: ArrayLike | None = None,
+    grid: int = GRID,
+    expected: ArrayLike | None = None,
 ) -> BetweenDives:
     """Return the scatter between dives of values and standard errors (..., k).
 
     `levels` (..., k): 0, 1 ... up to the last level, the number of changes before each
-    dive; None for no change. `grid`: values of tau.
+    dive; None for no change. `grid`: values of tau. `expected` (...): scatter of a dive,
+    tau and error together, that like figures show; nan for none.
 
     With w_i = 1 / (s_i^2 + tau^2), mu_l = sum w y / sum w of the dives of level l,
     Q = sum_l sum w (y - mu_l)^2:
         2 log L = sum log w - sum_l log sum w - Q,   weight ~ L / (s + tau) d tau.
+    With an expected scatter e the weight has a factor 1 / (1 + z^2) beside it,
+    z = log(sqrt(tau^2 + s^2) / e) / .7: a Cauchy's tails, which data overrule.
     Where tau is far above all errors, the figure of a further dive then has Student's
     distribution with k - 1 degrees of freedom, as it has to.
 
@@ -148,8 +158,18 @@ def between_dives(
     likelihood -= 0.5 * squares
     # tau: equal steps of the logarithm.
     posterior = likelihood + np.log(tau / (typical[..., None] + tau))
+    if expected is not None:
+        posterior -= np.nan_to_num(
+            _unlike(tau, typical[..., None], np.asarray(expected)[..., None])
+        )
     log_weight = posterior - np.logaddexp.reduce(posterior, axis=-1, keepdims=True)
     return BetweenDives(tau, log_weight, mean, 1.0 / total, likelihood, squares)
+
+
+def _unlike(tau: Array, typical: Array, expected: Array) -> Array:
+    """Return log(1 + z^2) of how far scatters (..., g) are from what is expected."""
+    z = np.log(np.hypot(tau, typical) / expected) / LIKE_OTHERS
+    return np.asarray(np.log1p(z**2))
 
 
 def typical_error(errors: ArrayLike) -> Array:

@@ -13,7 +13,12 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Ints, Mask
 from auvid.hydro.identification.fleet.alarms import ChangeAlarm, change_alarms
-from auvid.hydro.identification.fleet.drag import common_drag, drag_at_speed, drag_terms
+from auvid.hydro.identification.fleet.drag import (
+    common_drag,
+    drag_at_speed,
+    drag_terms,
+    expected_scatters,
+)
 from auvid.hydro.identification.fleet.outlying import OutlyingDive, outlying_dives
 from auvid.hydro.identification.fleet.pooling import PooledFigure, pool
 from auvid.hydro.identification.fleet.thruster_strength import UNEVEN
@@ -217,8 +222,14 @@ def _of_vehicle(
 def alarms_of(figures: Mapping[str, tuple[Array, Array]]) -> tuple[ChangeAlarm, ...]:
     """Return the changes of figures over dives in order, by the shares of the page."""
     drags = [name for name in figures if name == ALL_DRAGS or name.startswith(DRAG_OF_AXIS)]
+    axes = [name for name in drags if name != ALL_DRAGS]
     return change_alarms(
-        figures, shares=alarm_shares(list(figures)), rises=dict.fromkeys(drags, RISES)
+        figures,
+        shares=alarm_shares(list(figures)),
+        rises=dict.fromkeys(drags, RISES),
+        expected=dict(
+            zip(axes, expected_scatters([figures[name][0] for name in axes]), strict=True)
+        ),
     )
 
 

@@ -6,7 +6,12 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from auvid.hydro.identification.fleet.alarms import change_alarms
-from auvid.hydro.identification.fleet.drag import common_drag, common_speed, drag_at_speed
+from auvid.hydro.identification.fleet.drag import (
+    common_drag,
+    common_speed,
+    drag_at_speed,
+    expected_scatters,
+)
 from auvid.hydro.identification.fleet.scatter import between_dives
 
 TERMS = ("v", "r", "v*|v|", "constant")
@@ -81,3 +86,17 @@ def test_drag_of_all_axes_shows_a_change_that_no_axis_does() -> None:
     (alarm,) = change_alarms({"all": drag, **drags}, shares={"all": 0.3})
     assert (alarm.figure, alarm.first_dive) == ("all", 5)
     assert 0.12 < alarm.share < 0.28
+
+
+def test_an_axis_is_expected_to_scatter_like_the_median_of_the_others() -> None:
+    steady = np.array([9.0, 11.0] * 5)
+    stepped = np.array([9.0, 11.0] * 3 + [np.nan] + [19.0, 21.0] * 3)
+    loud = 3.0 * (steady - 10.0) + 10.0
+    first, second, third = expected_scatters([steady, stepped, loud])
+    # Differences of 2, and one of 8; over the mean.
+    of_stepped = np.sqrt((10 * 4.0 + 64.0) / 11 / 2) / 15.0
+    assert_allclose(first, 10.0 * (of_stepped + np.sqrt(18.0) / 10.0) / 2.0)
+    assert_allclose(second, 15.0 * (np.sqrt(2.0) + np.sqrt(18.0)) / 10.0 / 2.0)
+    assert_allclose(third, 10.0 * (np.sqrt(2.0) / 10.0 + of_stepped) / 2.0)
+    assert np.isnan(expected_scatters([steady, loud])).all(), "one other axis tells nothing"
+    assert np.isnan(expected_scatters([np.full(3, np.nan), steady, loud])[0])

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.fleet.alarms import change_alarms
 from auvid.pipeline.commands.fleet.report.vehicle_figures import (
+    RISES,
     VehicleFigures,
     alarm_shares,
     alarms_of,
@@ -139,3 +141,18 @@ def test_a_rise_of_drag_is_looked_for_more_than_a_fall() -> None:
     assert alarm.figure == drag
     assert alarms_of({drag: (-values, errors), **others}) == ()
     assert alarms_of({"X_u*v": (values, errors), **others}) == ()
+
+
+def test_axes_tell_each_other_how_much_a_dive_scatters() -> None:
+    """A fifth more drag on one axis is clear beside five that scatter as it does."""
+    random = np.random.default_rng(13)
+    values = 1.0 + 0.05 * random.standard_normal((6, 10))
+    values[0, 5:] += 0.2
+    errors = np.full(10, 0.015)
+    axes = {f"drag in {axis}": (row, errors) for axis, row in zip("abcdef", values, strict=True)}
+    others = {str(k): (1.0 + 0.05 * random.standard_normal(10), errors) for k in range(14)}
+    figures = axes | others
+    (alarm,) = alarms_of(figures)
+    assert (alarm.figure, alarm.first_dive) == ("drag in a", 5)
+    shares, rises = alarm_shares(list(figures)), dict.fromkeys(axes, RISES)
+    assert change_alarms(figures, shares=shares, rises=rises) == (), "each axis by itself"
