@@ -7,6 +7,9 @@ truth refitted to a model, and goes through resample, fuse (smoother), residual 
 synthesise as pure functions. One row per coefficient is appended to
 build/coverage_least_squares.csv; what stands there is not done again. Printed are the
 figures of `summary`, for all coefficients with a number and for those called identified.
+Widths over the Cramer-Rao bound are of seeds whose bound stands in build/coverage.csv, by
+
+    python -m benchmarks.coverage --estimator truth_step --truth linear --seeds 6
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ from auvid.stages.base import collection
 from auvid.stages.simulate.flights import fly_leg
 from auvid.stages.simulate.plans import Plan
 from auvid.stages.simulate.sensing import BOOT_US, record
-from benchmarks.coverage import BUILD, HALF, share, twin
+from benchmarks.coverage import BUILD, HALF, TRUTH_STEP, share, twin
 
 COLUMNS = (
     "truth", "plan", "seed", "coefficient", "true", "value", "standard_error", "verdict",
@@ -147,8 +150,13 @@ def rows_of(
             )  # fmt: skip
 
 
-def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
-    """Return coverage, signs and errors: all coefficients with a number, and identified."""
+def summary(
+    rows: Sequence[Mapping[str, str]], bounds: Mapping[tuple[str, str], float]
+) -> dict[str, object]:
+    """Return coverage, signs and errors: all coefficients with a number, and identified.
+
+    bounds: seed and coefficient -> the Cramer-Rao bound on its standard error.
+    """
     numbered = [row for row in rows if row["value"] and row["standard_error"]]
     seeds = {row["seed"] for row in rows}
     identified = [row for row in numbered if row["verdict"] == "identified"]
@@ -172,9 +180,35 @@ def summary(rows: Sequence[Mapping[str, str]]) -> dict[str, object]:
             "off_by_half": round(float(np.mean(off > HALF)), 4),
             "median_error": round(float(np.median(off)), 4),
             "median_width": round(float(np.median(error / np.abs(true))), 4),
+            "median_width_over_bound": _width_over_bound(chosen, bounds),
         }
     out["below_85"] = _seldom(identified, len(seeds))
     return out
+
+
+def _width_over_bound(
+    rows: Sequence[Mapping[str, str]], bounds: Mapping[tuple[str, str], float]
+) -> float | None:
+    """Return the median of standard errors over their bounds; None without a bound."""
+    widths = [
+        float(row["standard_error"]) / bounds[place]
+        for row in rows
+        if (place := (row["seed"], row["coefficient"])) in bounds
+    ]
+    return round(float(np.median(widths)), 2) if widths else None
+
+
+def _bounds(truth: str, plan: str) -> dict[tuple[str, str], float]:
+    """Return seed and coefficient -> the bound that `benchmarks.coverage` kept."""
+    kept, key = BUILD / "coverage.csv", (truth, plan, TRUTH_STEP)
+    if not kept.exists():
+        return {}
+    with kept.open(newline="") as file:
+        return {
+            (row["seed"], row["coefficient"]): float(row["bound"])
+            for row in csv.DictReader(file)
+            if (row["truth"], row["plan"], row["estimator"]) == key
+        }
 
 
 def _seldom(identified: Sequence[Mapping[str, str]], seeds: int) -> dict[str, str]:
@@ -218,7 +252,7 @@ def main() -> None:
         new = list(rows_of(*key, seed, plan, simulated))
         with kept.open("a", newline="") as file:
             csv.DictWriter(file, COLUMNS).writerows(new)
-    print(json.dumps(summary(rows()), indent=2))
+    print(json.dumps(summary(rows(), _bounds(*key)), indent=2))
 
 
 if __name__ == "__main__":
