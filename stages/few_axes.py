@@ -21,14 +21,8 @@ from auvid.data_schemas.records.models import (
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import TILTS
+from auvid.stages.number_format import CONTROL_PERCENT, SIMULATED_PERCENT
 from auvid.stages.page.first_screen import ALL
-
-SIMULATED_PERCENT = 30.0
-"""Held-out fit from which on an axis is good for simulation; a constant has 0. Below, its
-coefficients are weak at best, whatever their errors.
-"""
-CONTROL_PERCENT = 50.0
-"""Held-out fit from which on it is good for the design of a controller."""
 
 
 def axis_card(

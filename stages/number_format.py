@@ -20,6 +20,12 @@ BETWEEN_WORDS = re.compile(r"(?<=[a-z]{3})_(?=[a-z]{3})|(?<=\bas)_")
 """No mark of an index, which follows one letter: X_udot."""
 DOT = "\u0307"
 
+SIMULATED_PERCENT = 30.0
+"""Held-out fit from which on an axis is good for simulation; a constant has 0. Below, its
+coefficients are weak at best, whatever their errors.
+"""
+CONTROL_PERCENT = 50.0
+"""Held-out fit from which on it is good for the design of a controller."""
 LEAST_FIT = -100.0
 """Fit [%] below which a simulated motion has nothing to do with the measured one."""
 
@@ -67,11 +73,17 @@ def percent(share: float | None, digits: int = 3, *, sign: str = "", empty: str 
 def fit_in_percent(percent: float | None) -> str:
     """Return the fit [%] of a motion; none below that of twice the error of the mean.
 
+    What misses a bound of use is not rounded up to it.
+
     >>> fit_in_percent(61.4), fit_in_percent(-1506369.0), fit_in_percent(float("nan"))
     ('61 %', 'below -100 %', 'not judged')
+    >>> fit_in_percent(29.7), fit_in_percent(49.97), fit_in_percent(30.0)
+    ('29.7 %', '49.9 %', '30 %')
     """
     if percent is None or not math.isfinite(percent):
         return "not judged"
+    if any(bound - 0.5 <= percent < bound for bound in (SIMULATED_PERCENT, CONTROL_PERCENT)):
+        return f"{math.floor(10.0 * percent) / 10.0:.1f} %"
     return f"{percent:.0f} %" if percent >= LEAST_FIT else f"below {LEAST_FIT:.0f} %"
 
 

@@ -17,7 +17,7 @@ from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
 from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT, WEAK
-from auvid.stages.few_axes import SIMULATED_PERCENT
+from auvid.stages.number_format import SIMULATED_PERCENT
 
 LackingVerdict = Literal[
     "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"

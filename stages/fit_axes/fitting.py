@@ -26,7 +26,6 @@ from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.few_axes import SIMULATED_PERCENT
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
     AxisFits,
@@ -47,7 +46,7 @@ from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
 from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
 from auvid.stages.fit_axes.thrusters import as_strong, ratios_of
 from auvid.stages.model_use import TILTS, axes_listed
-from auvid.stages.number_format import fit_in_percent
+from auvid.stages.number_format import SIMULATED_PERCENT, fit_in_percent
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
 
