@@ -35,6 +35,9 @@ CLOCK_NOTE = re.compile(r"clock (goes back|leaps|of the log was set)")
 SHARED_NOTE = "are subscribed with one number"
 LEAPS = re.compile(r"(\d+) times? in all|(\d+) time\(s\) in all")
 STRAY_NOTE = re.compile(r"^(\d+) time stamp\(s\) of .* stray")
+LEFT_OUT = (
+    ": the poses there move other than those before allow, and 0.6 s on either side are left out"
+)
 GAP_STEPS = 3.0
 """A pause is a gap of a slow sensor only from this many steps on."""
 OF_NONE = (
@@ -236,7 +239,8 @@ def gap_findings(log: CheckedLog) -> Iterator[Finding]:
         if len(each) == 1
         else f"Gaps in {listed([f'{a} ({n})' for a, n, *_ in shared])}"
     )
-    text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start."
+    text = f"{where}, the longest of {longest:.1f} s at {at:.1f} s from the start"
+    text += f"{LEFT_OUT if _is_cut(log, at, at + longest) else ''}."
     yield finding("gap", text, stream=names[0] if len(names) == 1 else None, value=longest, at_s=at)
     rest = [item for item in gaps if item not in shared]
     if rest:
@@ -246,6 +250,16 @@ def gap_findings(log: CheckedLog) -> Iterator[Finding]:
         yield finding(
             "gap", f"Gaps in {listed(parts)}.", stream=only, value=largest[2], at_s=largest[3]
         )
+
+
+def _is_cut(log: CheckedLog, start_s: float, end_s: float) -> bool:
+    """Return whether poses are there, and a jump of their track cuts them out."""
+    if log.track is None:
+        return False
+    begin = float(log.t_s("pose")[0])
+    return any(
+        item.kind == "jump" and start_s <= begin + item.end_s <= end_s for item in log.track.faults
+    )
 
 
 def rate_findings(log: CheckedLog) -> Iterator[Finding]:
