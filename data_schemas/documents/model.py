@@ -39,6 +39,8 @@ from auvid.data_schemas.errors import (
 )
 from auvid.data_schemas.units import convertible, factor_and_offset
 
+OPEN = "fill in"
+"""Begins the words in place of a number that no log tells."""
 QUANTITY_REMEDY = "Every number needs value, unit and source."
 TYPE_NAMES = {
     "string_type": "string",
@@ -203,8 +205,12 @@ def _array(value: object) -> npt.NDArray[np.float64]:
     except ValueError:  # rows of different lengths
         array = np.array(None)
     if array.dtype.kind not in "iuf":
-        comma = isinstance(value, str) and "," in value
-        remedy = "Write a decimal point, without quotes: 14.0." if comma else None
+        remedy = None
+        if isinstance(value, str):
+            if value.startswith(OPEN):
+                remedy = "No log tells it: write the numbers in place of these words."
+            elif "," in value:
+                remedy = "Write a decimal point, without quotes: 14.0."
         raise Faults(SchemaError("not numbers", field="value", value=value, remedy=remedy))
     array = array.astype(np.float64)
     if not np.all(np.isfinite(array)):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.checks.response import LONGEST_RESPONSE_S, without_drift
 
 RATE_HZ = 10.0
@@ -23,6 +23,8 @@ LAGS_S = (-1.5, 2.5)
 FAR_S = 10.0
 """A shift by less may keep a part of the relation."""
 SHORTEST_S = 40.0
+LONGEST_PAUSE_S, LONGEST_PAUSE_STEPS = 2.0, 4.0
+"""Longest pause between samples of a motion that is bridged, also in steps of them."""
 LEAST_MOTION = 0.01
 """Standard deviation [m/s, rad/s] of a motion, drift taken off, that can be compared."""
 LEAST_SINGULAR = 1e-3
@@ -70,7 +72,8 @@ def relation(
 
     All shifts come from one cross-correlation: the Gram matrix of commands does not
     change as they go round. At most ten minutes in the middle are used. None for less
-    than 40 s, without a motion, or for commands that stand still or repeat themselves.
+    than 40 s without a pause, without a motion, or for commands that stand still or repeat
+    themselves.
     """
     t, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
     inputs = inputs[:, np.ptp(inputs, axis=0) > 0.0] if len(inputs) else inputs
@@ -87,7 +90,10 @@ def relation(
     )
     basis, size, _ = np.linalg.svd(commands, full_matrices=False)
     basis = basis[:, size > LEAST_SINGULAR * size[0]]
-    moved = [without_drift(np.interp(clock, at, values), clock) for at, values in motions]
+    sampled = np.all([_between_samples(clock, at) for at, _ in motions], axis=0)
+    if np.count_nonzero(sampled) < SHORTEST_S * RATE_HZ:
+        return None
+    moved = [sampled * without_drift(np.interp(clock, at, values), clock) for at, values in motions]
     compared = tuple(place for place, values in enumerate(moved) if values.std() > LEAST_MOTION)
     if not compared or not size[0]:
         return None
@@ -117,6 +123,14 @@ def relation(
         shift_s=(best if best < len(odds) / 2 else best - len(odds)) / RATE_HZ,
         odds_there=float(odds[best]),
     )
+
+
+def _between_samples(clock: Array, at: Array) -> Mask:
+    """Return which times (n,) lie in no pause of samples `at` (m,)."""
+    steps = np.diff(at)
+    place = np.clip(np.searchsorted(at, clock) - 1, 0, len(steps) - 1)
+    longest = max(LONGEST_PAUSE_S, LONGEST_PAUSE_STEPS * float(np.median(steps)))
+    return np.asarray(steps[place] <= longest)
 
 
 def _shares(basis: Array, motion: Array) -> Array:

@@ -37,6 +37,7 @@ def changed(value: Any, *path: str) -> dict[str, Any]:
         (changed({}, "rigid_body", "mass"), ["'rigid_body.mass.value'", "missing key", "source"]),
         (changed("kg", "rigid_body", "mass", "value"), ["rigid_body.mass.value", "not numbers"]),
         (changed(True, "rigid_body", "mass", "value"), ["rigid_body.mass.value", "not numbers"]),
+        (changed("fill in a, b", "rigid_body", "mass", "value"), ["No log tells it: write"]),
         (changed([[1], 2], "rigid_body", "mass", "value"), ["not numbers"]),
         (changed(5, "rigid_body"), ["'rigid_body'", "not a mapping"]),
         (changed(16, "sensors", "depth", "barometer_instance"), ["found 16", "allowed: 0 to 15"]),

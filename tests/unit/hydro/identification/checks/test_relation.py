@@ -68,5 +68,12 @@ def test_a_short_log_and_resting_commands_have_no_relation() -> None:
     t = np.arange(0.0, 30.0, 0.1)
     motion = [(t, np.sin(t))]
     assert relation(t, np.sin(t)[:, None], motion) is None
+    # A pose that freezes for a minute and a half leaves half a minute.
+    rng = np.random.default_rng(1)
+    commands = stepped(rng, round(DURATION_S * RATE_HZ))
+    moved = answer(commands, rng)
+    paused = [(at[(at < 15.0) | (at > 105.0)], v[(at < 15.0) | (at > 105.0)]) for at, v in moved]
+    assert relation(moved[0][0], commands, moved) is not None
+    assert relation(moved[0][0], commands, paused) is None
     longer = np.arange(0.0, 60.0, 0.1)
     assert relation(longer, np.ones((600, 2)), [(longer, np.sin(longer))]) is None
