@@ -29,6 +29,8 @@ USUAL_UNITS: Mapping[str, str] = {
     "depth": "depths beyond -1 or 12 km: if the file has mm, cm or Pa, set that unit",
     "position": "positions beyond 10 000 km: if the file has mm or degrees, set that unit",
     "pose": "angles beyond 7 rad or positions beyond 10 000 km: degrees need unit: deg",
+    "battery": "voltages beyond 1000 V or currents beyond 10 kA: if the file has mV or mA, set that"
+    " unit",
     "actuators": "outputs that are no pulses (1100 to 1900 us); a command is command_surge ...",
 }
 """What impossible values of a stream usually are."""

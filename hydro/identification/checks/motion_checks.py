@@ -127,6 +127,35 @@ def depth_gains(
     return None if shared is None else fitted_gains(*shared)
 
 
+def heave_of_columns(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    columns: Array,
+    sums: Sequence[Sequence[float]],
+) -> tuple[list[AxisGains], AxisGains] | None:
+    """Return the gains of sums of three columns (n, 3) as heave in the depth rate.
+
+    d(z)/dt = g down_z (sum of columns) + what a tilt makes of each column, with a gain of
+    its own; the gains of the sum only. The last is the fit in which the gain of each
+    column as heave is free. None for too few windows.
+    """
+    down = down_at(t_velocity, t_attitude, euler)
+    tilted = (down[:, :2, None] * columns[:, None, :]).reshape(len(columns), -1)
+    level = down[:, 2:] * columns
+    shared = _rise_and_parts(t_depth, depth, t_attitude, t_velocity, np.hstack([tilted, level]))
+    if shared is None:
+        return None
+    rise, parts = shared
+    aside, heave = np.split(parts, [tilted.shape[1]], axis=1)
+    designs = [np.column_stack([heave @ np.asarray(each), aside]) for each in sums]
+    fits = [fitted_gains(rise, design) for design in [*designs, np.hstack([heave, aside])]]
+    there = [fit for fit in fits if fit is not None]
+    return (there[:-1], there[-1]) if len(there) == len(fits) else None
+
+
 def _rise_and_parts(
     t_depth: Array, depth: Array, t_attitude: Array, t_velocity: Array, rates: Array
 ) -> tuple[Array, Array] | None:

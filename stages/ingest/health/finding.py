@@ -81,6 +81,11 @@ class CheckedLog:
         times = {name: self.t_s(name) - lags.get(name, 0.0) for name in self.tables}
         return replace(self, _times=times)
 
+    def without(self, stream: str) -> CheckedLog:
+        """Return the log as if it had no such stream."""
+        tables = {name: table for name, table in self.tables.items() if name != stream}
+        return replace(self, tables=tables)
+
     def without_accelerometer(self) -> CheckedLog:
         """Return the log as if its inertial unit had no accelerometer."""
         imu = self.tables["imu"].drop_columns(

@@ -29,6 +29,7 @@ from auvid.stages.ingest.health.actuation.responses import (
 )
 from auvid.stages.ingest.health.actuation.single_outputs import single_output_findings
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
+from auvid.stages.ingest.health.agreement.beam_velocity import beam_findings
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.motion import motion_findings
@@ -76,6 +77,8 @@ from auvid.stages.ingest.streams.mapping import OtherSource, Stream, every_sourc
 from auvid.stages.presentation import Block, remark, table
 
 COMPARED = ("attitude", "depth", "velocity", "position")
+OF_HALF = 0.4
+"""Part by which a lag may differ from half of the time that samples are held."""
 LEVELS: Mapping[str, Any] = {"error": "warning", "warning": "warning", "note": "note"}
 
 
@@ -130,7 +133,7 @@ def check_health(
     measured, explained = by_cause(
         real, [*measured, *compared.findings], lambda mended: _compared(mended).findings
     )
-    findings = ranked([*measured, *excitation_findings(excited)])
+    findings = ranked([*beside_held(log, measured), *excitation_findings(excited)])
     return {
         "log": info.log,
         "vehicle": info.vehicle,
@@ -150,6 +153,36 @@ def check_health(
     }
 
 
+def beside_held(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
+    """Say of a late velocity that its samples are held, where that explains its lag.
+
+    It is late all the same, and stops a run until each repeat is left out.
+    """
+    share = next(
+        (
+            item["value"]
+            for item in findings
+            if (item["id"], item["stream"]) == ("held_samples", "velocity")
+        ),
+        None,
+    )
+    if share is None:
+        return findings
+    half_s = 0.5 * float(np.median(np.diff(log.t_s("velocity")))) / (1.0 - share)
+    return [
+        {
+            **item,
+            "text": f"{item['text']} Its samples are held, and so {half_s:.1f} s late on average"
+            " (held_samples).",
+            "remedy": checks()["held_samples"].remedy,
+        }
+        if (item["id"], item["stream"]) == ("velocity_lag", "velocity")
+        and abs(float(item["value"]) / half_s - 1.0) < OF_HALF
+        else item
+        for item in findings
+    ]
+
+
 @dataclass(frozen=True)
 class _Compared:
     """What sensors and outputs say of each other; `log` as its evidence goes."""
@@ -165,6 +198,10 @@ def _compared(log: CheckedLog) -> _Compared:
     measured = [item for check in OF_SENSORS for item in check(log)]
     if any(item["id"] in OF_GRAVITY for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
+    beams = list(beam_findings(log.in_time()))
+    measured += beams
+    if beams:
+        log = log.without("velocity")  # nor is it of clocks, signs and forces
     evidence = velocity_evidence(log.in_time())
     answers, of_commands = _of_commands(log, evidence)
     return _Compared(log, evidence, answers, [*measured, *of_commands])
@@ -193,8 +230,7 @@ def _of_commands(
     of_tone = [*tone, *response_signs(log, signs), *(force_findings(log) if tone else ())]
     unrelated = of_tone or list(unrelated_commands(log))
     if unrelated:
-        tables = {name: table for name, table in log.tables.items() if name != "actuators"}
-        log = replace(log, tables=tables)
+        log = log.without("actuators")
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
     others = (item for check in OF_ANSWERS for item in check(log, answers))

@@ -81,7 +81,7 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
     if pushes(log) is None:
         reason = "the outputs are recorded too slowly or not all, so that no force is made of them"
     elif not log.has("velocity"):
-        reason = "nothing measures the velocity"
+        reason = "nothing measures the velocity in body axes"
     elif len(clear_scales(dict(push_responses(log, "uvw")))) > 1:
         reason = ""
     else:
@@ -175,6 +175,12 @@ def _clocks(
     log: CheckedLog, evidence: VelocityEvidence, answers: Mapping[str, Response]
 ) -> Iterator[Unseen]:
     yield "rate of a clock that all sensors share", "a log has no second clock"
+    if log.has("imu", "attitude"):
+        yield (
+            "a lag that attitude and gyro share (the filter of a unit that gives both)",
+            "they agree with each other; a lag of velocity or outputs against them that is named"
+            " may be theirs",
+        )
     answer = evidence.answer
     odds = 0.0 if answer is None else float(answer.odds.max())
     if log.has("velocity") and odds < SURE_ODDS:

@@ -23,6 +23,7 @@ DENSITIES_KG_M3 = (950.0, 1250.0)
 POUNDS = 2.2046
 SURE_BELOW = 0.05
 """Part of the radius of a ball of the displaced water; trim errs by less."""
+FIRST_TURN = 3
 ADDED_NAMES = ("X_udot", "Y_vdot", "Z_wdot", "K_pdot", "M_qdot", "N_rdot")
 SENSOR_RADII = 20.0
 """Largest arm of a sensor in the same radii; centimetres are 100 times off, mm 1000 times."""
@@ -247,9 +248,27 @@ def _added_mass(vehicle: Vehicle) -> Iterator[Finding]:
     yield finding(
         "added_mass_size",
         f"The vehicle file gives an added mass {listed(parts)} (by its displaced water of"
-        f" {water:g} kg and its inertia).",
+        f" {water:g} kg and its inertia).{_or_inertia(vehicle, [axis for axis, *_ in off])}",
         value=float(added[off[0][0]] / water),
     )
+
+
+def _or_inertia(vehicle: Vehicle, off: list[int]) -> str:
+    """Return that the inertia may be too small, where added inertia alone is too large.
+
+    Radii of gyration of body and added mass tell a person which of them is off.
+    """
+    if min(off) < FIRST_TURN:
+        return ""
+    added, inertia = np.abs(np.diag(vehicle.added_mass)), np.diag(vehicle.inertia)
+    parts = [
+        f"{np.sqrt(inertia[axis - FIRST_TURN] / vehicle.mass_kg):.2g} m and"
+        f" {np.sqrt(added[axis] / added[across]):.2g} m about {'xyz'[axis - FIRST_TURN]}"
+        for axis, across in ((4, 2), (5, 1))
+        if axis in off and added[across] > 0.0
+    ]
+    radii = f": radii of gyration of body and added mass are {listed(parts)}" if parts else ""
+    return f" Or its inertia is too small{radii}."
 
 
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import thruster_allocation, thruster_forces
+from auvid.hydro.dynamics.actuators.thrusters import (
+    thruster_allocation,
+    thruster_forces,
+)
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -20,7 +24,12 @@ from auvid.hydro.identification.checks.joined_outputs import (
 )
 from auvid.hydro.identification.checks.motion_checks import integrals, windows
 from auvid.stages.columns import ATTITUDE, GYRO, RATES, SPEEDS
-from auvid.stages.ingest.health.actuation.push_answers import RIGHTED, SMALLEST_MOTION, coupling
+from auvid.stages.ingest.health.actuation.push_answers import (
+    RIGHTED,
+    SMALLEST_MOTION,
+    answers_backward,
+    coupling,
+)
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, listed
 from auvid.stages.number_format import percent
 
@@ -36,8 +45,11 @@ OTHER_PLACES: Mapping[str, tuple[tuple[int, int, int], tuple[float, float, float
 """Order and signs of the coordinates of thrusters in a wrong vehicle file."""
 
 
-def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
-    """Yield outputs of which one acts backward, or that come in another order."""
+def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding]:
+    """Yield outputs of which one acts backward, or that come in another order.
+
+    `signs`: whether the sign of an answer is a finding of this log, and tells orders apart.
+    """
     vehicle, streams = log.vehicle, ("actuators", "velocity", "imu")
     if vehicle is None or vehicle.thrusters is None or not log.has(*streams):
         return
@@ -89,7 +101,36 @@ def joined_otherwise(log: CheckedLog) -> Iterator[Finding]:
             value=float(len(names)),
         )
     else:
+        if signs:
+            joined = _without_signs(joined, log, list(places.values()))
         yield from _not_told(joined, words, thrusters.outputs, list(places))
+
+
+def _without_signs(joined: JoinedOutputs, log: CheckedLog, places: list[Array]) -> JoinedOutputs:
+    """Return what is not told, without what would turn the sign of an answer."""
+    thrusters = None if log.vehicle is None else log.vehicle.thrusters
+    if thrusters is None:
+        return joined
+    signs = 1.0 - 2.0 * np.eye(len(thrusters.outputs))
+    backward = [replace(thrusters, direction=thrusters.direction * each) for each in signs]
+    exchanged = {
+        pair: replace(thrusters, outputs=_exchanged(thrusters.outputs, *pair))
+        for pair in joined.alike
+    }
+    placed = [replace(thrusters, allocation=each) for each in places]
+    return replace(
+        joined,
+        unseen=tuple(n for n in joined.unseen if not answers_backward(log, backward[n])),
+        alike=tuple(n for n in joined.alike if not answers_backward(log, exchanged[n])),
+        places=tuple(n for n in joined.places if not answers_backward(log, placed[n])),
+    )
+
+
+def _exchanged(outputs: tuple[int, ...], first: int, last: int) -> tuple[int, ...]:
+    """Return outputs with those at two places exchanged."""
+    own = list(outputs)
+    own[first], own[last] = own[last], own[first]
+    return tuple(own)
 
 
 def _not_told(

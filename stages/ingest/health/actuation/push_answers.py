@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
-from auvid.hydro.dynamics.actuators.thrusters import thruster_force, thruster_forces
+from auvid.hydro.dynamics.actuators.thrusters import Thrusters, thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.identification.checks.motion_checks import (
     angles_at,
@@ -161,6 +162,14 @@ def body_motion(log: CheckedLog, stream: str, name: str) -> Array:
     if stream == "velocity":
         return log.body_velocity()[:, LINEAR_VELOCITY.index(name)]
     return log.column(stream, name)
+
+
+def answers_backward(log: CheckedLog, other: Thrusters) -> bool:
+    """Return whether an axis answers other thrusters the wrong way round."""
+    if log.vehicle is None:
+        return False
+    turned = replace(log, vehicle=replace(log.vehicle, thrusters=other))
+    return any(True for _ in response_signs(turned, dict(push_responses(turned))))
 
 
 def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:

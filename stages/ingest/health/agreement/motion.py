@@ -138,7 +138,7 @@ def motion_findings(
         yield from coarse
         return
     yield from weak_forces(response)
-    of_outputs = list(joined_otherwise(log))
+    of_outputs = list(joined_otherwise(log, signs=bool(response)))
     joined = any(item["id"] == "response_order" for item in of_outputs)
     exchanged = [] if joined else list(exchanged_answers(log, response))
     if not joined and not exchanged:

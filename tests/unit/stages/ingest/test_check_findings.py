@@ -1237,7 +1237,9 @@ def test_a_velocity_on_a_slow_clock_drifts_against_the_accelerometer() -> None:
 def test_added_mass_of_no_body(keys: tuple[str], value: float) -> None:
     log = sound()
     of_a_vehicle("bluerov2_heavy", "added_mass", *keys, value=value)(log)
-    assert keys[0] in log.finding("added_mass_size")["text"]
+    text = log.finding("added_mass_size")["text"]
+    assert keys[0] in text
+    assert ("inertia is too small: radii of gyration" in text) == (keys[0] == "M_qdot")
 
 
 def test_an_added_mass_that_is_not_given_is_none_of_a_wrong_size() -> None:

@@ -374,6 +374,36 @@ def turned_velocity(degrees: float | None) -> Change:
     return change
 
 
+def along_beams(*azimuths: float, tilt: float = 22.5) -> Change:
+    """The velocity along three beams [deg from ahead, and from the vertical]."""
+
+    def change(case: Case) -> None:
+        body = [values[column].copy() for values, column in map(case.values, SPEED)]
+        for name, azimuth in zip(SPEED, np.radians(azimuths), strict=True):
+            values, column = case.values(name)
+            across = np.cos(azimuth) * body[0] + np.sin(azimuth) * body[1]
+            values[column] = np.sin(np.radians(tilt)) * across + np.cos(np.radians(tilt)) * body[2]
+
+    return change
+
+
+def held_at(hertz: float, *names: str) -> Change:
+    """A log of 10 Hz holds values that come more slowly."""
+
+    def change(values: npt.NDArray[np.float64]) -> Any:
+        rows = np.arange(len(values))
+        return values[rows - rows % round(10.0 / hertz)]
+
+    return data(change, *names)
+
+
+def in_millivolts(case: Case) -> None:
+    values = case.files["run.csv"]
+    values["battery"] = 15_900.0 - 8.0 * values["time_s"]
+    entry = {"column": "battery", "stream": "battery", "field": "voltage_v", "unit": "V"}
+    case.maps["run.csv"]["columns"].append(entry)
+
+
 def in_minutes(case: Case) -> None:
     for values in case.files.values():
         values[next(iter(values))] /= 60.0
@@ -526,6 +556,13 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "past the hull",
     ),
     "velocity over ground as body velocity": (over_ground, "velocity_axes", "over ground"),
+    "velocity held at 1 Hz": (held_at(1.0, *SPEED), "velocity_lag", "(held_samples)"),
+    "battery in mV declared V": (in_millivolts, "stream 'battery'", "mV"),
+    "three beams of four as body velocity": (
+        along_beams(0.0, 180.0, 90.0),
+        "velocity_axes",
+        "along beams",
+    ),
     "surge and heave exchanged": (exchanged(SPEED[0], SPEED[2]), "velocity_axes", "surge and"),
     "sway and heave exchanged": (exchanged(SPEED[1], SPEED[2]), "velocity_axes", "sway and"),
     "time in minutes declared s": (in_minutes, "time_unit", "in minutes"),
@@ -736,6 +773,11 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "velocity_axes",
         "turned by",
     ),
+    "three beams all round as body velocity": (
+        along_beams(30.0, 150.0, 270.0, tilt=25.0),
+        "velocity_axes",
+        "along beams",
+    ),
     "commands of another dive, eight thrusters": (
         other_dive,
         "commands_unrelated",
@@ -762,7 +804,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "Z_wdot",
     ),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-12:-2]
+WHOLE_DIVE = tuple(DIVE_CASES)[-13:-2]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",
@@ -779,6 +821,9 @@ NOT_STOPPING = (
 
 
 ONE_CAUSE = {
+    "three beams of four as body velocity": (),
+    "three beams all round as body velocity": (),
+    "velocity held at 1 Hz": (),
     "surge turned": ("response_sign of surge",),
     "heave turned": ("response_sign of heave",),
     "depth and heave turned": ("depth_above_water", "velocity_sign of surge", "of sway"),
@@ -860,8 +905,19 @@ def test_what_a_log_cannot_show_is_listed_by_name() -> None:
     assert "angles of the thrusters, moments of inertia by themselves" in of_dive
     assert "weight in water (displaced mass)" not in of_dive
     assert "scale of the thrust" not in of_example
+    assert any("attitude and gyro share" in name for name in of_example)
     assert "smoothing of roll and pitch (means of a second)" not in of_example
     assert {"steady current", "rate of a clock that all sensors share"} <= set(of_example)
+
+
+def test_outputs_whose_exchange_turns_the_sign_of_an_answer_are_not_listed() -> None:
+    """Of those of the dive that the order alone does not tell, 1 and 3 turn sway."""
+    for order, named in (((3, 2, 1, 4), True), ((1, 4, 3, 2), False)):
+        case = copy.deepcopy(_whole_dive())
+        in_order(*order, 5, 6, 7, 8)(case)
+        assert ("response_sign" in weighty(case)) == named
+    (text,) = [item["text"] for item in _whole_dive().findings() if item["id"] == "outputs_unseen"]
+    assert "exchanged is not observable of 2 and 4." in text
 
 
 def driven(pulses: npt.NDArray[np.float64], seed: int) -> Case:
