@@ -66,6 +66,15 @@ def test_validation_on_training_data_stops(campaign: Any, tmp_path: Path) -> Non
     assert f"leg 'check' shares {most} s with training leg 'part'\n" in text
 
 
+@pytest.mark.parametrize(
+    "name", ["bluerov2_no_velocity", "bluerov2_dvl", "blueye_heave", "thaus_twin"]
+)
+def test_legs_of_bundled_campaigns_are_apart_or_have_no_use(name: str) -> None:
+    folder = Path(__file__).resolve().parents[5] / "campaigns" / name
+    vehicles = {path.stem: path for path in (folder.parents[1] / "vehicles").glob("*.yaml")}
+    assert refusal(load_campaign(folder, kinds=KINDS, vehicles=vehicles), {}, (), {}) is None
+
+
 def turned(log: Log) -> Log:
     """The gyro's y the other way round."""
     log.streams["imu"]["gyro_y_rad_s"] = -log.streams["imu"]["gyro_y_rad_s"]
