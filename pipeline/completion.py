@@ -75,8 +75,8 @@ def _history() -> Iterator[Path]:
 
 
 def stages(incomplete: str) -> list[str]:
-    """Return the stages, from the folder of their package."""
-    text = (PACKAGE / "stages" / "__init__.py").read_text(encoding="utf-8")
+    """Return the stages, as their registry names them."""
+    text = (PACKAGE / "stages" / "registry.py").read_text(encoding="utf-8")
     return _with_start(iter(re.findall(r"^ +(\w+)\.STAGE,", text, re.MULTILINE)), incomplete)
 
 

@@ -65,7 +65,7 @@ def test_saved_recording_is_verified_and_holds_the_streams(recording: Path) -> N
         text=True,
         check=True,
     ).stdout
-    for entity in ("raw/attitude/rad", "raw/depth/m", "log/findings", "path/vehicle"):
+    for entity in ("raw/attitude/deg", "raw/depth/m", "log/findings", "path/vehicle"):
         assert f"/{entity} - " in printed
 
 

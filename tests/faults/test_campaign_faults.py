@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from auvid import stages
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.execution.engines import Serial
+from auvid.stages import registry
 from auvid.stages.base import make_params
 from tests.support.toy_stages import KINDS, MANIFEST, STAGES, VEHICLES, open_run, write_campaign
 
@@ -178,7 +178,7 @@ def test_names_and_items_of_nested_parameters_are_those_that_there_are() -> None
         ("synthesise", {"models": [["linear"], 5]}, ["models[0]", "models[1]", "text"]),
         ("synthesise", {"structures": {"own": {"X": [3]}}}, ["structures.own.X[0]", "text"]),
     ):
-        kind = next(item.params for item in stages.STAGES if item.name == stage)
+        kind = next(item.params for item in registry.STAGES if item.name == stage)
         with pytest.raises(PipelineError) as caught:
             make_params(kind, values, stage=stage)
         assert [piece for piece in pieces if piece not in str(caught.value)] == []

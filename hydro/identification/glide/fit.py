@@ -158,7 +158,8 @@ def _freed(
         if name in free:
             continue
         noise, trial = problem.noise, problem.solve(values, [*free, name])
-        if problem.standard_errors(trial, [*free, name])[-1] < FREED * prior[name].sd:
+        error = problem.standard_errors(trial, [*free, name])[-1]
+        if error < FREED * prior[name].sd:
             free.append(name)
             values = trial
         else:
@@ -213,6 +214,8 @@ class _Problem:
         for _ in range(STEPS):
             jacobian = self.slopes(values)[:, free]
             scale = np.linalg.norm(jacobian, axis=0)
+            if not (np.isfinite(scale).all() and scale.all()):
+                return values  # one that moves nothing there: `standard_errors` says so
             step = np.zeros(values.size)
             step[free] = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale
             share, cost = 1.0, np.inf
@@ -233,8 +236,13 @@ class _Problem:
         return values
 
     def standard_errors(self, values: Array, free: list[str]) -> Array:
-        """Return the standard errors of free unknowns by the record."""
+        """Return the standard errors of free unknowns by the record.
+
+        Infinite where it does not tell one of them.
+        """
         jacobian = self.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
+        if not (np.isfinite(jacobian).all() and jacobian.any(axis=0).all()):
+            return np.full(len(free), np.inf)
         return np.sqrt(np.diag(_clustered(jacobian, self.residuals(values), self.yo)))
 
 

@@ -117,12 +117,14 @@ def _judged_by_training(campaign: Campaign, health: Mapping[str, Document]) -> D
     """Return validation legs that are training data by half or more, in one error."""
     lines = []
     for name, leg in campaign.legs.items():
-        if leg.get("use") != "validation":
+        if leg.get("use") != "validation" or leg["log"] not in health:
             continue
         start, end = _span(leg, health)
         shared = {}
         for other, training in campaign.legs.items():
-            if training.get("use") == "training" and _same_data(campaign, leg["log"], training["log"]):
+            if training.get("use") == "training" and _same_data(
+                campaign, leg["log"], training["log"]
+            ):
                 first, last = _span(training, health)
                 shared[other] = max(min(end, last) - max(start, first), 0.0)
         seconds = min(sum(shared.values()), end - start)
