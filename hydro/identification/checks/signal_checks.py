@@ -109,16 +109,16 @@ def repeats(values: ArrayLike) -> Repeats:
     return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]), leap)
 
 
-def held_every(t_s: ArrayLike, values: ArrayLike) -> float | None:
+def hold_period_s(t_s: ArrayLike, values: ArrayLike) -> float | None:
     """Return the period [s] at which values (n, k) come anew; None if not held.
 
     A record that is written several times for each value changes at the steps of one
     period alone, and in most of them. One that a pilot holds for a while does neither.
 
     >>> t = 0.1 * np.arange(2000)
-    >>> held_every(t, np.sin(0.5 * np.floor(t / 0.5 + 1e-9))[:, None])
+    >>> hold_period_s(t, np.sin(0.5 * np.floor(t / 0.5 + 1e-9))[:, None])
     0.5
-    >>> held_every(t, np.sin(t)[:, None])
+    >>> hold_period_s(t, np.sin(t)[:, None])
     """
     at, array = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
     changes = at[1:][(np.diff(array, axis=0) != 0.0).any(axis=1)]

@@ -133,7 +133,7 @@ def check_health(
     measured, explained = by_cause(
         real, [*measured, *compared.findings], lambda mended: _compared(mended).findings
     )
-    findings = ranked([*beside_held(log, measured), *excitation_findings(excited)])
+    findings = ranked([*with_hold_lag(log, measured), *excitation_findings(excited)])
     return {
         "log": info.log,
         "vehicle": info.vehicle,
@@ -153,7 +153,7 @@ def check_health(
     }
 
 
-def beside_held(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
+def with_hold_lag(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
     """Say of a late velocity that its samples are held, where that explains its lag.
 
     It is late all the same, and stops a run until each repeat is left out.

@@ -14,7 +14,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.signal_checks import (
     clock_statistics,
     flat_top,
-    held_every,
+    hold_period_s,
     repeats,
     slow_speed,
 )
@@ -272,7 +272,7 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
         if stream == "actuators" and clock.rate_hz < limit("low_actuator_rate"):
             yield finding("low_actuator_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
         elif stream == "actuators" and (outputs := log.thrusters() + log.commands()):
-            period = held_every(log.t_s(stream), log.values(stream, outputs))
+            period = hold_period_s(log.t_s(stream), log.values(stream, outputs))
             if period is not None and LONGEST_HOLD_S > period > 1.0 / limit("low_actuator_rate"):
                 text = f"{rate}, and its values change every {period:g} s only: they are held."
                 yield finding("low_actuator_rate", text, stream=stream, value=1.0 / period)

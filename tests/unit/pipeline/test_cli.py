@@ -410,7 +410,7 @@ def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
     assert not loaded & {"auvid.stages.registry", "scipy", "pandas"}
 
 
-def test_imports_of_a_run_are_left_alone_by_the_garbage_collector() -> None:
+def test_the_garbage_collector_passes_over_imports_of_a_run() -> None:
     gc.unfreeze()
     with kept_for_good():
         assert not gc.isenabled()

@@ -387,7 +387,7 @@ def along_beams(*azimuths: float, tilt: float = 22.5) -> Change:
     return change
 
 
-def held_at(hertz: float, *names: str) -> Change:
+def sampled_at(hertz: float, *names: str) -> Change:
     """A log of 10 Hz holds values that come more slowly."""
 
     def change(values: npt.NDArray[np.float64]) -> Any:
@@ -556,7 +556,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "past the hull",
     ),
     "velocity over ground as body velocity": (over_ground, "velocity_axes", "over ground"),
-    "velocity held at 1 Hz": (held_at(1.0, *SPEED), "velocity_lag", "(held_samples)"),
+    "velocity held at 1 Hz": (sampled_at(1.0, *SPEED), "velocity_lag", "(held_samples)"),
     "battery in mV declared V": (in_millivolts, "stream 'battery'", "mV"),
     "three beams of four as body velocity": (
         along_beams(0.0, 180.0, 90.0),
