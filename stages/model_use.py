@@ -7,23 +7,29 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 from auvid.data_schemas.records.models import (
+    AxisMerit,
     MeritRecord,
     ModelCard,
     MotionCheck,
     RankingRecord,
     SteadyRange,
+    TermCard,
     UsableFor,
 )
 from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
+from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
+from auvid.hydro.identification.regression.assumed_figures import FORM
 from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     MAY_IDENTIFY,
     NOT_EXCITED,
     SHORT_OF,
+    WEAK,
+    clear_of_zero,
 )
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
@@ -267,8 +273,15 @@ def listed(words: Sequence[str]) -> str:
 
 
 def damping_of(card: ModelCard, axis: str) -> str:
-    """Return what damping along an axis is: identified, from the prior or unknown."""
-    verdicts = _damping_verdicts(card, axis)
+    """Return what damping along an axis is: identified, from the prior or unknown.
+
+    That of a form that lacks terms counts as identified where it is clear as a mean over
+    the flown motion: it is what a simulation or a controller goes by.
+    """
+    verdicts = {
+        IDENTIFIED if clear_in_its_form(item) else item.verdict
+        for item in _damping_terms(card, axis)
+    }
     return next((best for best in (IDENTIFIED, FROM_PRIOR) if best in verdicts), UNKNOWN)
 
 
@@ -283,8 +296,25 @@ def damping_verdict(card: ModelCard, axis: str) -> str:
     return next((verdict for verdict in TELLING if verdict in verdicts), "")
 
 
+def clear_in_its_form(item: TermCard) -> bool:
+    """Return whether a weak term is weak only by what its form lacks."""
+    if item.verdict != WEAK or item.value is None or not item.standard_error:
+        return False
+    shifts = dict(item.assumed_shifts)
+    lacking = shifts.pop(FORM, 0.0)
+    return (
+        clear_of_zero(item.value, item.standard_error, shifts.values())
+        and not clear_of_zero(item.value, item.standard_error, [*shifts.values(), lacking])
+        and not item.turns_without
+    )
+
+
 def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:
-    """Return the verdicts on the damping terms of the own velocity of an axis.
+    return {item.verdict for item in _damping_terms(card, axis)}
+
+
+def _damping_terms(card: ModelCard, axis: str) -> list[TermCard]:
+    """Return the damping terms of the own velocity of an axis.
 
     Those of it alone, and its products with the speed ahead: u*p damps the roll of a
     vehicle that never went astern as K_p does.
@@ -292,12 +322,12 @@ def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:
     own = OWN_VELOCITY[axis]
     ahead = "u" in card.conditions and card.conditions["u"].low >= 0.0
     damping = [own, own * 2, f"{own}|u|", *([f"u{own}"] if ahead else [])]
-    return {
-        item.verdict
+    return [
+        item
         for item in (card.axes[axis].terms if axis in card.axes else ())
         if (letters := item.term.replace("*", "")) in damping
         or letters.replace("|", "") in damping[:2]
-    }
+    ]
 
 
 def form_words(model: MeritRecord, titles: Mapping[str, str]) -> str:
@@ -307,15 +337,22 @@ def form_words(model: MeritRecord, titles: Mapping[str, str]) -> str:
     """
     axes: dict[str, list[str]] = {}
     for axis in AXES:
-        if better := model.axes[axis].better_form:
-            axes.setdefault(better, []).append(axis)
+        if why := _lacking_words(axis, model.axes[axis], titles):
+            axes.setdefault(why, []).append(axis)
     if not axes:
         return ""
-    where = [axes_listed(own) + f" ({titles[name]} fits better)" for name, own in axes.items()]
+    where = [f"{axes_listed(own)} ({why})" for why, own in axes.items()]
     return (
         f"force of another form in {listed(where)}: there intervals hold for the form, as a mean"
         " over the flown motion, not for the vehicle"
     )
+
+
+def _lacking_words(axis: str, merit: AxisMerit, titles: Mapping[str, str]) -> str:
+    """Return what shows that the force of an axis has another form; empty for nothing."""
+    if merit.lacking:
+        return "lacks " + listed([str(Unknown(axis, term)) for term in merit.lacking])
+    return f"{titles[merit.better_form]} fits better" if merit.better_form else ""
 
 
 def tipping_axes(model: MeritRecord) -> list[str]:

@@ -45,7 +45,8 @@ class TermCard(Model):
     """Training legs without which its sign turns."""
     assumed_shifts: dict[str, float] = Field(default_factory=dict)
     """Assumed figure of the vehicle -> what one standard deviation of it moves the value
-    by, in the unit of the value; no part of the standard error.
+    by, in the unit of the value; no part of the standard error. `form`: what the terms
+    that the form lacks move it by.
     """
     source: str | None = None
     """Where a coefficient comes from that fills an axis; absent for the logs of the run."""
@@ -120,6 +121,8 @@ class AxisCard(Model):
     """
     combinations: list[TermCombination]
     """What the data determine of inseparable terms: weights per term and value."""
+    lacking: list[str] = Field(default_factory=list)
+    """Terms that the form lacks on this axis, and the training legs show clearly."""
     samples_per_one: float | None = None
     """How many samples count as one: median over coefficients of the variance by blocks left
     out over that of white errors; at most the samples of a block.
@@ -349,6 +352,8 @@ class AxisMerit(Model):
     """The model whose form fits the training legs clearly better: a smaller error, and a
     BIC lower by 10 and more. Null for none, and for all axes together.
     """
+    lacking: list[str] = Field(default_factory=list)
+    """Terms that the form lacks on this axis, and the training legs show clearly."""
 
 
 class SteadyRange(Model):

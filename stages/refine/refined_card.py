@@ -22,8 +22,9 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import ALL_AXES, LAG, Unknown
 from auvid.hydro.identification.constrained.estimates import EstimateStatus, estimate_statuses
-from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
+from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, moved_far
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
+from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import Combination
 from auvid.hydro.identification.regression.verdicts import (
@@ -195,7 +196,11 @@ def _term(
         free = float(fit.problem.physical(fit.estimate.theta)[i])
         if not fixed and abs(value - free) > CHANGED * error:
             update["free_value"] = free
-        if word == IDENTIFIED and not clear_of_zero(value, error, item.assumed_shifts.values()):
+        total = total_error(error, item.assumed_shifts)
+        if word == IDENTIFIED and (
+            not clear_of_zero(value, error, item.assumed_shifts.values())
+            or moved_far(value, free, total)
+        ):
             update["verdict"] = WEAK
     return item.model_copy(update=update)
 

@@ -52,6 +52,7 @@ from auvid.hydro.identification.regression.error_functions import (
     OWN,
     SQUARES,
 )
+from auvid.hydro.identification.regression.lacking_terms import completed_fit
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.regression.prior import coloured_over_white
@@ -110,6 +111,8 @@ from auvid.stages.synthesise.within_limits import (
 
 PRIORS = ("none", "vehicle", "strip_theory")
 MEASURED = "measured"
+COMPLETED = "with more terms: "
+"""Before the name of a model whose axes are fitted with what they may lack."""
 STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True), lift_and_drag())
 """Forms that follow from the symmetry of the hull, beside the eight published ones; the
 last one is fitted where a campaign names it.
@@ -316,7 +319,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             )
             for name in others
         }
-    coloured = coloured_errors(fits, legs(), terms)
+    completed = {
+        (COMPLETED + name, axis): whole
+        for (name, axis), fit in fits.items()
+        if (whole := completed_fit(data.factor, fit)) is not None
+    }
+    coloured = coloured_errors({**fits, **completed}, legs(), terms)
     moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}
     if lag_s > 0.0:
         prompt = reduce(TriangularFactor.merge, (leg_factor(leg, terms) for leg in legs(0.0)))
@@ -331,6 +339,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             declared=declared_model,
             data=data,
             fits={axis: (fits[model.name, axis], coloured[model.name, axis]) for axis in AXES},
+            completed={
+                axis: (completed[key], coloured[key])
+                for axis in AXES
+                if (key := (COMPLETED + model.name, axis)) in completed
+            },
             turns={axis: turns[model.name, axis] for axis in AXES},
             left_out=list(others),
             vehicle=vehicle,

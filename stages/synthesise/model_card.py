@@ -21,7 +21,9 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.dynamics.viscous.models import Coefficients, ViscousModel
+from auvid.hydro.identification.regression.assumed_figures import FORM
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
+from auvid.hydro.identification.regression.lacking_terms import clear_terms, moved_by_terms
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
 from auvid.hydro.identification.regression.normal_changes import widened
 from auvid.hydro.identification.regression.prior import posterior
@@ -33,7 +35,7 @@ from auvid.hydro.identification.regression.verdicts import (
     strongest,
 )
 from auvid.stages.columns import AXIS_UNITS
-from auvid.stages.synthesise.training import Coloured, TrainingData
+from auvid.stages.synthesise.training import Coloured, DataErrors, TrainingData
 
 HeldOut = Mapping[str, Array]
 """Training leg left out -> its J/J0 (7,), of `error_ratios`."""
@@ -55,6 +57,7 @@ def model_card(
     declared: ViscousModel,
     data: TrainingData,
     fits: Mapping[str, tuple[AxisFit, Coloured]],
+    completed: Mapping[str, tuple[AxisFit, Coloured]],
     turns: Mapping[str, Mapping[str, tuple[str, ...]]],
     left_out: Sequence[str],
     vehicle: Vehicle,
@@ -64,24 +67,24 @@ def model_card(
 ) -> ModelCard:
     """Return the card of a model from its fits and their errors, by axis.
 
+    completed: of `completed_fit`, of axes that may lack something.
     `declared`: the model before its propeller terms were left out. turns: by axis, of
     `sign_turns` over the training legs `left_out` in turn. held_out: J/J0 on each of
     them, as `error_ratios`.
     """
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
-        errors = data.errors
-        covariance = widened(
-            coloured.covariance,
-            [
-                change.shift(fit)
-                for change in (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
-            ],
-        )
+        covariance = _about_the_truth(fit, coloured, data.errors)
         figures = {
             name: np.array([change.shift(fit) for change in changes])
-            for name, changes in errors.figures.items()
+            for name, changes in data.errors.figures.items()
         }
+        lacking: tuple[str, ...] = ()
+        if axis in completed:
+            whole, its_errors = completed[axis]
+            lacking = clear_terms(whole, fit, _about_the_truth(whole, its_errors, data.errors))
+        if lacking:
+            figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }
@@ -90,7 +93,7 @@ def model_card(
         )
         axes[axis] = _axis_entry(
             fit, covariance, after, wide, data.motion, turns[axis], figures
-        ).model_copy(update={"samples_per_one": coloured.samples_per_one})
+        ).model_copy(update={"samples_per_one": coloured.samples_per_one, "lacking": list(lacking)})
         predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means
@@ -131,6 +134,12 @@ def model_card(
             else None
         ),
     )
+
+
+def _about_the_truth(fit: AxisFit, coloured: Coloured, errors: DataErrors) -> Array:
+    """Return the covariance (k, k) of a fit by noise and errors of velocities and filters."""
+    changes = (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
+    return widened(coloured.covariance, [change.shift(fit) for change in changes])
 
 
 def held_out_card(ratios: HeldOut) -> dict[str, dict[str, float | None]]:
@@ -205,7 +214,9 @@ def _axis_entry(
             )
             for item in determined
         ],
-        covariance=_covariance_entry(fit.terms, wide, figures.values()),
+        covariance=_covariance_entry(
+            fit.terms, wide, [shifts for name, shifts in figures.items() if name != FORM]
+        ),
     )
 
 
@@ -222,7 +233,8 @@ def _covariance_entry(
 ) -> CovarianceCard:
     """Return the lower triangles over the terms that carry a number in `solution`.
 
-    shifts: of each assumed figure (c, k).
+    shifts: of each assumed figure (c, k). What the form lacks is none of them: the force of
+    the form itself is known over the flown motion, whatever its coefficients stand for.
     """
     kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
     assumed = sum((part.T @ part for part in shifts), np.zeros(covariance.shape))

@@ -8,13 +8,15 @@ from typing import Any
 from auvid.data_schemas.records.models import MeasuredPriorCard, ModelCard, PriorCard, TermCard
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.constrained.actuator_lag import ActuatorLag
+from auvid.hydro.identification.constrained.equations import Unknown
+from auvid.hydro.identification.constrained.statuses import moved_far
 from auvid.hydro.identification.constrained.steady_current import SteadyCurrent
-from auvid.hydro.identification.regression.assumed_figures import CURRENT
+from auvid.hydro.identification.regression.assumed_figures import CURRENT, total_error
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
-from auvid.stages.model_use import coverage_words
+from auvid.stages.model_use import clear_in_its_form, coverage_words, listed
 from auvid.stages.presentation import (
     NOISE_95,
     Block,
@@ -101,27 +103,33 @@ def synthesise_section(
 def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     """Return a fold with a model's coefficients, and one with remarks on them."""
     rows, kept = [], []
+    lacks = any(part.lacking for part in card.axes.values())
+    budget = ["± 95 % by assumed figures"] if card.spreads or lacks else []
     for axis, part in card.axes.items():
         for item in part.terms:
             partners = item.inseparable_from
             verdict = f"inseparable from {', '.join(partners)}" if partners else item.verdict
             if item.turns_without:
                 verdict += f"; its sign turns without {', '.join(item.turns_without)}"
-            if sign_by_figures(item):
+            if clear_in_its_form(item):
+                lacking = listed([str(Unknown(axis, term)) for term in part.lacking])
+                verdict += f"; clear as a mean over the flown motion, but the form lacks {lacking}"
+            elif item.verdict == WEAK and limited_far(item):
+                verdict += "; limits moved it by more than two of its errors"
+            elif sign_by_figures(item):
                 verdict += "; clear by noise, but its sign rests on assumed figures"
             row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
-            if card.spreads:
+            if budget:
                 row.append(shift_words(item.assumed_shifts, item.standard_error or 0.0))
             rows.append([*row, verdict])
             kept.append(item.verdict == IDENTIFIED)
-    budget = ["± 95 % by assumed figures"] if card.spreads else []
     heads = ["axis", "term", "value", NOISE_95, "unit", *budget, "verdict"]
     title = f"{card.title}: {card.n_bar} terms, {card.identified} identified" + (
         ", with a prior" if card.prior is not None else ""
     )
-    listed = table(title, heads, rows, kept=kept)
-    listed["coefficients_of"] = card.name
-    blocks = fold(title, [listed])
+    coefficients = table(title, heads, rows, kept=kept)
+    coefficients["coefficients_of"] = card.name
+    blocks = fold(title, [coefficients])
     return blocks + fold(f"{card.title}: what stands behind it", _remarks(card))
 
 
@@ -148,6 +156,15 @@ def too_few_samples(cards: Mapping[str, ModelCard]) -> list[Block]:
             "warning",
         )
     ]
+
+
+def limited_far(item: TermCard) -> bool:
+    """Return whether limits moved a value by more than its error explains."""
+    if item.value is None or not item.standard_error:
+        return False
+    return moved_far(
+        item.value, item.free_value, total_error(item.standard_error, item.assumed_shifts)
+    )
 
 
 def sign_by_figures(item: TermCard) -> bool:
@@ -185,6 +202,11 @@ def _method(card: ModelCard) -> str:
         note += (
             " By assumed figures: how far each, within its 95 %, moves the value, beside noise; the"
             " vehicle file states them (spreads), the training legs that of a steady current."
+        )
+    if any(part.lacking for part in card.axes.values()):
+        note += (
+            " What the form lacks: terms that are clear when they are added, and how far that moves"
+            " the value."
         )
     if card.assumed and not card.spreads.keys() - {CURRENT}:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."

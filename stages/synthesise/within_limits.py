@@ -54,6 +54,7 @@ from auvid.hydro.identification.constrained.statuses import (
     AT_BOUND,
     FROM_PRIOR,
     CoefficientStatus,
+    moved_far,
     statuses,
 )
 from auvid.hydro.identification.regression.assumed_figures import inertia_changes, total_error
@@ -388,6 +389,10 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         shifts = item.assumed_shifts.values()
         if status.status == IDENTIFIED and not clear_of_zero(value, wider, shifts):
             # The data alone were clear, of a value that the limits moved.
+            update["verdict"] = WEAK
+        if status.status == IDENTIFIED and moved_far(
+            value, free, total_error(wider, item.assumed_shifts)
+        ):
             update["verdict"] = WEAK
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free

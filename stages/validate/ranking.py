@@ -87,6 +87,7 @@ def rank(
                         free_run=_number(ratios.get(name, {}).get(axis)),
                         **_counts(card, axis),
                         better_form=better.get((name, axis)),
+                        lacking=card.axes[axis].lacking if axis in card.axes else [],
                     )
                     for axis in (ALL, *AXES)
                 },

@@ -19,6 +19,8 @@ PRIOR_SHARE = 0.5
 """A number is from the prior when the prior gives at least this share of what is known
 of it (of the inverse variance).
 """
+MOVED = 2.0
+"""Errors of a value from which on a limit that moves it decides what it is."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,18 @@ class CoefficientStatus:
     verdict: str
     prior_share: float
     held_by: tuple[str, ...]
+
+
+def moved_far(value: float, free: float | None, error: float) -> bool:
+    """Return whether limits moved a value so far that it is theirs, not the data's.
+
+    free: the value without limits, None where they left it; error: its standard error by
+    noise and assumed figures.
+
+    >>> moved_far(-5.0, -1.0, 1.0), moved_far(-5.0, -4.0, 1.0), moved_far(-5.0, None, 1.0)
+    (True, False, False)
+    """
+    return free is not None and abs(value - free) > MOVED * error
 
 
 def statuses(

@@ -22,6 +22,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 SLOPE_STEP = 1e-4
 """Step [m/s, rad/s] of central differences by the velocities; forces are quadratic."""
 CURRENT = "current"
+FORM = "form"
 FIGURES = {
     "thrust": "scale of the thrust curve",
     "thrust_lag": "thrust lag",
@@ -30,8 +31,11 @@ FIGURES = {
     "added_mass": "added mass",
     "velocity_arm": "arm of the velocity sensor",
     CURRENT: "steady current",
+    FORM: "what the form lacks",
 }
-"""Assumed figures by their key in the vehicle file; the current is the dive's."""
+"""Assumed figures by their key in the vehicle file; the current is the dive's, and what a
+form lacks the model's.
+"""
 
 
 def total_error(standard_error: float, shifts: Mapping[str, float]) -> float:

@@ -61,9 +61,10 @@ from auvid.stages.columns import (
     force_columns,
     named,
 )
+from auvid.stages.model_use import clear_in_its_form, damping_of
 from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
-from auvid.stages.synthesise.presentation import sign_by_figures, too_few_samples
+from auvid.stages.synthesise.presentation import limited_far, sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from tests.support.constrained import drawn_as_printed
 from tests.support.motions import (
@@ -1002,6 +1003,34 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     assert rows[0][-2].startswith(f"scale of the thrust curve ± {half:.0f}")
 
 
+def test_what_a_form_lacks_widens_the_coefficients_that_stand_for_it() -> None:
+    """Linear and quadratic drag; Prestero has the quadratic part, Diagonal the linear one."""
+    nu = rich_motion(60.0, seed=5, ahead=False).nu
+    force = nu * (np.abs(nu) * -np.array([60.0, 90.0, 100.0, 9.0, 9.0, 9.0]) - 5.0)
+    force += 0.5 * np.random.default_rng(5).standard_normal(force.shape)
+    outputs = run({"one": (nu, force, None)}, models=("prestero", "diagonal", "fossen"))
+    surge = {name: card.axes["X"] for name, card in outputs.model_card.items()}
+    assert {name: part.lacking for name, part in surge.items()} == {
+        "prestero": ["u"],
+        "diagonal": ["u*|u|"],
+        "fossen": [],
+    }
+    (drag,) = (item for item in surge["prestero"].terms if item.term == "u*|u|")
+    (slope,) = surge["diagonal"].terms
+    assert drag.value is not None
+    assert drag.standard_error is not None
+    assert drag.assumed_shifts["form"] == pytest.approx(abs(drag.value + 60.0), rel=0.1)
+    assert abs(drag.value + 60.0) > 4.0 * drag.standard_error
+    assert drag.verdict == "identified", "the interval holds the truth and is clear of zero"
+    assert (slope.verdict, clear_in_its_form(slope)) == ("weak", True)
+    assert damping_of(outputs.model_card["diagonal"], "X") == "identified"
+    assert all("form" not in item.assumed_shifts for item in surge["fossen"].terms)
+    assert surge["prestero"].covariance.assumed == [], "the force of the form is known"
+    page = str(outputs.section)
+    assert "what the form lacks ±" in page
+    assert "clear as a mean over the flown motion, but the form lacks X_u|u|" in page
+
+
 @pytest.mark.parametrize("component", ["thrusters", "fins"])
 def test_a_lag_delays_fins_as_it_does_thrusters_and_a_thrust_curve_scales_none(
     component: str,
@@ -1048,6 +1077,26 @@ def test_a_weak_term_whose_sign_rests_on_assumed_figures_says_so() -> None:
     assert fitted.verdict == "weak"
     assert sign_by_figures(fitted)
     assert not sign_by_figures(fitted.model_copy(update={"standard_error": 0.3}))
+
+
+@pytest.mark.parametrize(("free", "verdict"), [(-1.5, "weak"), (-1.3, "identified")])
+def test_a_value_that_a_joint_limit_moved_by_two_errors_is_not_identified(
+    free: float, verdict: str
+) -> None:
+    item = TermCard.model_validate(
+        {"term": "p", "unit": "N*m*s/rad", "value": free, "standard_error": 0.2}
+        | {"verdict": "identified"}
+    )
+    fit = SimpleNamespace(
+        values=np.array([-1.0]),
+        free=np.array([free]),
+        standard_errors=np.array([0.1]),
+        free_covariance=np.array([[0.01]]),
+    )
+    status = CoefficientStatus("identified", "identified", 0.0, ("power",))
+    fitted = term_within_limits(item, 0, cast(ConstrainedFit, fit), status)
+    assert (fitted.verdict, fitted.free_value) == (verdict, free)
+    assert limited_far(fitted) == (verdict == "weak")
 
 
 def test_models_with_more_terms_than_samples_are_named() -> None:

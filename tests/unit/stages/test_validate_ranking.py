@@ -414,6 +414,10 @@ def test_a_model_is_of_another_form_where_one_fits_clearly_better(run: ExampleRu
     assert form_words(merits["fossen"], titles) == ""
     (block,) = form_blocks(list(merits.values()))
     assert block["text"] == f"Linear: {words}."
+    run.cards["linear"].axes["X"].lacking.append("u*|u|")
+    linear = next(item for item in ranked(run).models if item.name == "linear")
+    words = form_words(linear, titles)
+    assert words.startswith("force of another form in surge (lacks X_u|u|): there")
 
 
 def test_a_fit_to_the_sensors_has_the_form_of_the_model_it_started_from(run: ExampleRun) -> None:
