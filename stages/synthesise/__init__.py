@@ -322,7 +322,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     completed = {
         (COMPLETED + name, axis): whole
         for (name, axis), fit in fits.items()
-        if (whole := completed_fit(data.factor, fit)) is not None
+        if (fuller := completed_fit(data.factor, fit)) is not None
     }
     coloured = coloured_errors({**fits, **completed}, legs(), terms)
     moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}

@@ -81,8 +81,8 @@ def model_card(
         }
         lacking: tuple[str, ...] = ()
         if axis in completed:
-            whole, its_errors = completed[axis]
-            lacking = clear_terms(whole, fit, _about_the_truth(whole, its_errors, data.errors))
+            fuller, its_errors = completed[axis]
+            lacking = clear_terms(fuller, fit, _about_the_truth(fuller, its_errors, data.errors))
         if lacking:
             figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
         means = {
