@@ -320,7 +320,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name in others
         }
     completed = {
-        (COMPLETED + name, axis): whole
+        (COMPLETED + name, axis): fuller
         for (name, axis), fit in fits.items()
         if (fuller := completed_fit(data.factor, fit)) is not None
     }
