@@ -349,7 +349,7 @@ def form_words(model: MeritRecord, titles: Mapping[str, str]) -> str:
 
 
 def _lacking_words(axis: str, merit: AxisMerit, titles: Mapping[str, str]) -> str:
-    """Return what shows that the force of an axis has another form; empty for nothing."""
+    """Return what shows another form of the force of an axis; empty for nothing."""
     if merit.lacking:
         return "lacks " + listed([str(Unknown(axis, term)) for term in merit.lacking])
     return f"{titles[merit.better_form]} fits better" if merit.better_form else ""

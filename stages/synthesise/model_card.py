@@ -137,7 +137,7 @@ def model_card(
 
 
 def _about_the_truth(fit: AxisFit, coloured: Coloured, errors: DataErrors) -> Array:
-    """Return the covariance (k, k) of a fit by noise and errors of velocities and filters."""
+    """Return the covariance (k, k) by noise and errors of velocities and filters."""
     changes = (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
     return widened(coloured.covariance, [change.shift(fit) for change in changes])
 
