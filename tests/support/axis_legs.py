@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numba
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
 from auvid.hydro.identification.axes.record import AxisRecord
 
 Truth = Mapping[str, tuple[float, float, float, float]]
@@ -40,51 +41,11 @@ def axis_leg(
             force[AXES[VELOCITIES.index(velocity)]] = np.repeat(steps, hold)[:n]
     names = list(truth)
     place = [VELOCITIES.index(name) for name in names]
-    table = [truth[name] for name in names]
     command = np.array([force[AXES[i]] for i in place]).T
-    m = [1.0] * 6 if inertia is None else inertia.tolist()
-
-    # Numbers in place of arrays: of so few, numpy takes ten times as long.
-    def slope(y: list[float], f: list[float]) -> list[float]:
-        nu, count = [0.0] * 6, len(names)
-        for i, value in zip(place, y, strict=False):
-            nu[i] = value
-        turning = [0.0] * 6
-        if inertia is not None:
-            u, v, w, p, q, r = nu
-            X, Y, Z, K, M, N = (mass * speed for mass, speed in zip(m, nu, strict=True))
-            force_moment = (
-                q * Z - r * Y, r * X - p * Z, p * Y - q * X,
-                v * Z - w * Y + q * N - r * M,
-                w * X - u * Z + r * K - p * N,
-                u * Y - v * X + p * M - q * K,
-            )  # fmt: skip
-            turning = [-part / mass for part, mass in zip(force_moment, m, strict=True)]
-        x, late = y[:count], y[count : 2 * count]
-        rate = [
-            a * x[i] + b * x[i] * abs(x[i]) + c * late[i] + d + turning[place[i]]
-            for i, (a, b, c, d) in enumerate(table)
-        ]
-        return [*rate, *((f[i] - late[i]) / lag_s for i in range(count)), *x]
-
-    def moved(y: list[float], step: float, k: list[float]) -> list[float]:
-        return [value + step * change for value, change in zip(y, k, strict=True)]
-
-    y = [0.0] * (3 * len(names))
-    y[len(names) : 2 * len(names)] = command[0].tolist()
-    states = [y]
-    h = step_s / fine
-    for first, change in zip(command[:-1], np.diff(command, axis=0), strict=True):
-        ends = [(first + change * part / (2 * fine)).tolist() for part in range(2 * fine + 1)]
-        for part in range(0, 2 * fine, 2):
-            k1 = slope(y, ends[part])
-            k2 = slope(moved(y, 0.5 * h, k1), ends[part + 1])
-            k3 = slope(moved(y, 0.5 * h, k2), ends[part + 1])
-            k4 = slope(moved(y, h, k3), ends[part + 2])
-            total = [a + 2.0 * b + 2.0 * c + d for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
-            y = moved(y, h / 6.0, total)
-        states.append(y)
-    motion = np.array(states)
+    table = np.array([truth[name] for name in names])
+    m = np.zeros(6) if inertia is None else inertia.astype(float)
+    command = np.ascontiguousarray(command)  # numba compiles once more for another layout
+    motion = _moved(np.array(place), table, m, command, step_s / fine, fine, lag_s)
     nothing, still = np.full(n, np.nan), np.zeros(n)
     rate = dict.fromkeys(VELOCITIES, nothing if inertia is None else still)
     depth = None
@@ -101,3 +62,47 @@ def scaled_force(record: AxisRecord, factor: float) -> AxisRecord:
     """Return the leg as if its force were in units `factor` times smaller."""
     force = {axis: factor * values for axis, values in record.force.items()}
     return replace(record, force=force)
+
+
+@numba.njit(cache=True)
+def _moved(
+    place: Ints, table: Array, m: Array, command: Array, h: float, fine: int, lag_s: float
+) -> Array:
+    """Return velocities, forces after their lag and integrals (n, 3k) at the times of command.
+
+    `m`: inertias of a Coriolis force, zeros without one.
+    """
+    n, k = command.shape
+    out = np.zeros((n, 3 * k))
+    out[0, k : 2 * k] = command[0]
+    at, rate, total, nu = np.zeros(3 * k), np.zeros(3 * k), np.zeros(3 * k), np.zeros(6)
+    for step in range(n - 1):
+        out[step + 1] = out[step]
+        y = out[step + 1]
+        for part in range(4 * fine):
+            share, weight = (0.0, 0.5, 0.5, 1.0)[part % 4], (1.0, 2.0, 2.0, 1.0)[part % 4]
+            time = (part // 4 + share) / fine
+            for i in range(3 * k):
+                at[i] = y[i] + h * share * rate[i]
+            for i in range(k):
+                nu[place[i]] = at[i]
+            u, v, w, p, q, r = nu
+            X, Y, Z, K, M, N = m[0] * u, m[1] * v, m[2] * w, m[3] * p, m[4] * q, m[5] * r
+            turning = (
+                q * Z - r * Y, r * X - p * Z, p * Y - q * X, v * Z - w * Y + q * N - r * M,
+                w * X - u * Z + r * K - p * N, u * Y - v * X + p * M - q * K,
+            )  # fmt: skip
+            for i in range(k):
+                x, late = at[i], at[k + i]
+                force = command[step, i] + (command[step + 1, i] - command[step, i]) * time
+                rate[i] = table[i, 0] * x + table[i, 1] * x * abs(x) + table[i, 2] * late
+                rate[i] += table[i, 3]
+                if m[place[i]] > 0.0:
+                    rate[i] -= turning[place[i]] / m[place[i]]
+                rate[k + i], rate[2 * k + i] = (force - late) / lag_s, x
+            for i in range(3 * k):
+                total[i] += weight * rate[i]
+                if part % 4 == 3:
+                    y[i] += h / 6.0 * total[i]
+                    total[i] = 0.0
+    return out

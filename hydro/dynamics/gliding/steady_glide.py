@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Index
 
-ITERATIONS = 30
-SETTLED_RAD = 1e-12
 STALL_RAD = 0.35
 """Lift grows no further beyond this angle of attack; no steady glide has it."""
 
@@ -109,28 +107,13 @@ def angle_of_attack(pitch_rad: ArrayLike, polar: Polar) -> Array:
     >>> [round(float(np.degrees(x)), 2) for x in angle_of_attack(np.radians([-22.0, 22.0]), polar)]
     [3.51, -3.51]
     """
+    # numba: a second to import
+    from auvid.hydro.dynamics.gliding.compiled_balance import angles_beyond_zero_lift
+
     pitch = np.asarray(pitch_rad, dtype=np.float64)
-    beyond = np.zeros_like(pitch)  # alpha - alpha_0
-    lean = pitch - polar.zero_lift_rad
-    step = np.ones_like(pitch)
-    for _ in range(ITERATIONS):
-        tangent = np.tan(lean - beyond)
-        value = polar.lift_slope * beyond * tangent + polar.drag + polar.induced * beyond**2
-        slope = polar.lift_slope * (tangent - beyond * (1.0 + tangent**2))
-        step = value / np.where(
-            np.abs(slope + 2.0 * polar.induced * beyond) < 1e-9,
-            np.nan,
-            slope + 2.0 * polar.induced * beyond,
-        )
-        beyond = beyond - step
-        if np.all(np.abs(step[np.isfinite(step)]) < SETTLED_RAD):
-            break
-    glides = (
-        (np.abs(step) < 1e-6)
-        & (np.abs(beyond) < STALL_RAD)
-        & (np.sign(lean - beyond) == np.sign(lean))
-    )
-    return np.where(glides, beyond + polar.zero_lift_rad, np.nan)
+    lean = (pitch - polar.zero_lift_rad).ravel()
+    beyond = angles_beyond_zero_lift(lean, polar.lift_slope, polar.drag, polar.induced, STALL_RAD)
+    return (beyond + polar.zero_lift_rad).reshape(pitch.shape)
 
 
 def steady_glide(
