@@ -48,19 +48,35 @@ def skew(r: Array) -> Array:
     """Return S(r) with S(r) @ x = r x x: Fossen (2.9); r (..., 3), result (..., 3, 3)."""
     zero = np.zeros_like(r[..., 0])
     x, y, z = r[..., 0], r[..., 1], r[..., 2]
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+    return _matrix([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+
+
+def _matrix(rows: list[list[Array]]) -> Array:
+    out = np.empty((*np.shape(rows[0][0]), 3, 3))
+    for i, row in enumerate(rows):
+        for j, values in enumerate(row):
+            out[..., i, j] = values
+    return out
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a x b of arrays (..., 3); of few rows `np.cross` takes several times as long."""
+    out = np.empty(np.broadcast(a, b).shape)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return out
 
 
 def rotation(angles: Array) -> Array:
     """Return R_z(psi) R_y(theta) R_x(phi), body to world: Fossen (2.31); angles (..., 3)."""
-    (sf, st, sp), (cf, ct, cp) = (np.moveaxis(f(angles), -1, 0) for f in (np.sin, np.cos))
+    sines, cosines = np.sin(angles), np.cos(angles)
+    (sf, st, sp), (cf, ct, cp) = ([f[..., i] for i in range(3)] for f in (sines, cosines))
     rows = [
         [cp * ct, cp * st * sf - sp * cf, sp * sf + cp * cf * st],
         [sp * ct, cp * cf + sf * st * sp, st * sp * cf - cp * sf],
         [-st, ct * sf, ct * cf],
     ]
-    return np.stack([np.stack(row, -1) for row in rows], -2)
+    return _matrix(rows)
 
 
 def rigid_body(mass: float, centre: Array, inertia: Array) -> Array:
@@ -75,8 +91,8 @@ def coriolis(mass: Array, nu: Array) -> Array:
     C = [0, -S(a1); -S(a1), -S(a2)] with a = M nu: force w x a1, moment v x a1 + w x a2.
     """
     a = nu @ mass.T
-    linear = np.cross(nu[:, 3:], a[:, :3])
-    angular = np.cross(nu[:, :3], a[:, :3]) + np.cross(nu[:, 3:], a[:, 3:])
+    linear = cross(nu[:, 3:], a[:, :3])
+    angular = cross(nu[:, :3], a[:, :3]) + cross(nu[:, 3:], a[:, 3:])
     return np.hstack([linear, angular])
 
 
@@ -92,7 +108,7 @@ def shift(arm: Array) -> Array:
 
 def push(point: Array, force: Array) -> Array:
     """Return the wrench (n, 6) about the origin of forces (n, 3) that act at a point (3,)."""
-    return np.hstack([force, np.cross(np.broadcast_to(point, force.shape), force)])
+    return np.hstack([force, cross(np.broadcast_to(point, force.shape), force)])
 
 
 def down(eta: Array) -> Array:

@@ -14,7 +14,7 @@ from types import ModuleType
 
 import numpy as np
 
-from tests.support.targets.frames import FLIP, Array, Body, rotation
+from tests.support.targets.frames import FLIP, Array, Body, cross, rotation
 
 PUSH = 1e3
 """Force in N and N m by which the inverse of the inertia is measured."""
@@ -81,7 +81,7 @@ class Scene:
             self._mujoco.mj_forward(self.model, data)
         finally:
             self._mujoco.set_mjcb_passive(None)
-        linear = turn.T @ data.qacc[:3] - np.cross(w, v)
+        linear = turn.T @ data.qacc[:3] - cross(w, v)
         return np.hstack([flip @ linear, flip @ data.qacc[3:6]])
 
     def body(self) -> Body:

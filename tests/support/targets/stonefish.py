@@ -20,6 +20,7 @@ from tests.support.targets.frames import (
     Array,
     Body,
     coriolis,
+    cross,
     down,
     push,
     readme_of,
@@ -171,7 +172,7 @@ def parse(text: str, gravity: float = GRAVITY) -> Body:
     cf = 0.1 * natural_drag if cf is None or (cf < 0).any() else cf
 
     corners = points[np.array(triangles)] + place
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(normal, axis=1)
     area, normal = length / 2, normal / length[:, None]
     middle = corners.mean(1) - centre
@@ -182,14 +183,14 @@ def parse(text: str, gravity: float = GRAVITY) -> Body:
         return load * float(np.abs(load / norm) @ coefficient) if norm > 0 else load
 
     def drag(velocity: Array, rate: Array) -> Array:
-        flow = -(velocity + np.cross(rate, middle))
+        flow = -(velocity + cross(rate, middle))
         into = (flow * normal).sum(1)
         along = flow - into[:, None] * normal
         wet = np.where(into < -1e-12, -into * area, 0.0)
         quadratic = flow * (np.linalg.norm(flow, axis=1) * wet)[:, None]
         skin = along * np.where((along**2).sum(1) > 1e-9, area, 0.0)[:, None]
         total = []
-        for lever in (lambda f: f, lambda f: np.cross(middle, f)):
+        for lever in (lambda f: f, lambda f: cross(middle, f)):
             pressure, friction = lever(quadratic).sum(0), lever(skin).sum(0)
             total.append(density * (0.5 * weighted(pressure, cd) + weighted(friction, cf)))
         return np.hstack(total)
