@@ -7,6 +7,7 @@ solution, and rows can be made while it runs (cutting planes).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -58,8 +59,10 @@ class _Pool:
         self.length = np.zeros(0)
 
     def add(self, new: InequalityRows) -> None:
+        if not len(new.bounds):
+            return
         rows = new.rows / self.scale
-        length = np.linalg.norm(rows, axis=1)
+        length = np.sqrt(np.einsum("ij,ij->i", rows, rows))
         impossible = np.flatnonzero((length == 0.0) & (new.bounds < 0.0))
         if len(impossible):
             raise DataError("a limit cannot be met", field=new.describe(int(impossible[0])))
@@ -69,6 +72,13 @@ class _Pool:
         self.bounds = np.append(self.bounds, new.bounds[kept] / length[kept] - units @ self.start)
         self.length = np.append(self.length, length[kept])
         self.origin += [(new, int(i)) for i in kept]
+
+    def takes_in(self, cut: Cuts, x: Array, tolerance: float) -> bool:
+        """Add the rows of a cut at x, counted from `start`; return whether x violates one."""
+        before = len(self.bounds)
+        self.add(cut((x + self.start) / self.scale))
+        excess = self.rows[before:] @ x - self.bounds[before:]
+        return len(excess) > 0 and bool(excess.max() > tolerance)
 
     def counted_from(self, start: Array) -> _Pool:
         other = _Pool(self.scale, start)
@@ -103,7 +113,11 @@ class LimitedProblem:
     """The problem of `minimise` for many d or points, whose factors are made once."""
 
     def __init__(
-        self, R: Array, limits: Sequence[InequalityRows] = (), *, cuts: Sequence[Cuts] = ()
+        self,
+        R: Array,
+        limits: Sequence[InequalityRows] = (),
+        *,
+        cuts: Sequence[Cuts] = (),
     ) -> None:
         self.cuts = cuts
         self.scale = np.linalg.norm(R, axis=0)
@@ -131,18 +145,14 @@ class LimitedProblem:
         dual = np.zeros(0)
         span = _Span(len(x))
         while True:
-            tolerance = FEASIBLE * max(1.0, float(np.linalg.norm(x)))
+            tolerance = FEASIBLE * max(1.0, math.sqrt(x @ x))
             excess = pool.rows @ x - pool.bounds
             excess[active] = 0.0
             if len(excess) and excess.max() > tolerance:
                 entering = int(np.argmax(excess))
                 x, active, dual = _take_in(J, x, active, dual, pool, entering, span)
                 continue
-            before = len(pool.bounds)
-            for cut in self.cuts:
-                pool.add(cut((x + start) / scale))
-            excess = pool.rows[before:] @ x - pool.bounds[before:]
-            if not len(excess) or excess.max() <= tolerance:
+            if not any(pool.takes_in(cut, x, tolerance) for cut in self.cuts):
                 break
         x, dual = _settled(J, target, pool, active)
         lengths = pool.length[active]
@@ -181,7 +191,7 @@ class _Span:
         return along + again, rest - basis @ again
 
     def add(self, along: Array, rest: Array) -> None:
-        length = float(np.linalg.norm(rest))
+        length = math.sqrt(rest @ rest)
         self._basis[:, self._count] = rest / length
         self._triangle[: self._count, self._count] = along
         self._triangle[self._count, self._count] = length
@@ -219,8 +229,9 @@ def _take_in(
         blocking = int(falling[np.argmin(ratios)]) if len(falling) else -1
         dual_step = float(ratios.min()) if len(falling) else np.inf
         # Primal step: until the entering row holds.
-        independent = np.linalg.norm(rest) > DEPENDENT * np.linalg.norm(direction)
-        step = (float(row @ x) - bound) / float(rest @ rest) if independent else np.inf
+        square = float(rest @ rest)
+        independent = square > DEPENDENT**2 * float(direction @ direction)
+        step = (float(row @ x) - bound) / square if independent else np.inf
         if not np.isfinite(min(step, dual_step)):
             others = [pool.name(i) for i in active]
             raise DataError(
