@@ -6,6 +6,9 @@ limits scatters over repeated data (a parametric bootstrap): each draw is an est
 without limits, and the nearest point is what limits make of it. A normal cut off at the
 limits is no alternative: where a limit holds the estimate itself back, the covariance
 is that of a plane that touches the limits, and next to nothing of it lies within.
+
+Nearest points within one limit on a matrix come from all draws at once, by the method of
+factors (Burer, Monteiro 2003); what that leaves, from the exact method, one by one.
 """
 
 from __future__ import annotations
@@ -16,12 +19,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import VELOCITIES, Array
+from auvid.hydro.arrays import VELOCITIES, Array, Mask
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.estimates import each_nearest_within
-from auvid.hydro.identification.constrained.limits import damping_limits, flown_box
+from auvid.hydro.identification.constrained.limits import (
+    NEGATIVE,
+    Semidefinite,
+    damping_limits,
+    flown_box,
+)
+
+SEMIDEFINITE = 1e-10
+"""A matrix counts as positive semidefinite with scaled eigenvalues above minus this."""
+NEWTON_STEPS = 40
+SETTLED = 1e-9
+"""Last step of Newton's method, as a share of the largest element."""
 
 
 @dataclass(frozen=True)
@@ -64,13 +78,87 @@ def draw_within(
         np.diag(covariance) > 0.0, np.diag(covariance), np.nan
     )
     outside: Counter[str] = Counter()
-    moved = 0
-    each = each_nearest_within(unknowns, values, drawn.copy(), metric, limits, cuts)
-    for number, nearest in enumerate(each):
-        drawn[number] = nearest.values
-        moved += bool(nearest.active)
-        outside.update({item.name for item in nearest.active})
-    return PosteriorDraws(drawn, moved, dict(outside))
+    matrices = [cut for cut in cuts if isinstance(cut, Semidefinite)]
+    left = np.arange(count)
+    for limit in matrices:
+        nearest = _nearest_definite(limit, drawn[left], covariance)
+        within = _are_within(nearest, limits, matrices)
+        drawn[left[within]] = nearest[within]
+        outside[limit.title] += int(np.sum(within))
+        left = left[~within]
+    moved = count - len(left)
+    each = each_nearest_within(unknowns, values, drawn[left], metric, limits, cuts)
+    for number, best in zip(left, each, strict=True):
+        drawn[number] = best.values
+        moved += bool(best.active)
+        outside.update({item.name for item in best.active})
+    return PosteriorDraws(drawn, moved, {name: held for name, held in outside.items() if held})
+
+
+def _nearest_definite(limit: Semidefinite, points: Array, covariance: Array) -> Array:
+    """Return the x (n, p) nearest to points v with S(x) positive semidefinite.
+
+    x = v + C A(W W'), A(Y)_k = <parts_k, Y>, where S(x) W = 0: with S(x) positive
+    semidefinite these are the conditions of the optimum, since the problem is convex. W (m, r)
+    by Newton's method, all points at once; r is the number of negative eigenvalues of S(v).
+    nan where S(v) has none, or the method ends elsewhere.
+    """
+    found = np.full(points.shape, np.nan)
+    S, _, values, _ = limit.eigen(points)
+    move = limit.parts.T @ covariance[limit.places]  # C A(Y) of Y (m m,)
+    T = move[:, limit.places] @ limit.parts
+    ranks = np.sum(values < -NEGATIVE, axis=1)
+    for rank in set(ranks.tolist()) - {0}:
+        chosen = np.flatnonzero(ranks == rank)
+        W = _factors(S[chosen], T, rank)
+        x = points[chosen] + (W @ W.swapaxes(1, 2)).reshape(len(chosen), -1) @ move
+        good = np.asarray(np.isfinite(x).all(axis=1))
+        good[good] = limit.eigen(x[good])[2][:, 0] > -SEMIDEFINITE
+        found[chosen[good]] = x[good]
+    return found
+
+
+def _factors(S: Array, T: Array, rank: int) -> Array:
+    """Return W (n, m, rank) with (S + T : W W') W = 0 of S (n, m, m), T (m m, m m); nan for none.
+
+    It starts from the eigenvectors of S that are negative, each as long as it would be alone.
+    """
+    count, size = S.shape[:2]
+    values, vectors = np.linalg.eigh(S)
+    W = vectors[:, :, :rank]
+    dyads = (W[:, :, None, :] * W[:, None, :, :]).reshape(count, size * size, rank)
+    curvature = np.einsum("nir,ij,njr->nr", dyads, T, dyads, optimize=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        W = W * np.sqrt(-np.minimum(values[:, :rank], 0.0) / curvature)[:, None, :]
+    W[~np.isfinite(W).all(axis=(1, 2))] = 0.0
+    moving = np.ones(count, dtype=np.bool_)
+    for _ in range(NEWTON_STEPS):
+        at = S + ((W @ W.swapaxes(1, 2)).reshape(count, -1) @ T).reshape(S.shape)
+        # d(S W) = S dW + 2 (T : W dW') W, since T takes only the symmetric part.
+        turned = np.einsum("ijkl,nlb->nijkb", T.reshape((size,) * 4), W, optimize=True)
+        slope = 2.0 * np.einsum("nijkb,nja->niakb", turned, W, optimize=True)
+        slope += np.einsum("nik,ab->niakb", at, np.eye(rank))
+        # Turns of W among its columns change nothing: of the steps the least.
+        inverse = np.linalg.pinv(slope.reshape(count, size * rank, -1), rcond=1e-11, hermitian=True)
+        step = (inverse @ (at @ W).reshape(count, -1, 1)).reshape(W.shape)
+        W = W - step
+        moving = np.abs(step).max(axis=(1, 2)) > SETTLED * np.abs(W).max(axis=(1, 2))
+        if not moving.any():
+            break
+    W[moving] = np.nan
+    return np.asarray(W)
+
+
+def _are_within(
+    x: Array, limits: Sequence[InequalityRows], matrices: Sequence[Semidefinite]
+) -> Mask:
+    """Return whether values (n, p) are within all limits (n,); nan are not."""
+    within = np.asarray(np.isfinite(x).all(axis=1))
+    for limit in limits:
+        within[within] = np.all(x[within] @ limit.rows.T <= limit.bounds, axis=1)
+    for matrix in matrices:
+        within[within] = matrix.eigen(x[within])[2][:, 0] > -SEMIDEFINITE
+    return within
 
 
 def printed_covariance(

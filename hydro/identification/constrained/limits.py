@@ -6,14 +6,16 @@ and inertia that a body can have.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import PipelineError, nearest
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Index
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
@@ -231,33 +233,58 @@ def inertia_limits(
     return [added_mass_bounds(unknowns, added_mass)], [positive_inertia(unknowns, mass_matrix)]
 
 
+@dataclass(frozen=True)
+class Semidefinite:
+    """Cuts for S(x) = constant + sum x_k parts_k positive semidefinite, S (m, m).
+
+    For each negative eigenvalue of S with eigenvector v: v' S(x) v >= 0. `fixed` (m m,) and
+    `parts` (k, m m) are those of S with rows and columns scaled to the diagonal of the
+    largest part; `places` (k,) of the unknowns among `unknowns`.
+    """
+
+    name: str
+    fixed: Array
+    parts: Array
+    places: Index
+    unknowns: int
+
+    @property
+    def title(self) -> str:
+        """Return the limit in words."""
+        return f"{self.name} positive definite"
+
+    def eigen(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return S (..., m, m) at x (..., p), the scale (..., m) of its diagonal, and what is
+        left after it: eigenvalues (..., m), ascending, and eigenvectors.
+
+        One axis may be far larger than another.
+        """
+        size = math.isqrt(len(self.fixed))
+        S = (self.fixed + x[..., self.places] @ self.parts).reshape(*x.shape[:-1], size, size)
+        scale = np.sqrt(np.maximum(np.abs(np.diagonal(S, axis1=-2, axis2=-1)), 1e-12))
+        values, vectors = np.linalg.eigh(S / (scale[..., :, None] * scale[..., None, :]))
+        return S, scale, values, vectors
+
+    def __call__(self, x: Array) -> InequalityRows:
+        """Return the rows that x (p,) violates."""
+        _, scale, values, vectors = self.eigen(x)
+        bad = vectors[:, values < -NEGATIVE] / scale[:, None]
+        rows = np.zeros((bad.shape[1], self.unknowns))
+        dyads = (bad[:, None] * bad).reshape(self.fixed.size, -1).T
+        rows[:, self.places] = -dyads @ self.parts.T
+        return InequalityRows(rows, dyads @ self.fixed, lambda _: self.title)
+
+
 def semidefinite(
     name: str, constant: Array, parts: Mapping[Unknown, Array], unknowns: Sequence[Unknown]
-) -> Cuts:
-    """Return cuts for S(x) = constant + sum x_k parts_k positive semidefinite.
-
-    For each negative eigenvalue of S with eigenvector v: v' S(x) v >= 0. Rows and
-    columns are scaled to the diagonal of the largest part.
-    """
+) -> Semidefinite:
+    """Return cuts for constant + sum x_k parts_k (m, m) positive semidefinite."""
     size = np.sqrt(np.max([np.abs(np.diag(m)) for m in (constant, *parts.values())], axis=0))
     size = np.where(size > 0.0, size, 1.0)
     frame = np.outer(size, size)
-    places = [unknowns.index(u) for u in parts]
+    places = np.array([unknowns.index(u) for u in parts], dtype=np.intp)
     stack = np.array([m / frame for m in parts.values()]).reshape(-1, constant.size)
-    fixed = (constant / frame).reshape(-1)
-
-    def cut(x: Array) -> InequalityRows:
-        S = (fixed + x[places] @ stack).reshape(constant.shape)
-        # The diagonal of S itself scales the eigenvalues: one axis may be far larger.
-        scale = np.sqrt(np.maximum(np.abs(np.diag(S)), 1e-12))
-        values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-        bad = vectors[:, values < -NEGATIVE] / scale[:, None]
-        rows = np.zeros((bad.shape[1], len(unknowns)))
-        dyads = (bad[:, None] * bad).reshape(constant.size, -1).T
-        rows[:, places] = -dyads @ stack.T
-        return InequalityRows(rows, dyads @ fixed, lambda _: f"{name} positive definite")
-
-    return cut
+    return Semidefinite(name, (constant / frame).reshape(-1), stack, places, len(unknowns))
 
 
 def place_of(unknowns: Sequence[Unknown], unknown: Unknown) -> int:
