@@ -92,7 +92,7 @@ def draw_within(
         drawn[number] = best.values
         moved += bool(best.active)
         outside.update({item.name for item in best.active})
-    return PosteriorDraws(drawn, moved, {name: held for name, held in outside.items() if held})
+    return PosteriorDraws(drawn, moved, {name: draws for name, draws in outside.items() if draws})
 
 
 def _nearest_definite(limit: Semidefinite, points: Array, covariance: Array) -> Array:
@@ -103,7 +103,7 @@ def _nearest_definite(limit: Semidefinite, points: Array, covariance: Array) -> 
     by Newton's method, all points at once; r is the number of negative eigenvalues of S(v).
     nan where S(v) has none, or the method ends elsewhere.
     """
-    found = np.full(points.shape, np.nan)
+    nearest = np.full(points.shape, np.nan)
     S, _, values, _ = limit.eigen(points)
     move = limit.parts.T @ covariance[limit.places]  # C A(Y) of Y (m m,)
     T = move[:, limit.places] @ limit.parts
@@ -114,8 +114,8 @@ def _nearest_definite(limit: Semidefinite, points: Array, covariance: Array) -> 
         x = points[chosen] + (W @ W.swapaxes(1, 2)).reshape(len(chosen), -1) @ move
         good = np.asarray(np.isfinite(x).all(axis=1))
         good[good] = limit.eigen(x[good])[2][:, 0] > -SEMIDEFINITE
-        found[chosen[good]] = x[good]
-    return found
+        nearest[chosen[good]] = x[good]
+    return nearest
 
 
 def _factors(S: Array, T: Array, rank: int) -> Array:
