@@ -119,7 +119,9 @@ def _nearest_definite(limit: Semidefinite, points: Array, covariance: Array) -> 
 
 
 def _factors(S: Array, T: Array, rank: int) -> Array:
-    """Return W (n, m, rank) with (S + T : W W') W = 0 of S (n, m, m), T (m m, m m); nan for none.
+    """Return W (n, m, rank) with (S + T : W W') W = 0; nan where there is none.
+
+    S (n, m, m), T (m m, m m).
 
     It starts from the eigenvectors of S that are negative, each as long as it would be alone.
     """

@@ -254,10 +254,10 @@ class Semidefinite:
         return f"{self.name} positive definite"
 
     def eigen(self, x: Array) -> tuple[Array, Array, Array, Array]:
-        """Return S (..., m, m) at x (..., p), the scale (..., m) of its diagonal, and what is
-        left after it: eigenvalues (..., m), ascending, and eigenvectors.
+        """Return S, the scale of its diagonal, eigenvalues and -vectors after scaling.
 
-        One axis may be far larger than another.
+        x (..., p); S (..., m, m), scale (..., m): one axis may be far larger than another;
+        eigenvalues (..., m) ascend.
         """
         size = math.isqrt(len(self.fixed))
         S = (self.fixed + x[..., self.places] @ self.parts).reshape(*x.shape[:-1], size, size)
