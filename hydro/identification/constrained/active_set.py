@@ -74,7 +74,7 @@ class _Pool:
         self.origin += [(new, int(i)) for i in kept]
 
     def takes_in(self, cut: Cuts, x: Array, tolerance: float) -> bool:
-        """Add the rows of a cut at x, from `start` on; return whether x violates one."""
+        """Add the rows of a cut at x - start; return whether x violates one."""
         before = len(self.bounds)
         self.add(cut((x + self.start) / self.scale))
         excess = self.rows[before:] @ x - self.bounds[before:]
