@@ -367,6 +367,8 @@ class SteadyRange(Model):
     """Lowest and highest speed of the training legs, the range that is tried."""
     upright: list[float]
     """Ends of the range, from rest on, in which it stays upright (below 60 degrees)."""
+    stable: list[float] = Field(default_factory=list)
+    """Ends of the range, from rest on, in which no disturbance grows by .05 1/s or more."""
     roll_rad: float
     """Largest roll of these steady motions."""
     pitch_rad: float

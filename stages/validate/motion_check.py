@@ -198,6 +198,11 @@ def _speeds(flown: VelocityRange) -> list[Array]:
     return [np.linspace(first, end, SPEEDS) for end in (low, high) if end != first]
 
 
+def slowest_flown(flown: Mapping[str, VelocityRange]) -> Array:
+    """Return the velocities (6,) nearest to rest within the flown ranges."""
+    return np.array([np.clip(0.0, flown[n].low, flown[n].high) for n in VELOCITIES])
+
+
 def decay_starts(flown: Mapping[str, VelocityRange]) -> list[Array]:
     """Return the velocities (6,) that decays start from, within the flown ranges.
 
@@ -205,7 +210,7 @@ def decay_starts(flown: Mapping[str, VelocityRange]) -> list[Array]:
     does at rest is no matter of a vehicle that never was. And some corners of all ends.
     """
     ends = np.array([[flown[n].low, flown[n].high] for n in VELOCITIES])
-    slowest = np.clip(0.0, *ends.T)
+    slowest = slowest_flown(flown)
     single = [np.where(np.eye(6)[i], value, slowest) for i in range(6) for value in ends[i]]
     corners = [
         np.where([(k >> i) & 1 for i in range(6)], ends[:, 1], ends[:, 0]) for k in range(0, 64, 9)
@@ -216,7 +221,10 @@ def decay_starts(flown: Mapping[str, VelocityRange]) -> list[Array]:
 def _fly(
     floating: Floating, card: ModelCard, tried: Sequence[Tried], *, minimum_speed: float
 ) -> tuple[list[Mask], Array, int]:
-    """Return which steps stay upright, decays (k, 6) that do not, and how many flew."""
+    """Return which steps stay upright, decays (k, 6) that do not, and how many flew.
+
+    Steps start as near to rest as was flown: below it the model says nothing.
+    """
     rows = int(FLIGHT_S / STEP_S) + 1
     decays = decay_starts(card.conditions)
     steps = [(item, motion) for item in tried for motion in item.motions]
@@ -224,6 +232,7 @@ def _fly(
     speeds = [abs(motion.speed) for _, motion in steps]
     speeds += [0.0] * len(decays)
     state = np.zeros((len(speeds) * rows, 12))
+    state[: len(steps) * rows, :6] = slowest_flown(card.conditions)
     state[len(steps) * rows :: rows, :6] = decays
     acting = np.repeat(np.array([*forces, *np.zeros((len(decays), 6))]), rows, axis=0)
     motion = MeasuredMotion(
@@ -259,7 +268,7 @@ def _range(
     tried = parts[0][0]
     flown = card.conditions[OWN_VELOCITY[tried.axis]]
     first = float(tried.speeds[0])
-    reached = [first, first]
+    reached, stable = [first, first], [first, first]
     ends = [("", "", 0.0)]
     steady: list[SteadyMotion] = []
     judged: list[SteadyMotion] = []
@@ -270,6 +279,7 @@ def _range(
         steady += kept
         place = int(item.speeds[-1] > item.speeds[0])
         reached[place] = kept[-1].speed if kept else first
+        stable[place] = _stable_end(item.motions, first)
         ends.append(_end(floating, item, good))
         # Of an unstable range the motions that no step reaches count: they grow fastest.
         judged += item.motions if ends[-1][0] == UNSTABLE else kept
@@ -291,6 +301,7 @@ def _range(
             "drive": tried.drive,
             "flown": [flown.low, flown.high],
             "upright": reached,
+            "stable": stable,
             "roll_rad": float(np.max(np.abs(tilts[:, 0]), initial=0.0)),
             "pitch_rad": float(np.max(np.abs(tilts[:, 1]), initial=0.0)),
             "growth_1_s": 0.0 if fastest is None else fastest.growth,
@@ -301,6 +312,20 @@ def _range(
             "cause_N_m": most,
         }
     )
+
+
+def _stable_end(motions: Sequence[SteadyMotion], first: float) -> float:
+    """Return the speed up to which no disturbance grows, from the first one on.
+
+    Where one does at the next speed the growth counts as linear between the two.
+    """
+    speed, growth = first, 0.0
+    for motion in motions:
+        if motion.growth > GROWS_1_S:
+            share = max(GROWS_1_S - growth, 0.0) / (motion.growth - growth)
+            return float(speed + share * (motion.speed - speed))
+        speed, growth = motion.speed, motion.growth
+    return float(speed)
 
 
 def _end(floating: Floating, item: Tried, good: int) -> tuple[str, str, float]:
@@ -363,9 +388,10 @@ def _tips(items: Sequence[SteadyRange]) -> list[str]:
     words: list[str] = []
     for item in items:
         unit = "rad/s" if item.axis == "N" else "m/s"
+        ends = item.stable if item.tips_in == UNSTABLE else item.upright
         beyond = [
             f"{side} {end:.2g}"
-            for side, end, flown in zip(("below", "above"), item.upright, item.flown, strict=True)
+            for side, end, flown in zip(("below", "above"), ends, item.flown, strict=True)
             if end != flown
         ]
         follows = bool(words) and words[-1].startswith(("it tips", "in "))

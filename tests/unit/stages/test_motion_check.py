@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, VelocityRange
-from auvid.hydro.dynamics.steady_motion import Floating, SteadyDrive, steady_motions
+from auvid.hydro.dynamics.equations_of_motion import restoring_of
+from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix
+from auvid.hydro.dynamics.steady_motion import (
+    Floating,
+    SteadyDrive,
+    SteadyMotion,
+    steady_motions,
+)
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.validate.motion_check import (
     ORIGIN,
     Tried,
     _range,
+    _stable_end,
     _tips,
     decay_starts,
     motion_checks,
@@ -80,6 +88,8 @@ def test_a_drive_that_tips_over_is_the_verdict_with_its_speed() -> None:
     assert surge.upright[0] < 0.0
     assert "driven by its thrusters it tips over in pitch" in check.words
     assert "of surge (most of it by M_u" in check.words
+    growing = surge.model_copy(update={"tips_in": "unstable", "stable": [-0.02, 0.01]})
+    assert _tips([growing])[0].startswith("it is unstable below -0.02 and above 0.01 m/s of surge")
     both = _tips([surge, surge.model_copy(update={"axis": "Y"})])
     assert [words.partition(" pitch")[0] for words in both] == ["it tips over in", "in"]
 
@@ -194,3 +204,46 @@ def test_the_fastest_mode_is_said_though_no_step_reaches_it() -> None:
     assert f"grows by {worst.growth_1_s:.2g} 1/s" in check.words
     assert f"mostly by {worst.grows_by}" in check.words
     assert "unstable in heave" not in check.words
+
+
+def test_a_range_is_stable_up_to_the_speed_from_which_a_disturbance_grows() -> None:
+    motions = [
+        SteadyMotion(speed, 0.0, np.zeros(6), np.zeros(2), growth, "Y")
+        for speed, growth in ((0.0, -0.05), (0.2, 0.15), (0.4, 0.9))
+    ]
+    assert _stable_end(motions, 0.0) == pytest.approx(0.1)
+    assert _stable_end(motions[:1], 0.0) == 0.0
+    assert _stable_end(motions[1:], 0.1) == pytest.approx(0.1 + 0.1 * 0.05 / 0.15)
+
+
+def test_growth_of_a_steady_motion_is_that_of_differences_of_its_free_motion() -> None:
+    """Munk's moment turns a hull without fins: the linearisation, without the derivatives."""
+    rows = DAMPED | {"X": {"u*|u|": -30.0}, "Y": {"v": -4.0}, "N": {"r": -0.5}}
+    floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
+    speeds = np.linspace(0.0, 1.0, 5)
+    track = SteadyDrive("X", np.eye(6)[0], speeds)
+    motion = steady_motions([(floating, track)], minimum_speed=0.05)[0][0][-1]
+
+    def rates(x: np.ndarray) -> np.ndarray:
+        force = motion.force * np.eye(6)[0] + sum(floating.moments(x[:6]).values())
+        eta = np.array([0.0, 0.0, 0.0, *x[6:], 0.0])
+        moved = np.linalg.solve(VEHICLE.mass_matrix, force + restoring_of(VEHICLE, eta))
+        return np.append(moved, (euler_rate_matrix(eta[3:]) @ x[3:6])[:2])
+
+    at, steps = np.append(motion.nu, motion.tilt), 1e-6 * np.eye(8)
+    assert np.max(np.abs(rates(at))) < 1e-6
+    slopes = np.array([(rates(at + d) - rates(at - d)) / 2e-6 for d in steps]).T
+    assert motion.growth == pytest.approx(np.linalg.eigvals(slopes).real.max(), rel=1e-5)
+    assert motion.growth > 0.05
+
+
+def test_a_step_of_a_vehicle_that_never_stood_starts_at_its_slowest_speed() -> None:
+    """Below .4 m/s its pitch moment would tip it over, and nothing of that was flown."""
+    rows = DAMPED | {"M": {"q": -1.0, "u": 40.0, "u*|u|": -100.0}}
+    flown = card()
+    spans = dict(flown.conditions) | {"u": VelocityRange(rms=0.4, low=0.39, high=0.41)}
+    floating = Floating(VEHICLE, IdentifiedModel("coe", rows), np.zeros(6))
+    ahead = flown.model_copy(update={"conditions": spans})
+    (check,) = motion_checks([(floating, ahead)], minimum_speed=0.05)
+    surge = next(item for item in check.ranges if (item.axis, item.drive) == ("X", ORIGIN))
+    assert (surge.tips_in, surge.upright[1]) == ("", 0.41)
