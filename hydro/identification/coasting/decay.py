@@ -302,19 +302,42 @@ class _Problem:
         """Return logarithms of the three sizes of restricted maximum likelihood."""
         from scipy.optimize import minimize
 
+        # In the axes of the unsteady force each coast has noise and one direction: fading.
+        axes = [
+            np.linalg.eigh(response @ colour @ response.T)
+            for response, colour in zip(parts.response, self.unsteady, strict=True)
+        ]
+        spread = np.concatenate([values for values, _ in axes])
+        J, error, faded = (
+            np.concatenate(
+                [vectors.T @ part for (_, vectors), part in zip(axes, each, strict=True)]
+            )
+            for each in (
+                parts.jacobian,
+                parts.error,
+                [
+                    OWN_FADING_SD * (response @ record.fading)
+                    for response, record in zip(parts.response, self.records, strict=True)
+                ],
+            )
+        )
+        first_row = np.cumsum([0, *(values.size for values, _ in axes[:-1])])
+
         def unlikely(sizes: Array) -> float:
             sizes = np.clip(sizes, *SMALLEST_LARGEST)
+            noise, _, unsteady = np.exp(2.0 * sizes)
             prior = self._prior(sizes)
-            value, normal, score = float(prior @ unknown**2), np.diag(prior), prior * unknown
-            for covariance, error, jacobian in zip(
-                self._covariances(parts, sizes), parts.error, parts.jacobian, strict=True
-            ):
-                root = np.linalg.cholesky(covariance)
-                white = np.linalg.solve(root, np.column_stack([jacobian, error]))
-                value += 2.0 * float(np.log(np.diag(root)).sum())
-                value += float(white[:, -1] @ white[:, -1])
-                normal = normal + white[:, :-1].T @ white[:, :-1]
-                score = score + white[:, :-1].T @ white[:, -1]
+            variance = noise + unsteady * np.maximum(spread, 0.0)
+            weighted = faded / variance
+            # (D + b b')^-1 of each coast, Sherman and Morrison 1950.
+            own = 1.0 + np.add.reduceat(weighted * faded, first_row)
+            by_coast = np.add.reduceat(weighted[:, None] * J, first_row)
+            off = np.add.reduceat(weighted * error, first_row)
+            normal = np.diag(prior) + J.T @ (J / variance[:, None])
+            normal -= by_coast.T @ (by_coast / own[:, None])
+            score = prior * unknown + J.T @ (error / variance) - by_coast.T @ (off / own)
+            value = float(prior @ unknown**2 + error @ (error / variance) - off @ (off / own))
+            value += float(np.log(variance).sum() + np.log(own).sum())
             value += float(np.linalg.slogdet(normal)[1] - score @ np.linalg.solve(normal, score))
             return 0.5 * value + len(self.records) * float(sizes[1])
 
