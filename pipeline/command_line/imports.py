@@ -6,6 +6,9 @@ import gc
 from collections.abc import Generator
 from contextlib import contextmanager
 
+_frozen = False
+"""Whether imports of this process are kept: to count them takes longer than to keep them."""
+
 
 @contextmanager
 def kept_for_good() -> Generator[None]:
@@ -14,12 +17,14 @@ def kept_for_good() -> Generator[None]:
     Modules stay until the end; to look through their objects again and again takes half
     a second of a run of seven.
     """
+    global _frozen
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if not gc.get_freeze_count():  # once in a process, else its garbage would stay too
+        if not _frozen:  # once in a process, else its garbage would stay too
             gc.freeze()
+            _frozen = True
         if was_enabled:
             gc.enable()

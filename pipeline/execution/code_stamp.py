@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def source_stamp(floors: Iterable[str] = FOLDERS) -> str:
     """Return the hash of names, sizes and times of the files that stages depend on."""
     lines = []
-    for path in source_files(floors):
+    for path in _source_paths(floors):
         status = os.stat(path)
         times = (status.st_size, status.st_mtime_ns, status.st_ctime_ns)
         lines.append(f"{path} {times}")
@@ -42,10 +42,14 @@ def source_hash() -> str:
 
 def source_files(floors: Iterable[str]) -> Iterator[Path]:
     """Yield the files of floors, caches left out."""
+    return map(Path, _source_paths(floors))
+
+
+def _source_paths(floors: Iterable[str]) -> Iterator[str]:
     for floor in floors:
-        for folder, inner, names in os.walk(ROOT / floor):
+        for folder, inner, names in os.walk(f"{ROOT}/{floor}"):
             inner[:] = [name for name in inner if name != "__pycache__"]
-            yield from (Path(folder, name) for name in names)
+            yield from (f"{folder}/{name}" for name in names)
 
 
 def hashes_of(folder: Path, names: Iterable[str]) -> dict[str, str]:

@@ -410,8 +410,11 @@ def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
     assert not loaded & {"auvid.stages.registry", "scipy", "pandas"}
 
 
-def test_the_garbage_collector_passes_over_imports_of_a_run() -> None:
+def test_the_garbage_collector_passes_over_imports_of_a_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     gc.unfreeze()
+    monkeypatch.setattr("auvid.pipeline.command_line.imports._frozen", False)
     with kept_for_good():
         assert not gc.isenabled()
     assert gc.isenabled()
