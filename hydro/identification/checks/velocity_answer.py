@@ -103,17 +103,17 @@ def velocity_answer(
     half = at < 0.5 * (at[0] + at[-1])
     odds, halves, changes = [], [], []
     for lag in lags:
-        change = _changes(t_imu, gyro, t_velocity - lag, speed, at)
+        change = changes_of(t_imu, gyro, t_velocity - lag, speed, at)
         change = change - np.median(change, axis=0)
-        odds.append(_odds(change, pulled))
-        halves.append([_odds(change[rows], pulled[rows]) for rows in (half, ~half)])
+        odds.append(log_odds(change, pulled))
+        halves.append([log_odds(change[rows], pulled[rows]) for rows in (half, ~half)])
         changes.append(change)
     best = int(np.argmax(odds))
     turn = planar_turn(pulled[:, :2], changes[best][:, :2])
     return VelocityAnswer(lags, np.array(odds), np.array(halves).T, turn)
 
 
-def _changes(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
+def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
     """Return v(t1) - v(t0) + integral of omega x v (n, 3) over windows from `at`."""
     first, last = (
         np.column_stack([np.interp(side, t, part) for part in speed.T])
@@ -124,7 +124,7 @@ def _changes(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Ar
     return np.asarray(last - first + turned)
 
 
-def _odds(change: Array, pulled: Array) -> float:
+def log_odds(change: Array, pulled: Array) -> float:
     """Return the log likelihood of changes (n, 3) over none, by medians."""
     left, own = (
         NORMAL_SPREAD * np.median(np.abs(part), axis=0) for part in (change - pulled, change)

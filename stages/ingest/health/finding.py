@@ -137,6 +137,10 @@ class CheckedLog:
         """Return the source of a stream."""
         return str(self.info.streams[stream].source)
 
+    def estimated(self, stream: str) -> bool:
+        """Return whether a stream is an estimate of the navigation filter."""
+        return any(note.startswith(stream) and ESTIMATED.search(note) for note in self.info.notes)
+
     def accelerometer(self) -> Array | None:
         """Return the accelerometer (n, 3) if the inertial unit has one."""
         if not self.has("imu") or not set(ACCELEROMETER) <= set(self.tables["imu"].column_names):

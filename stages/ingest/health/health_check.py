@@ -32,6 +32,7 @@ from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, un
 from auvid.stages.ingest.health.agreement.beam_velocity import beam_findings
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
+from auvid.stages.ingest.health.agreement.inertial_lag import with_inertial_lag
 from auvid.stages.ingest.health.agreement.motion import motion_findings
 from auvid.stages.ingest.health.agreement.placeholder_values import (
     placeholder_findings,
@@ -198,6 +199,9 @@ def _compared(log: CheckedLog) -> _Compared:
     measured = [item for check in OF_SENSORS for item in check(log)]
     if any(item["id"] in OF_GRAVITY for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
+    elif not any(item["id"] in OF_TURNS for item in measured):
+        log, late = with_inertial_lag(log)
+        measured += late
     beams = list(beam_findings(log.in_time()))
     measured += beams
     if beams:
@@ -279,6 +283,8 @@ OF_GRAVITY = (
     "accelerometer_axes",
 )
 """Findings of an accelerometer that is no evidence against other sensors."""
+OF_TURNS = ("attitude_unit", "gyro_sign", "gyro_axes", "gyro_scale", "gyro_lag")
+"""Findings of attitude and gyro, which do not agree so that both could be late alike."""
 OF_ANSWERS = (response_findings, clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 

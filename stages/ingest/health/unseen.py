@@ -10,7 +10,7 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
-from auvid.stages.columns import GYRO, OF_FIXES, OF_POSES
+from auvid.stages.columns import ATTITUDE, GYRO, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight
 from auvid.stages.ingest.health.actuation.push_answers import (
     clear_scales,
@@ -32,6 +32,8 @@ SLOW_TURN = 0.03
 """Standard deviation of a rate [rad/s] below which noise of the attitude decides."""
 SURE_WEIGHT = 0.04
 """Part of the weight that the thrusters must show (three standard deviations)."""
+SURE_TILT = 0.05
+"""Standard deviation of roll or pitch [rad] by which a lag of .1 s is certain."""
 CLEAR, CLEAR_WEIGHT = 4.0, 3.0
 SURE_ANSWER, RESTING_US, LEAST_REST = 0.95, 15.0, 0.02
 """Share of a motion that outputs explain whose clock shows to a tenth of a second; and
@@ -171,11 +173,18 @@ def _why(log: CheckedLog, evidence: VelocityEvidence) -> str:
     return f"{reason}{track}; stage check_installation joins all legs"
 
 
+def _shows_inertial_lag(log: CheckedLog) -> bool:
+    """Return whether gravity and a velocity show a lag that attitude and gyro share."""
+    if not log.has("velocity") or log.accelerometer() is None:
+        return False
+    return bool(np.max(np.std(log.values("attitude", ATTITUDE[:2]), axis=0)) > SURE_TILT)
+
+
 def _clocks(
     log: CheckedLog, evidence: VelocityEvidence, answers: Mapping[str, Response]
 ) -> Iterator[Unseen]:
     yield "rate of a clock that all sensors share", "a log has no second clock"
-    if log.has("imu", "attitude"):
+    if log.has("imu", "attitude") and not _shows_inertial_lag(log):
         yield (
             "a lag that attitude and gyro share (the filter of a unit that gives both)",
             "they agree with each other; a lag of velocity or outputs against them that is named"

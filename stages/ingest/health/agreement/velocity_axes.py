@@ -14,7 +14,6 @@ from auvid.hydro.identification.checks.velocity_answer import VelocityAnswer, ve
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR
 from auvid.stages.ingest.health.finding import (
-    ESTIMATED,
     CheckedLog,
     Finding,
     finding,
@@ -92,7 +91,7 @@ def _accelerometer(log: CheckedLog) -> VelocityAnswer | None:
     force = log.accelerometer()
     if force is None or log.info.accelerometer not in (None, "specific_force"):
         return None
-    if _estimated(log, "velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+    if log.estimated("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
         return None
     good = np.isfinite(force).all(axis=1)
     times, rates = log.t_s("imu")[good], log.values("imu", GYRO)[good]
@@ -109,15 +108,11 @@ def _accelerometer(log: CheckedLog) -> VelocityAnswer | None:
     )
 
 
-def _estimated(log: CheckedLog, stream: str) -> bool:
-    return any(note.startswith(stream) and ESTIMATED.search(note) for note in log.info.notes)
-
-
 def _of_the_heading(log: CheckedLog) -> bool:
     """Return whether position or velocity was made with the heading, so both agree."""
     if log.source("velocity").startswith((OF_FIXES, OF_POSES)):
         return True
-    return log.source("position").startswith(OF_POSES) or _estimated(log, "position")
+    return log.source("position").startswith(OF_POSES) or log.estimated("position")
 
 
 def mirrored_track(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:

@@ -255,6 +255,13 @@ def _late(log: Log) -> None:
     log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 200_000
 
 
+@spoils("inertial_lag")
+def _late_together(log: Log) -> None:
+    t = log.t_s("imu")
+    for name in ACCEL:  # early by so much, which is the same
+        log.streams["imu"][name] = np.interp(t + 0.3, t, log.streams["imu"][name])
+
+
 @spoils("gyro_bias")
 def _biased(log: Log) -> None:
     log.streams["imu"]["gyro_x_rad_s"] = log.streams["imu"]["gyro_x_rad_s"] + 0.04

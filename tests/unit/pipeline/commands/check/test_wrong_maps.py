@@ -793,6 +793,11 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "response_order",
         "x and y of the positions exchanged",
     ),
+    "attitude and gyro 0.3 s late": (
+        late(0.3, *ANGLES, *GYRO),
+        "inertial_lag",
+        "both come 0.40 s after",
+    ),
     "a tenth of the added mass": (
         vehicle(*ADDED, factor=0.1, of="added_mass"),
         "added_mass_size",
@@ -804,7 +809,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "Z_wdot",
     ),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-13:-2]
+WHOLE_DIVE = tuple(DIVE_CASES)[-14:-2]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",

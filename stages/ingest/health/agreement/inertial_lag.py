@@ -1,0 +1,85 @@
+"""Check of attitude and gyro together against accelerometer, velocity and depth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.identification.checks.inertial_lag import InertialLag, inertial_lag
+from auvid.stages.columns import (
+    ACCELEROMETER,
+    ATTITUDE,
+    GYRO,
+    OF_FIXES,
+    OF_POSES,
+)
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
+
+SURE_ODDS, SURE_BY_DEPTH = 30.0, 10.0
+"""Logarithm of the likelihood of a lag over none: by accelerometer and velocity (no
+sound leg of 60 exceeds 16), and in the depth rate, where it tells which of both is late.
+"""
+ROUNDING = 1e-9
+AFTER = ("before", "after")
+
+
+def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
+    """Return the log with its inertial unit and attitude in time, and what was late."""
+    answer = _lag(log.in_time())
+    if answer is None or answer.better_than_none < SURE_ODDS:
+        return log, []
+    lag = answer.lag_s
+    if abs(lag) < limit("inertial_lag") - ROUNDING:
+        return log, []
+    by_depth = answer.by_depth or 0.0
+    if by_depth < -SURE_BY_DEPTH:
+        text = (
+            f"The accelerometer ({log.source('imu')}) comes {abs(lag):.2f} s {AFTER[lag < 0.0]}"
+            " attitude, gyro and velocity, which agree with each other and with the depth."
+        )
+        return _read_later(log, ACCELEROMETER, -lag), [_late(text, lag, ACCELEROMETER)]
+    text = (
+        f"Attitude ({log.source('attitude')}) and gyro ({log.source('imu')}) both come"
+        f" {abs(lag):.2f} s {AFTER[lag > 0.0]} accelerometer and velocity, by gravity"
+    )
+    if by_depth > SURE_BY_DEPTH:
+        text += " and by the depth that the velocity makes: they pass a filter, or their clock is"
+        text += " another."
+    else:
+        text += f"; or the accelerometer comes so much {AFTER[lag < 0.0]} them."
+    times = {name: log.t_s(name) for name in log.tables}
+    times["attitude"] = times["attitude"] - lag
+    mended = _read_later(replace(log, _times=times), GYRO, lag)
+    return mended, [_late(text, lag, (*ATTITUDE, *GYRO))]
+
+
+def _lag(log: CheckedLog) -> InertialLag | None:
+    force = log.accelerometer()
+    if force is None or log.info.accelerometer not in (None, "specific_force"):
+        return None
+    if not log.has("attitude", "velocity") or not np.isfinite(log.body_velocity()).all():
+        return None
+    if log.estimated("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        return None
+    good = np.isfinite(force).all(axis=1)
+    return inertial_lag(
+        (log.t_s("imu")[good], log.values("imu", GYRO)[good], force[good]),
+        (log.t_s("attitude"), log.values("attitude", ATTITUDE)),
+        (log.t_s("velocity"), log.body_velocity()),
+        (log.t_s("depth"), log.column("depth", "depth_m")) if log.has("depth") else None,
+        gravity=STANDARD_GRAVITY,
+        arm_m=np.zeros(3) if log.vehicle is None else log.vehicle.dvl.arm_m,
+    )
+
+
+def _read_later(log: CheckedLog, fields: tuple[str, ...], lag_s: float) -> CheckedLog:
+    """Return the log with columns of its inertial unit read so much later."""
+    t = log.t_s("imu")
+    columns = {name: np.interp(t + lag_s, t, log.column("imu", name)) for name in fields}
+    return log.with_columns("imu", columns)
+
+
+def _late(text: str, lag_s: float, fields: tuple[str, ...]) -> Finding:
+    return finding("inertial_lag", text, stream="imu", value=abs(lag_s), fields=fields)
