@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     integrals,
@@ -38,6 +39,7 @@ class SlowAnswer:
     late: float
 
 
+@kept
 def slow_answer(
     t_command: ArrayLike,
     command: ArrayLike,
@@ -88,6 +90,7 @@ class PlanarTurn:
     explained: float
 
 
+@kept
 def track_turn(
     t_position: Array,
     position: Array,

@@ -18,6 +18,7 @@ from itertools import combinations, product
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.kept_results import kept
 
 STRENGTHS = (0.0, 0.5, 1.5)
 TURNS = np.radians([-135.0, -90.0, -60.0, -45.0, -30.0, 30.0, 45.0, 60.0, 90.0, 135.0])
@@ -79,6 +80,7 @@ class JoinedOutputs:
     places: tuple[int, ...] = ()
 
 
+@kept
 def joined_outputs(
     motions: Sequence[WindowMotion],
     impulse: Array,

@@ -9,13 +9,14 @@ Nothing here decides.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.checks.kept_results import kept, signs_of
 from auvid.hydro.identification.checks.robust_gains import (
     FEWEST_WINDOWS,
     AxisGains,
@@ -109,6 +110,7 @@ def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     return np.stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)], axis=1)
 
 
+@kept
 def depth_gains(
     t_depth: Array,
     depth: Array,
@@ -185,6 +187,7 @@ class TiltOffset:
     likelier: float
 
 
+@kept
 def tilt_offset(
     t_depth: Array,
     depth: Array,
@@ -226,6 +229,7 @@ AXES_TAKEN = {
 }
 
 
+@kept
 def depth_by_axes(
     t_depth: Array,
     depth: Array,
@@ -277,6 +281,7 @@ def track_windows(
     return at, rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler)), width
 
 
+@kept
 def position_gains(
     t_position: Array,
     position: Array,
@@ -334,6 +339,7 @@ def accelerometer_changes(
     return change[1] - change[0], force, transport
 
 
+@kept
 def tilt_gains(
     t_imu: Array, specific_force: Array, t_attitude: Array, euler: Array, *, gravity: float
 ) -> list[list[AxisGains | None]] | None:
@@ -352,6 +358,7 @@ def tilt_gains(
     return [[fitted_gains(row, expected[:, [column]]) for column in (0, 1)] for row in reading.T]
 
 
+@kept
 def velocity_lag(
     t_depth: Array,
     depth: Array,
@@ -484,6 +491,37 @@ def gains_by_motion(
     """Return the gains of `response_gains` in each motion (m, j), at each lag."""
     taken = np.zeros((len(motions), 0)) if coupled is None else coupled
     lags = np.asarray(lags_s, dtype=np.float64)
+    # Signs only turn the gains, and a log is checked again with other signs.
+    of_force, of_motion = signs_of(acceleration), signs_of(motions)
+    by_motion = _gains_by_motion(
+        t_force,
+        acceleration * of_force,
+        t_motion,
+        motions * of_motion,
+        taken * signs_of(taken),
+        lags,
+        width_s,
+    )
+    return [
+        [
+            None if gains is None else replace(gains, gain=gains.gain * turn * of_force)
+            for gains in by_lag
+        ]
+        for by_lag, turn in zip(by_motion, of_motion, strict=True)
+    ]
+
+
+@kept
+def _gains_by_motion(
+    t_force: Array,
+    acceleration: Array,
+    t_motion: Array,
+    motions: Array,
+    taken: Array,
+    lags: Array,
+    width_s: float,
+) -> list[list[AxisGains | None]]:
+    """Return what `gains_by_motion` does; taken (m, l): the coupled terms."""
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
     starts = windows_until(start, end, t_force, t_motion, width_s=width_s)
     tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]

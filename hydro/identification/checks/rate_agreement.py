@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.response import peak_of_parabola
 from auvid.hydro.identification.checks.signal_checks import (
     FEWEST,
@@ -52,6 +53,7 @@ class RateAgreement:
     jump_at_s: float
 
 
+@kept
 def attitude_jumps(
     t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
 ) -> tuple[Array, Array, Array]:
@@ -67,6 +69,7 @@ def attitude_jumps(
     return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
 
 
+@kept
 def rate_agreement(
     t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
 ) -> RateAgreement | None:

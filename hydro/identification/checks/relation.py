@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.response import LONGEST_RESPONSE_S, without_drift
 
 RATE_HZ = 10.0
@@ -65,6 +66,7 @@ class Relation:
         return (odds - self.chance) / max(self.chance_95 - self.chance, 1e-12)
 
 
+@kept
 def relation(
     t_command: ArrayLike, command: ArrayLike, motions: Sequence[tuple[Array, Array]]
 ) -> Relation | None:

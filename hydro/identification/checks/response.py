@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.kept_results import kept
 
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
 TONE_HZ, TONE_BINS, SHORTEST_TONE_S = 10.0, 2, 20.0
@@ -38,6 +39,7 @@ class Response:
     explained: float
 
 
+@kept
 def response_lag(
     t_command: ArrayLike,
     command: ArrayLike,
@@ -83,6 +85,7 @@ def response_lag(
     return Response(peak_of_parabola(lags / rate_hz, shares), float(shares.max()))
 
 
+@kept
 def tone_share(t_command: ArrayLike, command: ArrayLike) -> tuple[float, float]:
     """Return the strongest frequency of commands (n, k) [Hz] and its share of power.
 

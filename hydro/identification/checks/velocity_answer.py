@@ -14,6 +14,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
+from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     down_at,
@@ -78,6 +79,7 @@ def drift_of(lags_s: Array, halves: Array) -> Drift:
     return Drift(float(last - first), gained)
 
 
+@kept
 def velocity_answer(
     imu: tuple[Array, Array, Array],
     attitude: tuple[Array, Array],

@@ -1,0 +1,85 @@
+"""Results of comparisons that are kept, and returned where the same records come again.
+
+A log is checked again for each mistake that may explain its findings, and most mistakes
+change few of its records.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import wraps
+from hashlib import blake2b
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+
+MOST_RESULTS = 1024
+"""Results of each comparison; they are small, the records are not kept."""
+DIGEST_BYTES = 16
+Taken = ParamSpec("Taken")
+Result = TypeVar("Result")
+
+
+def kept(compare: Callable[Taken, Result]) -> Callable[Taken, Result]:
+    """Return a comparison that computes once for the same contents of its arguments.
+
+    Nobody may change a result that is returned.
+    """
+    results: OrderedDict[bytes, Result] = OrderedDict()
+
+    @wraps(compare)
+    def once(*args: Taken.args, **named: Taken.kwargs) -> Result:
+        key = contents([*args, *sorted(named.items())])
+        if key not in results:
+            results[key] = compare(*args, **named)
+            if len(results) > MOST_RESULTS:
+                results.popitem(last=False)
+        results.move_to_end(key)
+        return results[key]
+
+    return once
+
+
+def contents(*values: Any) -> bytes:
+    """Return a digest of arrays, numbers, words and what holds them.
+
+    >>> contents([1.0, np.zeros(2)]) == contents([1.0, np.zeros(2)])
+    True
+    >>> contents([1.0, np.zeros(2)]) == contents([1.0, np.ones(2)])
+    False
+    """
+    digest = blake2b(digest_size=DIGEST_BYTES)
+    for value in values:
+        _add(digest, value)
+    return digest.digest()
+
+
+def _add(digest: Any, value: Any) -> None:
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).data)
+    elif isinstance(value, (list, tuple)):
+        digest.update(f"{type(value).__name__}{len(value)}".encode())
+        for item in value:
+            _add(digest, item)
+    elif is_dataclass(value):
+        for item in fields(value):
+            _add(digest, getattr(value, item.name))
+    else:
+        digest.update(f"{type(value).__name__} {value!r};".encode())
+
+
+def signs_of(columns: Array) -> Array:
+    """Return the sign (k,) of the first value of each column (n, k) that is not zero.
+
+    >>> signs_of(np.array([[0.0, 2.0], [-1.0, -3.0]]))
+    array([-1.,  1.])
+    """
+    if not len(columns):
+        return np.ones(columns.shape[1])
+    first = np.argmax(columns != 0.0, axis=0)
+    return np.where(np.take_along_axis(columns, first[None], axis=0)[0] < 0.0, -1.0, 1.0)
