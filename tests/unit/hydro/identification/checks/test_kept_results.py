@@ -1,0 +1,52 @@
+"""A comparison that is kept computes once for the same records."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from auvid.hydro.identification.checks import kept_results
+from auvid.hydro.identification.checks.kept_results import kept
+from auvid.hydro.identification.checks.motion_checks import gains_by_lag
+
+
+def test_the_same_contents_are_compared_once_and_any_other_contents_again() -> None:
+    compared = []
+
+    @kept
+    def total(values: object, *, times: float = 1.0) -> float:
+        compared.append(values)
+        return times * float(np.sum(values))  # type: ignore[arg-type]
+
+    values = np.arange(6.0)
+    assert total(values) == total(values.copy()) == 15.0
+    assert len(compared) == 1
+    values[0] = 1.0
+    others = [values, values.reshape(2, 3), values.astype(np.float32), values[::-1], [values]]
+    assert [total(each) for each in others] == [16.0] * 5
+    assert total(values, times=2.0) == 32.0
+    assert len(compared) == 7
+
+
+def test_only_so_many_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kept_results, "MOST_RESULTS", 2)
+    compared: list[int] = []
+    same = kept(lambda value: compared.append(value) or value)
+    assert [same(value) for value in (1, 2, 1, 3, 1, 2)] == [1, 2, 1, 3, 1, 2]
+    assert compared == [1, 2, 3, 2]
+
+
+def test_turned_signs_turn_the_gains_and_nothing_else() -> None:
+    random = np.random.default_rng(0)
+    t = np.arange(0.0, 60.0, 0.1)
+    force = np.column_stack([np.sin(t), np.sin(0.4 * t + 1.0)])
+    coupled = 0.1 * random.standard_normal((t.size, 2))
+    motion = 0.1 * np.cumsum(force @ [0.5, -0.2]) + 0.01 * random.standard_normal(t.size)
+    (plain,) = gains_by_lag(t, force, t, motion, lags_s=[0.1], coupled=coupled)
+    (turned,) = gains_by_lag(t, force * [1.0, -1.0], t, -motion, lags_s=[0.1], coupled=-coupled)
+    assert plain is not None
+    assert turned is not None
+    assert np.abs(plain.gain).min() > 0.1
+    np.testing.assert_allclose(turned.gain, plain.gain * [-1.0, 1.0], rtol=1e-9)
+    np.testing.assert_allclose(turned.sd, plain.sd, rtol=1e-9)
+    assert np.isclose(turned.explained, plain.explained)
