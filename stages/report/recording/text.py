@@ -53,7 +53,8 @@ def markdown(
     if summary.models:
         heads = [f"J/J0, {summary.judged_on}", "all", *AXIS_WORDS]
         rows = []
-        for model in summary.models:
+        models = sorted(summary.models, key=lambda model: model.name != summary.recommended)
+        for model in models:
             ratios = [
                 merit.validation if summary.judged_on == "validation" else merit.training
                 for merit in model.axes.values()
@@ -62,7 +63,8 @@ def markdown(
                 "–" if ratio is None else f"**{ratio:.2f}**" if ratio > 1 else f"{ratio:.2f}"
                 for ratio in ratios
             ]
-            rows.append([model.title, *cells])
+            words = " (recommended)" if model.name == summary.recommended else ""
+            rows.append([model.title + words, *cells])
         lines += [
             *table_lines(heads, rows),
             "",

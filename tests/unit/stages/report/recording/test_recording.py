@@ -216,7 +216,12 @@ def test_text_beside_the_plots_names_the_model_and_what_fails(example: ExampleRu
         make_clock(example.segments, example.logs).segments,
     )
     assert summary.headline in words
-    assert "| Linear | 0.62 |" in words
+    last = summary.models[-1]
+    chosen = replace(summary, recommended=last.name)
+    rows = [row for row in markdown("", chosen, {}, {}).splitlines() if row.startswith("| ")]
+    first = next(at for at, row in enumerate(rows) if row.startswith("| J/J0")) + 2
+    assert rows[first].startswith(f"| {last.title} (recommended) |")
+    assert "| 0.62 |" in next(row for row in words.splitlines() if row.startswith("| Linear"))
     assert "**1." in words
     assert "\x1b" not in words
     assert "- check: validation, 6.0 to 9.0 s (log dive)" in words
