@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     integrals,
@@ -21,6 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     windows,
 )
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
+from auvid.hydro.kept_results import kept
 
 LONGEST_DELAY_S = 0.6
 """Thrusters, their controllers and the record take no longer to act."""

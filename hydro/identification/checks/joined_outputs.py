@@ -18,7 +18,7 @@ from itertools import combinations, product
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.kept_results import kept
+from auvid.hydro.kept_results import kept
 
 STRENGTHS = (0.0, 0.5, 1.5)
 TURNS = np.radians([-135.0, -90.0, -60.0, -45.0, -30.0, 30.0, 45.0, 60.0, 90.0, 135.0])

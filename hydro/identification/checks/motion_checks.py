@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.identification.checks.kept_results import kept, signs_of
 from auvid.hydro.identification.checks.robust_gains import (
     FEWEST_WINDOWS,
     AxisGains,
@@ -25,6 +24,7 @@ from auvid.hydro.identification.checks.robust_gains import (
     solved,
     stacked,
 )
+from auvid.hydro.kept_results import kept, signs_of
 
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.response import peak_of_parabola
 from auvid.hydro.identification.checks.signal_checks import (
     FEWEST,
@@ -18,6 +17,7 @@ from auvid.hydro.identification.checks.signal_checks import (
     RATE_INTERVAL_S,
     thinned,
 )
+from auvid.hydro.kept_results import kept
 
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
 ALIKE = 0.1

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.response import LONGEST_RESPONSE_S, without_drift
+from auvid.hydro.kept_results import kept
 
 RATE_HZ = 10.0
 LAGS_S = (-1.5, 2.5)

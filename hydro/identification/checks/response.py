@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.kept_results import kept
+from auvid.hydro.kept_results import kept
 
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
 TONE_HZ, TONE_BINS, SHORTEST_TONE_S = 10.0, 2, 20.0

@@ -14,7 +14,6 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
-from auvid.hydro.identification.checks.kept_results import kept
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     down_at,
@@ -22,6 +21,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     windows,
 )
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS
+from auvid.hydro.kept_results import kept
 
 NORMAL_SPREAD = 1.4826
 """Standard deviation of a normal distribution over its median deviation."""

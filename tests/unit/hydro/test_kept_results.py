@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from auvid.hydro.identification.checks import kept_results
-from auvid.hydro.identification.checks.kept_results import kept
+from auvid.hydro import kept_results
 from auvid.hydro.identification.checks.motion_checks import gains_by_lag
+from auvid.hydro.kept_results import kept
 
 
 def test_the_same_contents_are_compared_once_and_any_other_contents_again() -> None:
