@@ -54,8 +54,9 @@ REMEDIES = {
 """Axis -> what would give it, where nothing measures it, and of tilts at all."""
 MOVE = "Drive the axis by itself, both ways, for some minutes."
 """What would give surge, sway, heave or yaw that is measured."""
+COMMAND = "Command the axis both ways in a dive"
+ELSEWHERE = "ake its damping from a published set or a bench (`fill` of the campaign)."
 REMEDY_OF = {
-    "not commanded": "Command the axis both ways in a dive.",
     "left out": "Name it in stages.fit_axes.axes, or name none there.",
     "wrong sign": "Check the directions of the thrusters, the frame, and the signs of the columns.",
 }
@@ -154,6 +155,12 @@ def lacking_axis(item: Lacking) -> LackingAxis:
     measured = item.verdict in ("not excited", "not predicted")
     by_axis = MOVE if measured and item.axis in "XYZN" else REMEDIES[item.axis]
     remedy = REMEDY_OF.get(item.verdict, by_axis)
+    if item.verdict == "not commanded" and item.axis in "XYZN":
+        remedy = {
+            True: f"T{ELSEWHERE}",
+            False: f"{COMMAND}.",
+            None: f"{COMMAND}; where no thruster acts along it, t{ELSEWHERE}",
+        }[item.no_thruster]
     return LackingAxis(verdict=item.verdict, words=item.words, remedy=remedy)
 
 

@@ -196,11 +196,15 @@ class FittedAxis:
 
 @dataclass(frozen=True)
 class Lacking:
-    """An axis that is not fitted, and why."""
+    """An axis that is not fitted, and why.
+
+    `no_thruster`: whether no thruster of the vehicle acts along it; None where nothing says.
+    """
 
     axis: str
     verdict: LackingVerdict
     words: str
+    no_thruster: bool | None = None
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
-from auvid.hydro.identification.axes.record import SHARE_SD
+from auvid.hydro.identification.axes.record import SHARE_SD, AxisRecord, is_idle
 from auvid.hydro.identification.axes.single_axis import (
     LAG_FLOOR_S,
     SURGE,
@@ -220,11 +220,9 @@ def _lacking(
     records = [leg.record for leg in legs.values()]
     if not any(axis in leg.windows.measured_by for leg in legs.values()):
         return Lacking(axis, "not observable", "nothing measures its velocity")
-    if not pushed(records, axis):
-        return Lacking(axis, "not commanded", "no actuator drives it in these legs")
     reasons = {item.reason for record in records for item in record.left_out if item.axis == axis}
-    if not using and reasons == {"not commanded"}:
-        return Lacking(axis, "not commanded", "no actuator drives it in these legs")
+    if not pushed(records, axis) or (not using and reasons == {"not commanded"}):
+        return _not_commanded(axis, records)
     if not using:
         return Lacking(axis, "not excited", "; ".join(sorted(reasons)) or "no window is left")
     words = refusal([leg.record for leg in using.values()], axis)
@@ -233,6 +231,16 @@ def _lacking(
     head, _, rest = words.partition(": ")
     verdict: LackingVerdict = "not observable" if head == "not observable" else "not excited"
     return Lacking(axis, verdict, rest or head)
+
+
+def _not_commanded(axis: str, records: Sequence[AxisRecord]) -> Lacking:
+    """Return why nothing drives an axis: no thruster, or no command."""
+    layouts = [record.thrusters for record in records if record.thrusters is not None]
+    if not layouts:
+        return Lacking(axis, "not commanded", "no actuator drives it in these legs")
+    if any(not is_idle(thrusters, axis) for thrusters in layouts):
+        return Lacking(axis, "not commanded", "no actuator drives it in these legs", False)
+    return Lacking(axis, "not commanded", "no thruster of the vehicle acts along it", True)
 
 
 def _refused(
@@ -271,7 +279,8 @@ def _turned_round(
         for key, leg in using.items()
     }  # fmt: skip
     fit = _single(axis, turned, vehicle, replace(options, fit_lag=False), HullSpeeds())
-    return min(item.percent[fit.velocity] for item in fit.held_out)
+    percent = [i.percent[fit.velocity] for i in fit.held_out if fit.velocity in i.percent]
+    return min(percent, default=-np.inf)
 
 
 def _single(

@@ -15,7 +15,7 @@ from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
 from auvid.stages.fit_axes.markers import markers_words
-from auvid.stages.fit_axes.thrusters import share_of, weak_words
+from auvid.stages.fit_axes.thrusters import share_of, untold_words, weak_words
 from auvid.stages.model_use import axes_listed, ratio_words
 from auvid.stages.number_format import LEAST_FIT, fit_in_percent, significant
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -269,7 +269,8 @@ def _thrusters(fits: AxisFits) -> list[Block]:
         "Force over that which its output says, over the median of the same of the others. From"
         " the prior: the motion does not tell it from the others."
     )
-    return [table("Thrusters against those like them", heads, rows, note=note)]
+    why = [remark(words) for words in untold_words(fits.thrusters)]
+    return [table("Thrusters against those like them", heads, rows, note=note), *why]
 
 
 def _ends(item: Any) -> Sequence[float | None]:

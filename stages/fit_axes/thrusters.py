@@ -21,11 +21,14 @@ from auvid.hydro.identification.fleet.thruster_ratios import (
     acting_on,
     thruster_ratios,
 )
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.fitted import FittedAxis
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.number_format import significant
 
+DRIVEN_ALIKE = 1.0
+"""Thrusters that depart less from their mean, in parts of it, are driven alike."""
 FEWEST = 4
 """Windows of a fit below which its thrusters are not compared."""
 
@@ -140,6 +143,22 @@ def share_of(item: ThrusterRatio) -> ThrusterShare:
             "verdict": item.verdict,
         }
     )
+
+
+def untold_words(ratios: Sequence[ThrusterRatio]) -> list[str]:
+    """Return why thrusters are not told apart, and what would do it."""
+    groups: dict[tuple[int, ...], list[ThrusterRatio]] = {}
+    for item in ratios:
+        if np.isfinite(item.value) and item.verdict != IDENTIFIED:
+            groups.setdefault(tuple(sorted((item.output, *item.others))), []).append(item)
+    return [
+        f"Outputs {', '.join(map(str, outputs))}: the motion tells the sum of their forces. That"
+        f" of one departs from their mean by {significant(100.0 * largest, 2)} % of it at most, as"
+        " they are driven alike, so that a weak one hides behind the others. Run each by itself"
+        " under water for some seconds, both ways (motor test), and log that dive, too."
+        for outputs, items in groups.items()
+        if (largest := max(item.departure for item in items)) < DRIVEN_ALIKE
+    ]
 
 
 def weak_words(ratios: Sequence[ThrusterRatio]) -> list[str]:

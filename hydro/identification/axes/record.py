@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import AXES, Array
 
 UNMEASURED_DRAG = (0.5, 3.0)
 """Linear and quadratic drag over mass [1/s, 1/m] of a hull whose speeds forces give: those of
@@ -24,6 +24,8 @@ small vehicles. What they are off by, `speed_share` and the coefficient of a ter
 LARGEST_SHARE, SHARE_WITHIN, SHARE_SD = 1.5, 0.03, 0.2
 """Ends of what such speeds may be off by, how near it is sought, and its deviation: of twins
 whose speeds were .70 and 1.12 of those that forces give, it comes out as .40 and 1.13."""
+LEAST_EFFECT = 1e-3
+"""Of the largest effect on any axis: thrusters that do less do not act along one."""
 HULL_SHARE, HULL_STEP_S = 0.3, 0.02
 """Least deviation of that coefficient, in parts of mass over inertia; step of the speeds."""
 
@@ -78,6 +80,13 @@ class AxisRecord:
     left_out: tuple[LeftOut, ...]
     measured_by: Mapping[str, str]
     thrusters: ThrusterForces | None = None
+
+
+def is_idle(thrusters: ThrusterForces, axis: str) -> bool:
+    """Return whether no thruster acts along an axis, as against others."""
+    effect = np.abs(thrusters.effect)
+    own = float(effect[AXES.index(axis)].max(initial=0.0))
+    return own <= LEAST_EFFECT * float(effect.max(initial=0.0))
 
 
 def unmeasured(records: Sequence[AxisRecord]) -> bool:

@@ -41,6 +41,7 @@ class ThrusterRatio:
     """Gain of the thruster on an output over the median of the `others` like it.
 
     `low`, `high`: 95 % interval, that of the prior where the motion does not separate it.
+    `departure`: scatter of what it does beside the mean of all of them, over that of the mean.
     """
 
     output: int
@@ -49,6 +50,7 @@ class ThrusterRatio:
     high: float
     verdict: str
     others: tuple[int, ...]
+    departure: float = float("nan")
 
     @property
     def is_weak(self) -> bool:
@@ -93,8 +95,27 @@ def thruster_ratios(pool: Pool, fit: PoolFit) -> tuple[ThrusterRatio, ...]:
         alike = np.intersect1d(thrusters_alike(thrusters.effect, number), acting)
         others = np.array([i for i in alike if not idle[i]], dtype=np.int64)
         if len(others):
-            out.append(_ratio(thrusters, number, others, gain, covariance, width, idle[number]))
+            item = _ratio(thrusters, number, others, gain, covariance, width, idle[number])
+            out.append(
+                replace(
+                    item, departure=_departure_from_mean(thrusters, force, number, others, axes)
+                )
+            )
     return tuple(out)
+
+
+def _departure_from_mean(
+    thrusters: ThrusterForces, force: Array, number: int, others: Ints, axes: Sequence[str]
+) -> float:
+    """Return how far a thruster acts apart from those like it, over all windows.
+
+    force (n, m): of the windows. By the axis of the fit that it acts on most.
+    """
+    effect = thrusters.effect[[AXES.index(axis) for axis in axes]]
+    row = effect[int(np.argmax(np.abs(effect[:, number]) / np.abs(effect).max(axis=1)))]
+    acts = np.nan_to_num(force) * row
+    mean = acts[:, [number, *others]].mean(axis=1)
+    return float(np.std(acts[:, number] - mean) / max(float(np.std(mean)), 1e-12))
 
 
 def _gains(pool: Pool, fit: PoolFit, free: Sequence[int], count: int) -> tuple[Array, Array]:

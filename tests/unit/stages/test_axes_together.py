@@ -17,7 +17,7 @@ from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.card import model_card, ranking
+from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.coupling import filed_inertia, fitted_shares, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all
@@ -424,10 +424,41 @@ def test_thrusters_that_the_motion_does_not_tell_apart_are_as_strong_as_each_oth
         one.record, rate=dict.fromkeys("vwpqr", np.zeros_like(surge)) | {"u": ahead.rate["u"]},
         force=still | {"X": ahead.force["X"]}, windows={"X": one.record.windows["X"]},
     )  # fmt: skip
-    leg_1 = by_thrusters(replace(one, record=record), np.ones(4))
+    measured = one.windows.model_copy(update={"measured_by": dict.fromkeys("XYZN", "a pose")})
+    leg_1 = by_thrusters(replace(one, record=record, windows=measured), np.ones(4))
     fitted = fit_all({"leg_1": leg_1}, body(), FitOptions(lag_s=0.08, fit_lag=False))
     assert {item.verdict for item in fitted.thrusters} == {"from the prior"}
     for item in fitted.thrusters:
         assert item.value == pytest.approx(1.0, abs=0.02)
         assert item.low < 0.6
         assert not item.is_weak
+        assert item.departure == pytest.approx(0.0, abs=1e-6)
+    card = model_card(fitted, scaled(fitted, body(), by="pull"), (), body())
+    assert "Outputs 1, 2, 3, 4: the motion tells the sum" in str(fit_section(fitted, card))
+    assert card.partial is not None
+    assert card.partial.lacking["Z"].remedy == "Command the axis both ways in a dive."
+
+
+def test_thrusters_that_run_one_by_one_are_told_apart() -> None:
+    """Three of four push ahead in turn, and the third gives half."""
+    one = legs_of(file_inertia())["leg_1"]
+    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=80.0, step_s=0.1, normalised=True)
+    delivered, still = ahead.force["X"], np.zeros(len(ahead.t_s))
+    turn = np.arange(len(delivered)) // 100 % 4
+    stated = np.where(turn[:, None] == np.arange(4), delivered[:, None], 0.0) / [1.0, 1.0, 0.5, 1.0]
+    effect = np.zeros((6, 4))
+    effect[0] = 1.0
+    record = replace(
+        one.record, rate=dict.fromkeys("vwpqr", still) | {"u": ahead.rate["u"]},
+        force=dict.fromkeys(AXES, still) | {"X": stated.sum(axis=1)},
+        windows={"X": one.record.windows["X"]},
+        thrusters=ThrusterForces((1, 2, 3, 4), stated, effect),
+    )  # fmt: skip
+    options = FitOptions(lag_s=0.08, fit_lag=False)
+    fitted = fit_all({"leg_1": replace(one, record=record)}, body(), options)
+    ratio = {item.output: item for item in fitted.thrusters}
+    assert ratio[3].value == pytest.approx(0.5, abs=0.05)
+    assert ratio[3].is_weak
+    assert min(item.departure for item in fitted.thrusters) > 1.0
+    remedies = {item.axis: lacking_axis(item).remedy for item in fitted.lacking}
+    assert remedies["Y"].startswith("Take its damping"), "no thruster pushes aside"

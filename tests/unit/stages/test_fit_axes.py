@@ -125,6 +125,8 @@ def test_a_run_that_is_lost_has_words_in_place_of_a_fit_in_percent() -> None:
         ("Y", "not predicted", "Drive"),
         ("N", "not excited", "Drive"),
         ("M", "not predicted", "Tilt"),
+        ("K", "not commanded", "Tilt"),
+        ("Y", "not commanded", "where no thruster acts"),
         ("X", "wrong sign", "directions"),
     ],
 )
