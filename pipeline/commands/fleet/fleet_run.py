@@ -10,16 +10,17 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.records.fleet import FleetRun, LogSurvey
 from auvid.pipeline.commands.fleet.discovery import Discovery, FleetLog, discover
 from auvid.pipeline.commands.fleet.dive_reports import draw_reports
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder
-from auvid.pipeline.commands.fleet.fleet_tables import FleetRow, GrowingTables
+from auvid.pipeline.commands.fleet.fleet_tables import FleetMemory, FleetRow, GrowingTables
 from auvid.pipeline.commands.fleet.log_work import (
     MARK,
+    SURVEY,
+    code_hash,
     document_path,
     failed,
     one_line,
@@ -43,7 +44,7 @@ from auvid.pipeline.execution.task import Outcome, Task, execute
 from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer, note
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
-from auvid.pipeline.store.file_hashes import HASHES, FileHashes
+from auvid.pipeline.store.file_hashes import HASHES, FileHashes, hash_value
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages.ingest.health.finding import counted
 
@@ -55,7 +56,6 @@ DIED = (
 LISTED = 20
 COMPARED = ".compared.json"
 """File of a fleet: keys of the surveys compared, and in words which agree."""
-D = TypeVar("D", LogSurvey, FleetRun)
 
 
 @dataclass(frozen=True)
@@ -106,35 +106,48 @@ def _run_fleet(
         logs = {log.id: log for log in disk.logs}
         unique = [log for log in disk.logs if not log.copy_of]
         tasks = {log.id: survey_task(log, fleet) for log in unique}
-        surveyed = _bring("survey", tasks, logs, engine, force=force)
-        surveys = {log: _document(LogSurvey, task) for log, task in tasks.items()}
+        memory = FleetMemory(fleet, hashes, code_hash())
+        surveyed = _bring("survey", tasks, logs, engine, memory, force=force)
+        surveys = {log: memory.read(LogSurvey, document_path(task)) for log, task in tasks.items()}
         names = {log.id: log.paths[0] for log in disk.logs}
         reasons = {item.id: item.reason for item in surveys.values() if item.reason}
         same = _same_dives(fleet, list(surveys.values()))
         reasons |= refusals(same, names)
         surveys = with_clocks(surveys, same)
-        tasks = {log.id: run_task(log, fleet) for log in unique if log.id not in reasons}
-        ran = _bring("run", tasks, logs, engine, force=force)
+        runs = {log.id: run_task(log, fleet, hashes) for log in unique if log.id not in reasons}
+        ran = _bring("run", runs, logs, engine, memory, force=force)
         better = {pair.other: pair.better for pair in same}
         rows = []
-        tables = GrowingTables()
+        tables = GrowingTables(fleet, memory)
         for log in disk.logs:
-            survey = surveys[log.copy_of or log.id]
+            first = log.copy_of or log.id
+            survey, run = surveys[first], runs.get(log.id)
             if log.copy_of:
                 reason = f"the same content as {logs[log.copy_of].paths[0]}"
             else:
                 reason = reasons.get(log.id, "")
-            if log.id in tasks:
-                result = _document(FleetRun, tasks[log.id])
-            else:
-                result = unfinished(log.id, "", one_line(reason))
             used = log.copy_of or better.get(log.id, "")
-            row = FleetRow(log.id, log.paths, used, survey, result)
-            tables.add(row)
+            documents = [tasks[first], *([] if run is None else [run])]
+            content = [memory.hash_of(document_path(task)) for task in documents]
+            made_of = hash_value([log.paths, used, reason, survey.start_utc, content])
+            result = tables.take(log.id, made_of)
+            row = FleetRow(
+                log.id, log.paths, used, survey, result or _result(log, run, reason, memory)
+            )
+            if result is None:
+                tables.add(row, made_of)
             rows.append(row.outline)
         _write_index(fleet, target, disk, rows)
-        tables.write(fleet)
+        tables.write()
+        hashes.save()
     return FleetOutcome(tuple(rows), surveyed, ran, disk.others)
+
+
+def _result(log: FleetLog, run: Task | None, reason: str, memory: FleetMemory) -> FleetRun:
+    """Return what the run of a log came to; `reason`: why it has none."""
+    if run is None:
+        return unfinished(log.id, "", one_line(reason))
+    return memory.read(FleetRun, document_path(run))
 
 
 def _same_dives(fleet: FleetFolder, surveys: Sequence[LogSurvey]) -> list[SameDive]:
@@ -158,6 +171,7 @@ def _bring(
     tasks: Mapping[str, Task],
     logs: Mapping[str, FleetLog],
     engine: Engine,
+    memory: FleetMemory,
     *,
     force: bool,
 ) -> int:
@@ -166,7 +180,7 @@ def _bring(
     A document is fresh that bears the key of its task. It is written by the process
     that made it, so that nothing of it is lost with this one, nor stays in it.
     """
-    stale = [task for task in tasks.values() if force or not _is_fresh(task)]
+    stale = [task for task in tasks.values() if force or not _is_fresh(task, memory)]
     with show_progress() as progress:
         progress.stage(name, todo=len(stale), total=len(tasks), level="log")
         suspected = {task.item for task in stale if _mark(task).exists()}
@@ -182,19 +196,11 @@ def _bring(
     return len(stale)
 
 
-def _is_fresh(task: Task) -> bool:
+def _is_fresh(task: Task, memory: FleetMemory) -> bool:
     """Return whether a task has its document, and no process died on it since."""
-    if _mark(task).exists():
-        return False
-    try:
-        document = json.loads(document_path(task).read_bytes())
-    except (OSError, ValueError):
-        return False
-    return bool(document["key"] == task.key)
-
-
-def _document(kind: type[D], task: Task) -> D:
-    return kind.model_validate_json(document_path(task).read_bytes())
+    path, survey = document_path(task), task.stage is SURVEY
+    key = memory.key_of(LogSurvey, path) if survey else memory.key_of(FleetRun, path)
+    return key == task.key and not _mark(task).exists()
 
 
 def _make(

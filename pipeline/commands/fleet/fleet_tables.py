@@ -1,11 +1,17 @@
-"""The tables of a fleet: runs, findings, verdicts and coefficients, as Parquet."""
+"""The tables of a fleet: runs, findings, verdicts and coefficients, as Parquet.
+
+What an earlier call has read of a log, and its rows, are kept until something changes.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import pyarrow as pa
 
@@ -19,9 +25,13 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder
 from auvid.pipeline.store.artefacts import encode, load
 from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.file_hashes import FileHashes, hash_bytes
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS
 
 Rows = list[dict[str, Any]]
+D = TypeVar("D", LogSurvey, FleetRun)
+MEMORY = ".rows.json"
+"""File of a fleet: what its tables were made of, log by log."""
 MOST_LINES = 10_000
 """Of a table that wait as Python objects."""
 INSTALLATION, THRUSTERS = "installation", "thrusters"
@@ -54,30 +64,165 @@ class FleetRow:
         return replace(self, survey=survey, result=result)
 
 
+@dataclass(frozen=True)
+class KeptRows:
+    """The rows of a log as its tables hold them: first row and number, by table.
+
+    `made_of`: hash of all that they depend on. `outline`: its result without what only
+    the tables need.
+    """
+
+    made_of: str
+    rows: Mapping[str, Sequence[int]]
+    outline: FleetRun
+
+
+class FleetMemory:
+    """Documents by their content, and rows by what they were made of.
+
+    What has not changed is neither read nor validated again. Nothing is lost with the
+    file of the memory but time.
+    """
+
+    def __init__(self, fleet: FleetFolder, hashes: FileHashes, code: str) -> None:
+        self._file, self._hashes, self._code = fleet.root / MEMORY, hashes, code
+        self._used: dict[str, str] = {}
+        try:
+            self._before = json.loads(self._file.read_bytes())
+            self._keys: dict[str, str] = self._before["keys"]
+            self.totals: dict[str, int] = self._before["totals"]
+            usable = self._before["auvid"] == code and all(
+                hashes.of(fleet.table(name)) == self._before["tables"][name] for name in TABLES
+            )
+            self.logs = self._rows(self._before["logs"]) if usable else {}
+        except (OSError, ValueError, LookupError, TypeError):
+            self._before, self._keys, self.totals, self.logs = {}, {}, {}, {}
+
+    @staticmethod
+    def _rows(logs: Mapping[str, Any]) -> dict[str, KeptRows]:
+        return {
+            log: KeptRows(item["made_of"], item["rows"], FleetRun.model_validate(item["outline"]))
+            for log, item in logs.items()
+        }
+
+    def hash_of(self, path: Path) -> str:
+        """Return the hash of a document; empty where there is none."""
+        try:
+            return self._hashes.of(path)
+        except OSError:
+            return ""
+
+    def key_of(self, kind: type[D], path: Path) -> str | None:
+        """Return the key of a document; None where it is not there, or not whole."""
+        content = self.hash_of(path)
+        if content not in self._keys:
+            try:
+                self.read(kind, path)
+            except (OSError, ValueError):
+                return None
+        key = self._used[content] = self._keys[content]
+        return key
+
+    def read(self, kind: type[D], path: Path) -> D:
+        """Return a document, and remember its key."""
+        content = path.read_bytes()
+        document = kind.model_validate_json(content)
+        self._used[hash_bytes(content)] = self._keys[hash_bytes(content)] = document.key
+        return document
+
+    def save(
+        self, tables: Mapping[str, str], totals: Mapping[str, int], logs: Mapping[str, KeptRows]
+    ) -> None:
+        """Write hashes and lengths of the tables of this call, and rows by log."""
+        after = {
+            "auvid": self._code,
+            "keys": self._used,
+            "tables": dict(tables),
+            "totals": dict(totals),
+            "logs": {
+                log: {
+                    "made_of": item.made_of,
+                    "rows": dict(item.rows),
+                    "outline": item.outline.model_dump(),
+                }
+                for log, item in logs.items()
+            },
+        }
+        if after != self._before:
+            write_atomically(self._file, json.dumps(after).encode())
+
+
 class GrowingTables:
     """The tables of a fleet, which take its logs one after another.
 
     Rows become Arrow as they come: as Python objects those of a thousand dives would take
-    gigabytes.
+    gigabytes. Rows of a log of which nothing has changed are those of the last call.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, fleet: FleetFolder, memory: FleetMemory) -> None:
+        self._fleet, self._memory = fleet, memory
         self._lines: dict[str, Rows] = {name: [] for name in TABLES}
-        self._parts: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
+        # Tables, and rows of those of the last call.
+        self._parts: dict[str, list[pa.Table | range]] = {name: [] for name in TABLES}
+        self._totals: Counter[str] = Counter()
+        self._logs: dict[str, KeptRows] = {}
 
-    def add(self, row: FleetRow) -> None:
+    def take(self, log: str, made_of: str) -> FleetRun | None:
+        """Add the rows of a log as they were, and return the outline of its result.
+
+        None, and nothing is added, where they were not `made_of` the same.
+        """
+        kept = self._memory.logs.get(log)
+        if kept is None or kept.made_of != made_of:
+            return None
+        for name, (first, count) in kept.rows.items():
+            if self._lines[name]:
+                self._to_arrow(name)
+            parts = self._parts[name]
+            if parts and isinstance(parts[-1], range) and parts[-1].stop == first:
+                first = parts.pop().start
+            parts.append(range(first, kept.rows[name][0] + count))
+        counts = {name: count for name, (_, count) in kept.rows.items()}
+        self._note(log, made_of, counts, kept.outline)
+        return kept.outline
+
+    def add(self, row: FleetRow, made_of: str) -> None:
         """Add the rows of a log."""
+        counts = {}
         for name, make in MAKERS.items():
-            self._lines[name] += make(row)
+            lines = make(row)
+            counts[name] = len(lines)
+            self._lines[name] += lines
             if len(self._lines[name]) >= MOST_LINES:
                 self._to_arrow(name)
+        self._note(row.log, made_of, counts, row.outline.result)
 
-    def write(self, fleet: FleetFolder) -> None:
-        """Write the four tables of a fleet."""
+    def _note(self, log: str, made_of: str, counts: Mapping[str, int], outline: FleetRun) -> None:
+        rows = {name: [self._totals[name], count] for name, count in counts.items()}
+        self._logs[log] = KeptRows(made_of, rows, outline)
+        self._totals.update(counts)
+
+    def write(self) -> None:
+        """Write the tables that changed, and what the next call may take of them."""
+        hashes = {}
         for name, parts in self._parts.items():
+            path, memory = self._fleet.table(name), self._memory
+            if memory.logs and parts == [range(memory.totals[name])] and not self._lines[name]:
+                hashes[name] = memory.hash_of(path)
+                continue
             self._to_arrow(name)
-            table = pa.concat_tables(parts)
-            write_atomically(fleet.table(name), encode(table, TABLES[name], file=name))
+            ranges = any(isinstance(part, range) for part in parts)
+            earlier: Any = load(path, TABLES[name]) if ranges else None
+            tables = [
+                earlier.slice(part.start, len(part)) if isinstance(part, range) else part
+                for part in parts
+            ]
+            # The schema of a table that was read lacks some of one that is made: such goes first.
+            table = pa.concat_tables([tables[-1].slice(0, 0), *tables])
+            content = encode(table, TABLES[name], file=name)
+            write_atomically(path, content)
+            hashes[name] = hash_bytes(content)
+        self._memory.save(hashes, self._totals, self._logs)
 
     def _to_arrow(self, name: str) -> None:
         lines, columns = self._lines[name], schema(TABLES[name]).columns

@@ -40,7 +40,7 @@ from auvid.pipeline.execution.task import Task
 from auvid.pipeline.execution.task_inputs import Value
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.atomic_files import SYSTEM_REFUSALS, writable, write_atomically
-from auvid.pipeline.store.file_hashes import hash_file, hash_value
+from auvid.pipeline.store.file_hashes import FileHashes, hash_file, hash_value
 from auvid.stages.base import Stage
 
 AGAIN = ""
@@ -85,22 +85,23 @@ def survey_task(log: FleetLog, fleet: FleetFolder) -> Task:
             "files": log.paths,
             "fault": log.fault,
             "vehicle": hash_of_file(log.vehicle),
-            "auvid": _code(),
+            "auvid": code_hash(),
         }
     )
     return _task(SURVEY, "survey", "log_survey", log, fleet, key)
 
 
-def run_task(log: FleetLog, fleet: FleetFolder) -> Task:
+def run_task(log: FleetLog, fleet: FleetFolder, hashes: FileHashes) -> Task:
     """Return the task that runs the campaign of a log; edits of its files count."""
-    defaults = hash_file(fleet.root / "params.yaml")
-    document = {"texts": _texts(fleet.campaign(log.id)), "defaults": defaults, "hash": log.hash}
-    key = hash_value({**document, "auvid": _code()})
+    defaults = hashes.of(fleet.root / "params.yaml")
+    texts = _texts(fleet.campaign(log.id), hashes.of)
+    document = {"texts": texts, "defaults": defaults, "hash": log.hash}
+    key = hash_value({**document, "auvid": code_hash()})
     return _task(RUN, "result", "fleet_run", log, fleet, key)
 
 
 @cache
-def _code() -> str:
+def code_hash() -> str:
     """Return the hash of auvid's own files: each of them may change a result."""
     return source_hash()
 
@@ -218,11 +219,9 @@ def _new_campaign(folder: Path) -> Iterator[Path]:
         shutil.rmtree(fresh, ignore_errors=True)
 
 
-def _texts(folder: Path) -> dict[str, str]:
+def _texts(folder: Path, hash_of: Callable[[Path], str] = hash_file) -> dict[str, str]:
     """Return the hash of each text of a campaign."""
-    return {
-        str(path.relative_to(folder)): hash_file(path) for path in sorted(folder.rglob("*.yaml"))
-    }
+    return {str(path.relative_to(folder)): hash_of(path) for path in sorted(folder.rglob("*.yaml"))}
 
 
 def _of_user(folder: Path) -> list[str]:

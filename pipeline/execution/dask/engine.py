@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 from uuid import uuid4
 
 from auvid.data_schemas.errors import PipelineError, UsageError
@@ -25,6 +26,7 @@ from auvid.pipeline.store.package_versions import package_versions
 
 CONNECT_S = 10.0
 """A scheduler that does not answer for so long is not there."""
+ANSWER_S = 3.0
 LEAST_BYTES = 200e6
 """A process with its libraries takes more."""
 DEATHS = 3
@@ -156,8 +158,9 @@ class Dask:
             ) from fault
         cluster = self._client.scheduler_info(-1)
         number = len(cluster["workers"])
-        dashboard = self._client.dashboard_link if "dashboard" in cluster["services"] else "none"
-        _say(f"Dask: {number} worker{'s' * (number != 1)}, dashboard: {dashboard}")
+        dashboard = self._client.dashboard_link if "dashboard" in cluster["services"] else ""
+        where = dashboard if dashboard and _answers(dashboard) else "none"
+        _say(f"Dask: {number} worker{'s' * (number != 1)}, dashboard: {where}")
         if not number:
             _say(f"it waits for a worker: dask worker {self._scheduler} --nthreads 1")
         return self._client
@@ -170,6 +173,17 @@ class Dask:
         if self._scratch is not None:
             self._scratch.cleanup()
         self._client = self._cluster = self._scratch = None
+
+
+def _answers(address: str) -> bool:
+    """Return whether a page answers: schedulers without one name an address too."""
+    if OUTPUT.quiet:
+        return False
+    try:
+        with urlopen(address, timeout=ANSWER_S):
+            return True
+    except (OSError, ValueError):
+        return False
 
 
 def distributed() -> Any:

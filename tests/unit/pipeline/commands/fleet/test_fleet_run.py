@@ -7,6 +7,7 @@ import os
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -18,6 +19,7 @@ from auvid.pipeline.commands.fleet.dive_reports import draw_reports
 from auvid.pipeline.commands.fleet.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
+from auvid.pipeline.commands.fleet.fleet_tables import FleetMemory
 from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 from auvid.pipeline.commands.new import log_survey
 from auvid.pipeline.commands.open_run import open_run
@@ -62,17 +64,42 @@ def test_every_log_ends_in_a_state_with_its_reason(first: FleetOutcome) -> None:
     assert all("\n" not in result.reason for result in by_name.values())
 
 
-def test_only_what_is_new_or_changed_runs_again(disk: Path, first: FleetOutcome) -> None:
-    second = run_fleet(disk, disk.parent / "fleet")
+def test_only_what_is_new_or_changed_is_read_and_runs_again(
+    disk: Path, first: FleetOutcome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Tables that take rows of the last call are those of a full build, to the byte."""
+    fleet = FleetFolder(disk.parent / "fleet")
+    read: list[str] = []
+    plain_read = FleetMemory.read
+
+    def noted(memory: FleetMemory, kind: Any, path: Path) -> Any:
+        read.append(path.name)
+        return plain_read(memory, kind, path)
+
+    monkeypatch.setattr(FleetMemory, "read", noted)
+    tables = [fleet.table(name) for name in TABLES]
+    second = run_fleet(disk, fleet.root)
     assert (second.surveyed, second.ran) == (0, 0)
-    assert states(second) == states(first)
+    assert second.rows == first.rows
+    assert set(read) == {"survey.json"}
     (disk / "new.BIN").write_bytes(b"\xa3\x95 nothing")
     try:
-        third = run_fleet(disk, disk.parent / "fleet")
+        third = run_fleet(disk, fleet.root)
+        assert (third.surveyed, third.ran) == (1, 0)
+        assert "result.json" not in read
+        grown = [path.read_bytes() for path in tables]
+        tables[0].write_bytes(b"damaged")
+        assert run_fleet(disk, fleet.root).surveyed == 0
+        assert "result.json" in read
+        assert [path.read_bytes() for path in tables] == grown
+        (row,) = (row for row in third.rows if row.result.report)
+        result = fleet.logs / row.log / "result.json"
+        result.write_bytes(result.read_bytes()[:-9])
+        assert run_fleet(disk, fleet.root).ran == 1
+        assert [path.read_bytes() for path in tables] == grown
     finally:
         (disk / "new.BIN").unlink()
-        run_fleet(disk, disk.parent / "fleet")
-    assert (third.surveyed, third.ran) == (1, 0)
+        run_fleet(disk, fleet.root)
 
 
 def test_nothing_is_written_beside_the_logs(disk: Path, first: FleetOutcome) -> None:
@@ -262,7 +289,7 @@ def test_states_of_another_code_are_made_again(
 ) -> None:
     (tmp_path / "a.BIN").write_bytes(b"a" * 1000)
     run_fleet(tmp_path, tmp_path / "fleet")
-    monkeypatch.setattr(log_work, "_code", lambda: "another")
+    monkeypatch.setattr(log_work, "code_hash", lambda: "another")
     assert run_fleet(tmp_path, tmp_path / "fleet").surveyed == 1
 
 

@@ -82,12 +82,15 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_results_are_those_of_this_process(cluster: LocalCluster, tmp_path: Path) -> None:
+def test_results_are_those_of_this_process(
+    cluster: LocalCluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     here = task_of(tmp_path / "here")
     record = execute(here).record
     assert record is not None
     there = [task_of(tmp_path / "there", item=name) for name in ("one", "two", "three")]
     results = outcomes(Dask(1, cluster.scheduler_address), *there)
+    assert "dashboard: none" in capsys.readouterr().err  # though the scheduler names an address
     assert set(results) == {"one", "two", "three"}
     for task in there:
         outcome = results[task.item]
