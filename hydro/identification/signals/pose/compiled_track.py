@@ -13,6 +13,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
 
+LEAD = 2
+"""Samples that may pass the gate while a sharp turn has begun."""
 F = TypeVar("F", bound=Callable[..., Any])
 
 
@@ -127,22 +129,26 @@ def filter_track(
     allowed: Array,
     gate: float,
     patience: int,
+    sharp: Array,
     x: Array,
     P: Array,
     accepted: Mask,
     begins: Mask,
+    turns: Mask,
 ) -> None:
     """Run the filter over columns y (n, k): one gate for all, anew after jumps.
 
     A sample whose summed squared innovations over their variances, each with allowed^2
-    (k,) more, exceed `gate` is left out; the filter starts anew at the first of
-    `patience` such samples in a row, and after a pause longer than `max_gap`. Written:
-    predictions x (n, k, 3), P (n, k, 3, 3) before each sample, `accepted` and `begins`
-    (n,).
+    (k,) more, exceed `gate` is left out. `patience` of them in a row are a sharp turn where
+    all but one pass with an acceleration that changes by `sharp` (k,) before each, and before
+    `LEAD` samples ahead of them; otherwise the filter starts anew, as after a pause longer
+    than `max_gap`. Written: predictions x (n, k, 3), P (n, k, 3, 3) before each sample,
+    `accepted`, `begins` and `turns` (n,).
     """
     n, k = y.shape
     state, cov = np.zeros((k, 3)), np.zeros((k, 3, 3))
-    lost, i, fresh = 0, 0, True
+    lost, i, begun, fresh = 0, 0, 0, True
+    turns[:] = False
     while i < n:
         if i > 0 and t[i] - t[i - 1] > max_gap:
             fresh = True
@@ -150,9 +156,11 @@ def filter_track(
             for c in range(k):
                 _restart(y[i, c], variance[c], rate[c], state[c], cov[c])
                 _copy(state[c], cov[c], x[i, c], P[i, c])
-            lost = 0
+            lost, begun = 0, i
         else:
             for c in range(k):
+                if turns[i]:
+                    cov[c, 2, 2] += sharp[c] ** 2
                 _predict(state[c], cov[c], t[i] - t[i - 1], q[c], x[i, c], P[i, c])
                 _copy(x[i, c], P[i, c], state[c], cov[c])
         begins[i] = fresh
@@ -167,10 +175,66 @@ def filter_track(
         else:
             lost += 1
             if lost == patience:
-                i -= patience - 1
-                fresh = True
+                end, fresh = i + 1, True
+                i = end - patience
+                first = max(i - LEAD, begun + 1)
+                if not turns[i]:
+                    _after(first - 1, y, variance, accepted, x, P, state, cov)
+                    passed = _passing(
+                        t, y, variance, q, allowed, gate, sharp, first, end, state, cov
+                    )
+                    if passed >= np.sum(accepted[first:i]) + patience - 1:
+                        fresh, i, lost = False, first, 0
+                        turns[first:end] = True
+                        _after(first - 1, y, variance, accepted, x, P, state, cov)
                 continue
         i += 1
+
+
+@_compiled
+def _after(
+    i: int, y: Array, variance: Array, accepted: Mask, x: Array, P: Array, state: Array, cov: Array
+) -> None:
+    """Write the state after sample i, from the prediction before it."""
+    for c in range(y.shape[1]):
+        _copy(x[i, c], P[i, c], state[c], cov[c])
+        if accepted[i]:
+            _update(state[c], cov[c], y[i, c] - state[c, 0], cov[c, 0, 0] + variance[c])
+
+
+@_compiled
+def _passing(
+    t: Array,
+    y: Array,
+    variance: Array,
+    q: Array,
+    allowed: Array,
+    gate: float,
+    sharp: Array,
+    first: int,
+    end: int,
+    state: Array,
+    cov: Array,
+) -> int:
+    """Return how many samples of first .. end - 1 pass in a sharp turn.
+
+    state (k, 3), cov (k, 3, 3): at the sample before, carried along.
+    """
+    k = y.shape[1]
+    x, P = np.zeros(3), np.zeros((3, 3))
+    passed = 0
+    for i in range(first, end):
+        total = 0.0
+        for c in range(k):
+            cov[c, 2, 2] += sharp[c] ** 2
+            _predict(state[c], cov[c], t[i] - t[i - 1], q[c], x, P)
+            _copy(x, P, state[c], cov[c])
+            total += (y[i, c] - state[c, 0]) ** 2 / (cov[c, 0, 0] + variance[c] + allowed[c] ** 2)
+        if total <= gate:
+            passed += 1
+            for c in range(k):
+                _update(state[c], cov[c], y[i, c] - state[c, 0], cov[c, 0, 0] + variance[c])
+    return passed
 
 
 @_compiled

@@ -6,8 +6,10 @@ seven columns, each place y with rate and acceleration:
     y_dot = v,   v_dot = a,   a_dot = white noise of density q,   measured y + noise.
 
 Noise and q of each column maximise the likelihood of its innovations, first Student's t
-(outliers), then normal over the samples that pass. One gate holds for all columns; five
-samples in a row that do not pass are another track (a jump) and the filter starts anew.
+(outliers), then normal over the samples that pass. One gate holds for all columns. Five
+samples in a row that do not pass are a sharp turn where they go on from the last place and
+speed with another acceleration; otherwise they are another track (a jump), and the filter
+starts anew.
 Then, with R of the quaternion s / |s| and a marker at r [m] from the body origin,
 
     omega = 2 Im(conj(s) s_dot) / |s|^2,   v_body = R' p_dot - omega x r,
@@ -47,6 +49,10 @@ HARMLESS = {"position": 1e-3, "quaternion": 5e-4}
 """Standard deviation [m], [1] that every sample is allowed beside its noise: the start of a
 thrust departs so far from white noise on the derivative of the acceleration, and to leave
 such samples of a precise tracker out would cost more than an outlier of its size."""
+SHARPEST = {"position": 5.0, "quaternion": 10.0}
+"""Deviation of the acceleration [m/s^2, 1/s^2] that a sharp turn begins with, as thrust that
+is reversed gives it to small vehicles. It moves a place by half of it times a step squared:
+a jump is much more."""
 SHORTEST_PIECE_S = 1.0
 FEWEST = 8
 REPEATED = 1e-4
@@ -135,6 +141,7 @@ def pose_track(
         y,
         rate=np.repeat(list(LARGEST_RATE.values()), [3, 4]),
         allowed=np.repeat(list(HARMLESS.values()), [3, 4]),
+        sharp=np.repeat(list(SHARPEST.values()), [3, 4]),
         max_gap_s=max_gap_s,
     )
     x, P = smooth.x, smooth.P
@@ -205,12 +212,12 @@ class SmoothColumns:
 
 
 def smooth_columns(
-    t: Array, y: Array, *, rate: Array, allowed: Array, max_gap_s: float
+    t: Array, y: Array, *, rate: Array, allowed: Array, sharp: Array, max_gap_s: float
 ) -> SmoothColumns:
     """Return columns y (n, k) at increasing times t (n,) smoothed, outliers left out.
 
     rate (k,): standard deviation of the rate where a track begins; allowed (k,): that of
-    an outlier too small to matter.
+    an outlier too small to matter; sharp (k,): of the acceleration where a sharp turn begins.
     """
     from scipy.stats import chi2
 
@@ -229,7 +236,7 @@ def smooth_columns(
     gate = float(chi2.isf(SHARE_OF_CHANCE, k))
     for last in (False, True):
         x, P = np.empty((n, k, 3)), np.empty((n, k, 3, 3))
-        accepted, begins = np.empty(n, np.bool_), np.empty(n, np.bool_)
+        accepted, begins, turns = (np.empty(n, np.bool_) for _ in range(3))
         filter_track(
             t,
             y,
@@ -240,14 +247,17 @@ def smooth_columns(
             allowed,
             gate,
             PATIENCE,
+            sharp,
             x,
             P,
             accepted,
             begins,
+            turns,
         )
-        if not last:
+        if not last:  # the likelihood is that of motion between sharp turns
+            anew = begins | turns
             noise = np.array(
-                [_fitted(t, y[:, c], accepted, begins, rate[c], 0.0, noise[c]) for c in range(k)]
+                [_fitted(t, y[:, c], accepted, anew, rate[c], 0.0, noise[c]) for c in range(k)]
             )
     smooth_track(t, y, noise[:, 0].copy(), accepted, begins, x, P)
     # The difference P - P L P cancels where a track begins: no variance below rounding.
