@@ -32,13 +32,12 @@ def axis_card(
     *,
     samples: int,
     rms: tuple[float, float],
-    shifts: Array | None = None,
+    shifts: Mapping[str, Array] | None = None,
 ) -> AxisCard:
     """Return the card of an axis; covariance (k, k), RMS of signal and of error.
 
-    shifts (k,): what an assumed figure moves the values by.
+    shifts: assumed figure -> what it moves the values (k,) by.
     """
-    assumed = np.zeros((0, 0)) if shifts is None else np.outer(shifts, shifts)
     return AxisCard(
         unit=unit,
         samples=samples,
@@ -51,7 +50,7 @@ def axis_card(
         covariance=CovarianceCard(
             terms=[item.term for item in terms],
             lower=[covariance[row, : row + 1].tolist() for row in range(len(terms))],
-            assumed=[assumed[row, : row + 1].tolist() for row in range(len(assumed))],
+            shifts={figure: [row.tolist()] for figure, row in (shifts or {}).items()},
         ),
         combinations=[],
     )

@@ -62,23 +62,19 @@ class CovarianceCard(Model):
     """Terms that carry a number."""
     lower: list[list[float]]
     """Rows of the lower triangle in SI."""
-    assumed: list[list[float]] = Field(default_factory=list)
-    """The same of what assumed figures move them by, beside noise; empty for nothing."""
+    shifts: dict[str, list[list[float]]] = Field(default_factory=dict)
+    """Assumed figure -> a row for each of its numbers: what one standard deviation of it
+    moves the terms by, with sign, beside noise. The rows of all axes are of the same
+    numbers, in the same order, so that axes err together.
+    """
 
-    def assumed_of(self, terms: Sequence[str]) -> list[list[float]]:
-        """Return `assumed` between terms; 0 for a term that it does not have."""
-        if not self.assumed:
-            return []
+    def shifts_of(self, terms: Sequence[str]) -> dict[str, list[list[float]]]:
+        """Return `shifts` of terms; 0 for a term that it does not have."""
         place = {term: i for i, term in enumerate(self.terms)}
-        return [
-            [self._between(place.get(term), place.get(other)) for other in terms[: i + 1]]
-            for i, term in enumerate(terms)
-        ]
-
-    def _between(self, one: int | None, other: int | None) -> float:
-        if one is None or other is None:
-            return 0.0
-        return self.assumed[max(one, other)][min(one, other)]
+        return {
+            figure: [[row[place[t]] if t in place else 0.0 for t in terms] for row in rows]
+            for figure, rows in self.shifts.items()
+        }
 
 
 class TermCombination(Model):

@@ -16,9 +16,10 @@ from auvid.export.text import number
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.constrained.active_set import Cuts, InequalityRows
 from auvid.hydro.identification.constrained.draws import (
+    AxisErrors,
     draw_within,
     flown_limits,
-    printed_covariance,
+    joint_covariance,
 )
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
@@ -50,8 +51,8 @@ signs). The first row is the model itself.
 def export(request: Request) -> Exported:
     """Return `NAME_draws.csv`: the model itself, then draws that gain no energy.
 
-    Normal draws of each axis in the covariance of its printed intervals, by noise and
-    assumed figures; those whose damping gives energy to some motion of the flown
+    Normal draws in the covariance of the printed intervals, by noise of each axis and
+    assumed figures of all; those whose damping gives energy to some motion of the flown
     range count at the nearest passive model, in the metric of the posterior. Inertia that
     was fitted is drawn too.
     """
@@ -90,8 +91,8 @@ def export(request: Request) -> Exported:
         _USAGE.format(counts=counts),
         (
             counts,
-            "Axes and inertia are drawn independently of each other, with what assumed figures of"
-            " the vehicle file (spreads) move them by; the form of the model is not drawn.",
+            "Each assumed figure of the vehicle file (spreads) is drawn once for all axes. By noise"
+            " axes are independent, and inertia is of all; the form of the model is not drawn.",
         ),
     )
 
@@ -99,8 +100,8 @@ def export(request: Request) -> Exported:
 def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
     """Return unknowns (p), values (p,) and covariance (p, p) of a model file.
 
-    What it has no error of has the variance 0. Each axis in the size of the printed
-    intervals, by noise and assumed figures.
+    What it has no error of has the variance 0. It is that of the printed intervals, as of
+    `joint_covariance`.
     """
     entries = {Unknown(item.axis, item.term): item for item in model.coefficients}
     unknowns, values = list(entries), [item.predictor for item in model.coefficients]
@@ -108,14 +109,12 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
         unknowns.append(added_mass_unknown(item.name))
         place = AXES.index(unknowns[-1].axis), VELOCITIES.index(item.name[2])
         values.append(model.dynamics.added_mass[place[0]][place[1]])
-    covariance = np.zeros((len(unknowns), len(unknowns)))
+    parts = []
     for axis, card in model.covariance.items():
         places = [unknowns.index(Unknown(axis, term)) for term in card.terms]
-        covariance[np.ix_(places, places)] = printed_covariance(
-            card.lower,
-            [entries[unknowns[place]].standard_error for place in places],
-            card.assumed,
-        )
+        errors = [entries[unknowns[place]].standard_error for place in places]
+        parts.append(AxisErrors(places, card.lower, errors, card.shifts))
+    covariance = joint_covariance(parts, len(unknowns))
     for item in model.fitted_inertia:
         place_of = unknowns.index(added_mass_unknown(item.name))
         covariance[place_of, place_of] = total_error(item.standard_error, item.assumed_shifts) ** 2

@@ -28,7 +28,9 @@ from auvid.hydro.control.plants import (
 )
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.constrained.draws import printed_covariance
+from auvid.hydro.identification.constrained.draws import joint_covariance
+from auvid.hydro.identification.constrained.equations import Unknown
+from auvid.stages.card_errors import axis_errors
 from auvid.stages.control.cases import FlightCase, Limits, TrajectoryCase, in_cases
 
 DESIGN_EVERY_S = 0.5
@@ -355,25 +357,15 @@ def _drawn(
         return np.asarray(
             values * (1.0 + relative_sd * rng.standard_normal((members, *values.shape)))
         )
+    unknowns = [
+        Unknown(axis, term) for axis, part in card.axes.items() for term in part.covariance.terms
+    ]
+    root = _root(joint_covariance(axis_errors(card, unknowns), len(unknowns)))
+    errors = rng.standard_normal((members, len(unknowns))) @ root.T
     out = np.tile(values, (members, 1, 1))
-    for row, axis in enumerate(AXES):
-        if axis not in card.axes:
-            continue
-        covariance = card.axes[axis].covariance
-        names = [name for name in covariance.terms if name in terms]
-        if not names:
-            continue
-        errors = {item.term: item.standard_error for item in card.axes[axis].terms}
-        matrix = printed_covariance(
-            covariance.lower,
-            [errors.get(term) for term in covariance.terms],
-            covariance.assumed,
-        )
-        kept = [covariance.terms.index(name) for name in names]
-        root = _root(matrix[np.ix_(kept, kept)])
-        out[:, row, [terms.index(name) for name in names]] += (
-            rng.standard_normal((members, len(names))) @ root.T
-        )
+    for unknown, error in zip(unknowns, errors.T, strict=True):
+        if unknown.term in terms:
+            out[:, AXES.index(unknown.axis), terms.index(unknown.term)] += error
     return out
 
 

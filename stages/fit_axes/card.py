@@ -226,7 +226,7 @@ def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> Axis
         forces.covariance[np.ix_(kept, kept)],
         samples=item.samples,
         rms=(item.rate_rms, item.error_rms),
-        shifts=np.array(moved) if any(moved) else None,
+        shifts={"thrust": np.array(moved)} if any(moved) else None,
     )
 
 

@@ -156,7 +156,7 @@ def _axis(
             "covariance": CovarianceCard(
                 terms=[unknowns[i].term for i in kept],
                 lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
-                assumed=part.covariance.assumed_of([_free_term(unknowns[i], status) for i in kept]),
+                shifts=part.covariance.shifts_of([_free_term(unknowns[i], status) for i in kept]),
             ),
             "combinations": [_combination(axis, item, fit) for item in part.combinations],
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -215,7 +215,7 @@ def _axis_entry(
             for item in determined
         ],
         covariance=_covariance_entry(
-            fit.terms, wide, [shifts for name, shifts in figures.items() if name != FORM]
+            fit.terms, wide, {name: rows for name, rows in figures.items() if name != FORM}
         ),
     )
 
@@ -229,7 +229,7 @@ def _shifts_of_sum(
 
 
 def _covariance_entry(
-    terms: Sequence[str], covariance: Array, shifts: Collection[Array]
+    terms: Sequence[str], covariance: Array, shifts: Mapping[str, Array]
 ) -> CovarianceCard:
     """Return the lower triangles over the terms that carry a number in `solution`.
 
@@ -237,11 +237,10 @@ def _covariance_entry(
     the form itself is known over the flown motion, whatever its coefficients stand for.
     """
     kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
-    assumed = sum((part.T @ part for part in shifts), np.zeros(covariance.shape))
     return CovarianceCard(
         terms=[terms[i] for i in kept],
         lower=[[float(covariance[i, j]) for j in kept if j <= i] for i in kept],
-        assumed=[[float(assumed[i, j]) for j in kept if j <= i] for i in kept if shifts],
+        shifts={figure: rows[:, kept].tolist() for figure, rows in shifts.items()},
     )
 
 

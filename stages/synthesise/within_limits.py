@@ -360,7 +360,7 @@ def _axis(axis: str, part: AxisCard, fit: ConstrainedFit) -> AxisCard:
     covariance = CovarianceCard(
         terms=[fit.unknowns[i].term for i in kept],
         lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
-        assumed=part.covariance.assumed_of([_free_term(fit.unknowns[i], status) for i in kept]),
+        shifts=part.covariance.shifts_of([_free_term(fit.unknowns[i], status) for i in kept]),
     )
     return part.model_copy(
         update={"j": float(fit.rms[AXES.index(axis)]), "terms": terms, "covariance": covariance}

@@ -29,7 +29,7 @@ from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.constrained.draws import (
     draw_within,
     flown_limits,
-    printed_covariance,
+    joint_covariance,
 )
 from auvid.hydro.identification.constrained.equations import (
     Unknown,
@@ -40,6 +40,7 @@ from auvid.hydro.identification.constrained.limits import inertia_limits
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
+from auvid.stages.card_errors import axis_errors
 from auvid.stages.columns import ATTITUDE, VELOCITY
 from auvid.stages.free_run import COMPARED
 
@@ -124,24 +125,16 @@ class FreeFlight:
 def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> ModelDraws:
     """Return models drawn from the coefficients of a card, within its limits.
 
-    Each axis has the covariance of its printed intervals, by noise and assumed figures;
-    axes and inertia count as independent. What the card has no error of stays as it is. A draw
-    outside the limits counts at the nearest point within (`draw_within`).
+    They have the covariance of the printed intervals: noise axis by axis, each number of
+    an assumed figure once for all axes. Inertia counts as independent. What the card has no
+    error of stays as it is. A draw outside the limits counts at the nearest point within
+    (`draw_within`).
     """
     unknowns = [Unknown(axis, term) for axis, row in card.predictor.items() for term in row]
     values = [card.predictor[unknown.axis][unknown.term] for unknown in unknowns]
     unknowns += [added_mass_unknown(item.name) for item in card.inertia]
     values += [item.change for item in card.inertia]
-    covariance = np.zeros((len(unknowns), len(unknowns)))
-    for axis, part in card.axes.items():
-        terms = part.covariance.terms
-        places = [unknowns.index(Unknown(axis, term)) for term in terms]
-        errors = {item.term: item.standard_error for item in part.terms}
-        covariance[np.ix_(places, places)] = printed_covariance(
-            part.covariance.lower,
-            [errors.get(term) for term in terms],
-            part.covariance.assumed,
-        )
+    covariance = joint_covariance(axis_errors(card, unknowns), len(unknowns))
     for item in card.inertia:
         i = unknowns.index(added_mass_unknown(item.name))
         covariance[i, i] = total_error(item.standard_error, item.assumed_shifts) ** 2

@@ -9,14 +9,16 @@ from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, basis_rows, needs_propeller_speed
-from auvid.hydro.identification.constrained.draws import printed_covariance
+from auvid.hydro.identification.constrained.draws import joint_covariance
 from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ACTUATOR_RATES,
+    Unknown,
     extra_rows,
 )
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
+from auvid.stages.card_errors import axis_errors
 
 TERMS = tuple(term for term in BASIS_TERMS if not needs_propeller_speed(term))
 STEP_S = 0.02
@@ -121,19 +123,14 @@ def drawn_as_printed(card: ModelCard) -> int:
 
     That is of noise and assumed figures; a number without an error is not drawn from data.
     """
+    unknowns = [Unknown(a, term) for a, part in card.axes.items() for term in part.covariance.terms]
+    items = {Unknown(a, item.term): item for a, part in card.axes.items() for item in part.terms}
+    covariance = joint_covariance(axis_errors(card, unknowns), len(unknowns))
+    assert np.linalg.eigvalsh(covariance).min(initial=0.0) >= -1e-9 * np.trace(covariance)
     count = 0
-    for part in card.axes.values():
-        items = {item.term: item for item in part.terms}
-        kept = [items[term] for term in part.covariance.terms]
-        covariance = printed_covariance(
-            part.covariance.lower,
-            [item.standard_error for item in kept],
-            part.covariance.assumed,
-        )
-        assert np.linalg.eigvalsh(covariance).min(initial=0.0) >= -1e-9 * np.trace(covariance)
-        for item, variance in zip(kept, np.diag(covariance).tolist(), strict=True):
-            if item.value is not None and item.standard_error:
-                total = total_error(item.standard_error, item.assumed_shifts)
-                assert np.sqrt(variance) == pytest.approx(total, rel=1e-6), item
-                count += 1
+    for item, variance in zip((items[u] for u in unknowns), np.diag(covariance), strict=True):
+        if item.value is not None and item.standard_error:
+            total = total_error(item.standard_error, item.assumed_shifts)
+            assert np.sqrt(variance) == pytest.approx(total, rel=1e-6), item
+            count += 1
     return count

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -163,34 +164,57 @@ def _are_within(
     return within
 
 
-def printed_covariance(
-    lower: Sequence[Sequence[float]],
-    errors: Sequence[float | None],
-    assumed: Sequence[Sequence[float]] = (),
-) -> Array:
-    """Return the covariance (p, p) of printed intervals, by noise and assumed figures.
+class AxisErrors(NamedTuple):
+    """Errors of the k coefficients of an axis.
 
-    lower: triangle of noise, taken to the size of the printed standard errors; None keeps
-    its own. assumed: triangle of what assumed figures move the values by, where known.
-
-    >>> printed_covariance([[4.0], [1.0, 1.0]], [1.0, None]).tolist()
-    [[1.0, 0.5], [0.5, 1.0]]
-    >>> printed_covariance([[1.0], [0.0, 1.0]], [1.0, 1.0], [[3.0], [2.0, 3.0]]).tolist()
-    [[4.0, 2.0], [2.0, 4.0]]
+    places: of them among all unknowns; lower: triangle of their noise; errors: printed
+    standard errors by noise, None for that of the triangle; shifts: assumed figure -> rows
+    of what its numbers move them by.
     """
-    block = _symmetric(lower)
-    own = np.sqrt(np.maximum(np.diag(block), 0.0))
-    printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
-    scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
-    noise = block * np.outer(scale, scale)
-    return np.asarray(noise + _symmetric(assumed) if len(assumed) else noise)
+
+    places: Sequence[int]
+    lower: Sequence[Sequence[float]]
+    errors: Sequence[float | None]
+    shifts: Mapping[str, Sequence[Sequence[float]]]
 
 
-def _symmetric(lower: Sequence[Sequence[float]]) -> Array:
+def joint_covariance(parts: Sequence[AxisErrors], count: int) -> Array:
+    """Return the covariance (count, count) of printed intervals of several axes.
+
+    Noise of one axis has no part in another's. A number of an assumed figure, as the scale
+    of the thrust curve, is one for all of them: axes err together by it.
+
+    >>> one = AxisErrors([0], [[1.0]], [1.0], {"thrust": [[2.0]]})
+    >>> other = AxisErrors([1], [[4.0]], [2.0], {"thrust": [[-3.0]]})
+    >>> joint_covariance([one, other], 2).tolist()
+    [[5.0, -6.0], [-6.0, 13.0]]
+    """
+    covariance = np.zeros((count, count))
+    moved: dict[tuple[str, int], Array] = {}
+    for part in parts:
+        places = list(part.places)
+        covariance[np.ix_(places, places)] = printed_noise(part.lower, part.errors)
+        for figure, rows in part.shifts.items():
+            for number, row in enumerate(rows):
+                moved.setdefault((figure, number), np.zeros(count))[places] = row
+    return covariance + sum((np.outer(row, row) for row in moved.values()), np.zeros(1))
+
+
+def printed_noise(lower: Sequence[Sequence[float]], errors: Sequence[float | None]) -> Array:
+    """Return the covariance (p, p) of a triangle in the size of printed standard errors.
+
+    None keeps that of the triangle.
+
+    >>> printed_noise([[4.0], [1.0, 1.0]], [1.0, None]).tolist()
+    [[1.0, 0.5], [0.5, 1.0]]
+    """
     block = np.zeros((len(lower), len(lower)))
     for i, row in enumerate(lower):
         block[i, : i + 1] = block[: i + 1, i] = row[: i + 1]
-    return block
+    own = np.sqrt(np.maximum(np.diag(block), 0.0))
+    printed = np.array([error or sd for error, sd in zip(errors, own, strict=True)])
+    scale = np.divide(printed, own, out=np.ones_like(own), where=own > 0.0)
+    return np.asarray(block * np.outer(scale, scale))
 
 
 def flown_limits(

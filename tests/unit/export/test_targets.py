@@ -382,7 +382,7 @@ def test_draws_are_those_of_the_bands_of_validation() -> None:
         prepare(m, "draws", name="rov", draws=50).files["rov_draws.csv"] for m in (model, wider)
     )
     assert ours == theirs
-    assert "Axes and inertia are drawn independently" in str(
+    assert "is drawn once for all axes" in str(
         prepare(model, "draws", name="rov", draws=3).losses.notes
     )
 

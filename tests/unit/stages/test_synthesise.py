@@ -66,6 +66,7 @@ from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
 from auvid.stages.synthesise.presentation import limited_far, sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
+from auvid.stages.validate.flight import draw_models
 from tests.support.constrained import drawn_as_printed
 from tests.support.motions import (
     fusion_document,
@@ -982,8 +983,20 @@ def test_the_card_and_the_page_say_what_assumed_figures_move() -> None:
     outputs = synthesise.run(inputs, synthesise.Params(models=("diagonal",)))
     card = outputs.model_card["diagonal"]
     check_document(card, "model_card")
-    (surge,) = card.axes["X"].terms
+    (surge,), (yaw,) = card.axes["X"].terms, card.axes["N"].terms
     assert drawn_as_printed(card) == 6
+    drawn = draw_models(card, inputs.vehicle, count=4000, seed=1).models
+    both = [(m.coefficients["X"]["u"], m.coefficients["N"]["r"]) for m in drawn]
+    assert card.axes["X"].covariance.shifts.keys() == surge.assumed_shifts.keys()
+    budget = sum(
+        one[0] * other[0]
+        for figure, rows in card.axes["X"].covariance.shifts.items()
+        for one, other in zip(rows, card.axes["N"].covariance.shifts[figure], strict=True)
+    )
+    for item in (surge, yaw):
+        budget /= total_error(item.standard_error or 0.0, item.assumed_shifts)
+    assert budget > 0.5, "the scale of the thrust curve is one for both"
+    assert np.corrcoef(np.array(both).T)[0, 1] == pytest.approx(budget, abs=0.03)
     models = ("linear", "symmetric")
     with_prior = synthesise.Params(models=models, prior="vehicle", trim=True)
     cards = synthesise.run(inputs, with_prior).model_card
@@ -1025,7 +1038,7 @@ def test_what_a_form_lacks_widens_the_coefficients_that_stand_for_it() -> None:
     assert (slope.verdict, clear_in_its_form(slope)) == ("weak", True)
     assert damping_of(outputs.model_card["diagonal"], "X") == "identified"
     assert all("form" not in item.assumed_shifts for item in surge["fossen"].terms)
-    assert surge["prestero"].covariance.assumed == [], "the force of the form is known"
+    assert surge["prestero"].covariance.shifts == {}, "the force of the form is known"
     page = str(outputs.section)
     assert "what the form lacks ±" in page
     assert "clear as a mean over the flown motion, but the form lacks X_u|u|" in page

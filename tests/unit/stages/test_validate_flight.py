@@ -117,7 +117,9 @@ def test_draws_have_the_printed_errors_and_stay_within_the_limits() -> None:
     wide = part.model_copy(
         update={
             "terms": [item.model_copy(update={"assumed_shifts": {"thrust": 3.0, "mass": 6.0}})],
-            "covariance": part.covariance.model_copy(update={"assumed": [[45.0]]}),
+            "covariance": part.covariance.model_copy(
+                update={"shifts": {"thrust": [[3.0]], "mass": [[-6.0]]}}
+            ),
         }
     )
     model = model.model_copy(update={"axes": {**model.axes, "Y": wide}})

@@ -199,13 +199,12 @@ def test_draws_of_a_refined_card_have_its_printed_errors(twin: refine.Inputs) ->
     axes = {}
     for axis, part in card.axes.items():
         shifts = {item.term: 0.1 * (item.value or 0.0) for item in part.terms}
-        moved = np.array([shifts[term] for term in part.covariance.terms])
-        rows = [[float(a * b) for b in moved[: i + 1]] for i, a in enumerate(moved)]
+        rows = {"thrust": [[shifts[term] for term in part.covariance.terms]]}
         terms = [
             item.model_copy(update={"assumed_shifts": {"thrust": abs(shifts[item.term])}})
             for item in part.terms
         ]
-        covariance = part.covariance.model_copy(update={"assumed": rows})
+        covariance = part.covariance.model_copy(update={"shifts": rows})
         axes[axis] = part.model_copy(update={"terms": terms, "covariance": covariance})
     spread = replace(
         twin, model_card=collection({"symmetric": card.model_copy(update={"axes": axes})})
