@@ -201,7 +201,7 @@ def joint_covariance(parts: Sequence[AxisErrors], count: int) -> Array:
 
 
 def printed_noise(lower: Sequence[Sequence[float]], errors: Sequence[float | None]) -> Array:
-    """Return the covariance (p, p) of a triangle in the size of printed standard errors.
+    """Return the covariance (p, p) of a triangle, in the size of printed errors.
 
     None keeps that of the triangle.
 
