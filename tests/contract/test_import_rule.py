@@ -28,6 +28,7 @@ SHARED_IN_STAGES = {
     "number_format",
     "axis_tables",
     "few_axes",
+    "card_errors",
     "leg_record",
     "leg_streams",
     "page",
