@@ -125,6 +125,17 @@ class AxisCard(Model):
     """
 
 
+class DiveCurrent(Model):
+    """A steady current under a velocity over ground, as the forces show it."""
+
+    value_m_s: list[float]
+    """Towards north and east."""
+    sd_m_s: list[float]
+    """Standard deviations."""
+    clear: bool
+    """Whether it is clear of zero, and large enough to count."""
+
+
 class PriorCard(Model):
     """The prior on coefficients, where one was used.
 
@@ -289,6 +300,8 @@ class ModelCard(Model):
     """Inertia fitted beside the viscous terms; the predictor goes with it."""
     lag: LagFit | None = None
     """Lag of the actuators behind their record that the model goes with; null for none."""
+    currents: dict[str, DiveCurrent] = Field(default_factory=dict)
+    """Log -> its steady current by the forces, of velocities over ground."""
     moved_by_lag: dict[str, dict[str, float]] = Field(default_factory=dict)
     """Axis -> damping of its own velocity -> how far the lag moved it, by least squares;
     empty without a lag.

@@ -201,11 +201,6 @@ def _legs(inputs: Inputs) -> tuple[list[LegRecord], list[str], list[str]]:
             left_out.append(record)
         else:
             legs.append(record)
-        if fusion.current is not None and fusion.current.ned_m_s is not None:
-            warnings.append(
-                f"Segment '{key}' has a water current, which fuse takes off; the fit to the sensors"
-                " takes the water as still."
-            )
     warnings += [f"Refine leaves out segment {reason}." for reason in left_out]
     return legs, left_out, warnings
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -14,6 +14,7 @@ from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
 from auvid.hydro.identification.maximum_likelihood.records import (
@@ -69,6 +70,10 @@ def leg_record(
         "gyro": _record(samples.imu, GYRO, end),
         "velocity": _record(samples.velocity, VELOCITY[:3], end, lag_s=place.lag_s),
     }
+    if samples.fusion.current is not None and samples.fusion.current.ned_m_s is not None:
+        sensors["velocity"] = through_water(
+            sensors["velocity"], sensors["attitude"], place.turn, samples.fusion.current.ned_m_s
+        )
     convention = samples.fusion.accelerometer or samples.log.accelerometer or vehicle.accelerometer
     accelerometer = has_columns(samples.imu, ACCELEROMETER) and bool(
         np.isfinite(matrix(samples.imu, ACCELEROMETER)).any()
@@ -85,6 +90,20 @@ def leg_record(
         gravity=vehicle.gravity if convention == "specific_force" else 0.0,
     )
     return LegRecord(samples.segment.id, sensors, actuators, geometry)
+
+
+def through_water(
+    velocity: SensorRecord, attitude: SensorRecord, turn: Array, ned_m_s: Sequence[float]
+) -> SensorRecord:
+    """Return velocities over ground less a steady current: those that the forces see.
+
+    turn (3, 3): axes of the velocity log to body axes. In water that moves steadily the
+    motion through it obeys the same equations, specific force included.
+    """
+    angles = np.unwrap(attitude.values, axis=0)
+    euler = np.array([np.interp(velocity.t_s, attitude.t_s, column) for column in angles.T]).T
+    drift = np.einsum("nji,j->ni", rotation_body_to_ned(euler), np.asarray(ned_m_s))
+    return replace(velocity, values=velocity.values - drift @ turn)
 
 
 def actuator_record(samples: SegmentSamples, vehicle: Vehicle) -> ActuatorRecord | str:

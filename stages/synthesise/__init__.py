@@ -18,7 +18,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, nearest
 from auvid.data_schemas.records.likelihood import LagFit
-from auvid.data_schemas.records.models import FactorRecord, ModelCard
+from auvid.data_schemas.records.models import DiveCurrent, FactorRecord, ModelCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import has_columns
@@ -273,6 +273,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s}
             vehicle = replace(vehicle, spreads=spreads)
     currents = _currents(inputs, training, lag_s, params.current_m_s)
+    in_water = {
+        log: DiveCurrent(value_m_s=own.value.tolist(), sd_m_s=own.sd.tolist(), clear=own.clear)
+        for log, own in currents.items()
+    }
     if currents:
         spreads = {**vehicle.spreads, CURRENT: _spread_of(currents)}
         vehicle = replace(vehicle, spreads=spreads)
@@ -350,7 +354,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             prior=on_published if model.name in published else none,
             trim=params.trim,
             held_out=held_out[model.name],
-        ).model_copy(update={"lag": lag, "moved_by_lag": moved[model.name]})
+        ).model_copy(update={"lag": lag, "moved_by_lag": moved[model.name], "currents": in_water})
         for declared_model, model in zip(declared, models, strict=True)
     }
     conflicts: list[str] = []

@@ -207,9 +207,29 @@ def _uses(
     uses.append(Use("Within", "", true_minus(words)))
     if words := form_words(chosen, {item.name: item.title for item in ranking.models}):
         uses.append(Use("Coefficients", "", words))
+    if words := _water_words(card):
+        uses.append(Use("Water", "", words))
     if card.lag is not None:
         uses.append(Use("Actuators", "", true_minus(_lag_words(card, card.lag))))
     return tuple(uses)
+
+
+def _water_words(card: ModelCard) -> str:
+    """Return the clear steady currents of the training logs; empty for none."""
+    clear = {log: own for log, own in card.currents.items() if own.clear}
+    if not clear:
+        return ""
+    dives = []
+    for log, own in clear.items():
+        north, east = (
+            estimate(value, NORMAL_95 * sd)
+            for value, sd in zip(own.value_m_s, own.sd_m_s, strict=True)
+        )
+        dives.append(f"{north} m/s to the north, {east} m/s to the east in log '{log}'")
+    return true_minus(
+        f"the forces show a steady current, {listed(dives)}; the velocities are over ground, and"
+        " intervals count it (stages.fuse.current_m_s takes it off)"
+    )
 
 
 def _lag_words(card: ModelCard, lag: LagFit) -> str:

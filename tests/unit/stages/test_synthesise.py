@@ -964,6 +964,7 @@ def test_a_current_under_a_velocity_over_ground_is_in_the_intervals_and_named() 
         holds.append(abs(item.value + 60.0) < NORMAL_95 * total)
         assert ("current" in item.assumed_shifts) == ("current" in card.spreads) == (usual > 0)
         words.append("write stages.fuse.current_m_s: {log: [0." in str(outputs.section))
+        assert [own.clear for own in card.currents.values()] == [True] * (usual > 0)
     assert holds == [True, False]
     assert words == [True, False]
     observed = CurrentRecord(verdict="observable", reason="", ned_m_s=[0.0] * 3, sd_m_s=[0.01] * 3)

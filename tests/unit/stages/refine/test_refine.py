@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.documents import check_document
@@ -16,9 +17,14 @@ from auvid.data_schemas.documents.plans.dive_plan import DivePlanDocument
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.records.likelihood import LagFit
 from auvid.data_schemas.records.models import MeasuredPriorCard, TermCard
-from auvid.data_schemas.records.motion import InstallationEstimate, InstallationRecord
-from auvid.data_schemas.tables import column, make_table
+from auvid.data_schemas.records.motion import (
+    CurrentRecord,
+    InstallationEstimate,
+    InstallationRecord,
+)
+from auvid.data_schemas.tables import column, make_table, matrix
 from auvid.hydro.arrays import AXES, VELOCITIES
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -28,11 +34,12 @@ from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEst
 from auvid.hydro.identification.maximum_likelihood.output_error import fit_output_error
 from auvid.stages import fuse, refine, resample, residual, synthesise
 from auvid.stages.base import collection
-from auvid.stages.columns import ACCELEROMETER, forces
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, VELOCITY, forces
 from auvid.stages.refine import fitting
 from auvid.stages.refine.fitting import CardUnknowns, SensorFit
 from auvid.stages.refine.presentation import stated_lag_blocks
 from auvid.stages.refine.refined_card import _term as refined_term
+from auvid.stages.sensor_motion import VelocityLogPlacement
 from auvid.stages.validate import Predictor
 from tests.support.constrained import drawn_as_printed
 from tests.support.example_run import example_run
@@ -453,3 +460,34 @@ def test_a_fitted_lag_is_held_against_a_stated_one(stated_s: float, warns: bool)
     assert [block["level"] for block in blocks] == (["warning"] if warns else [])
     assert all("states 0.05 s (actuators.lag)" in block["text"] for block in blocks)
     assert stated_lag_blocks(fitted, card) == stated_lag_blocks(None, card) == []
+
+
+def test_a_current_that_fuse_takes_off_is_off_the_samples_of_the_velocity_log(
+    twin: refine.Inputs,
+) -> None:
+    """Over ground the log reads R' c more, in its own axes; the fit sees none of it."""
+    assert twin.samples_velocity is not None
+    ((key, table),) = twin.samples_velocity.items()
+    (still,), _, _ = refine._legs(twin)
+    ned = np.array([0.2, -0.1, 0.0])
+    fused, t_s = twin.fused[key], column(table, "t_s")
+    euler = np.array(
+        [np.interp(t_s, column(fused, "t_s"), np.unwrap(column(fused, n))) for n in ATTITUDE]
+    ).T
+    over = matrix(table, VELOCITY[:3])
+    turn = VelocityLogPlacement.of(VEHICLE, None).turn
+    over = over + np.einsum("nji,j->ni", rotation_body_to_ned(euler), ned) @ turn
+    for place, name in enumerate(VELOCITY[:3]):
+        table = table.set_column(table.column_names.index(name), name, pa.array(over[:, place]))
+    current = CurrentRecord(verdict="stated", reason="", ned_m_s=ned.tolist(), sd_m_s=None)
+    flowing = replace(
+        twin,
+        samples_velocity=collection({key: table}),
+        fusion=collection({key: twin.fusion[key].model_copy(update={"current": current})}),
+    )
+    (leg,), _, warnings = refine._legs(flowing)
+    assert warnings == []
+    difference = leg.sensors["velocity"].values - still.sensors["velocity"].values
+    # The attitude here is measured, there smoothed: a milliradian of .2 m/s.
+    assert np.sqrt(np.mean(difference**2)) < 5e-4
+    assert np.array_equal(leg.sensors["gyro"].values, still.sensors["gyro"].values)

@@ -9,7 +9,12 @@ from dataclasses import replace
 import pytest
 
 from auvid.data_schemas.records.likelihood import LagFit
-from auvid.data_schemas.records.models import MotionCheck, SteadyRange, VelocityRange
+from auvid.data_schemas.records.models import (
+    DiveCurrent,
+    MotionCheck,
+    SteadyRange,
+    VelocityRange,
+)
 from auvid.stages.base import collection
 from auvid.stages.page.first_screen import Alert, Summary
 from auvid.stages.page.html import anchor
@@ -67,6 +72,13 @@ def test_the_chosen_model_is_named_with_its_use_and_the_rule(run: ExampleRun) ->
     ]
     assert "no free run" in first_screen.uses[1].reason
     assert first_screen.uses[-1].reason.startswith("force of another form in ")
+    flows = DiveCurrent(value_m_s=[0.2, -0.1], sd_m_s=[0.01, 0.02], clear=True)
+    run.cards["coe"] = run.cards["coe"].model_copy(
+        update={"currents": {"dive": flows, "other": flows.model_copy(update={"clear": False})}}
+    )
+    water = next(use.reason for use in summary_of(run).uses if use.label == "Water")
+    assert "current, 0.200 ± 0.020 m/s to the north, −0.100 ± 0.039 m/s to the east in" in water
+    assert "other" not in water
 
 
 def test_a_model_of_smaller_error_is_named_with_what_speaks_against_it(run: ExampleRun) -> None:
