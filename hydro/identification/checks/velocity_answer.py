@@ -1,8 +1,8 @@
-"""Lag, turn and scale of a body velocity against the accelerometer beside it.
+"""Lag, turn, scale and arm of a body velocity against the accelerometer beside it.
 
 Over windows of 1 s, v(t1) - v(t0) + integral of omega x v = integral of f + R^T [0 0 g]:
 a velocity log that is late, turned about the vertical or of another scale shows there as
-such. Nothing here decides.
+such; so does a sensor at another arm r, which reads v + omega x r. Nothing here decides.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     integrals,
     windows,
 )
-from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS
+from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
 from auvid.hydro.kept_results import kept
 
 NORMAL_SPREAD = 1.4826
@@ -133,3 +133,61 @@ def log_odds(change: Array, pulled: Array) -> float:
     )
     moving = (own > 0.0) & (left > 0.0)
     return float(len(change) * np.maximum(np.log(own[moving] / left[moving]), 0.0).sum())
+
+
+@dataclass(frozen=True)
+class ArmOffset:
+    """True arm less the stated one (3,) and its standard deviation (3,) [m].
+
+    `explained`: share of what the stated arm leaves that the other arm explains.
+    """
+
+    offset: Array
+    sd: Array
+    explained: float
+
+
+def arm_offset(
+    imu: tuple[Array, Array, Array],
+    attitude: tuple[Array, Array],
+    velocity: tuple[Array, Array],
+    depth: tuple[Array, Array] | None,
+    *,
+    gravity: float,
+) -> ArmOffset | None:
+    """Return by how much an arm is off, a turn and a scale of the velocity beside it.
+
+    imu: times (n,), gyro (n, 3), specific force (n, 3); attitude: times, angles (m, 3);
+    velocity: times, that of the body at the stated arm (k, 3); depth: times, values. None
+    for too few windows.
+    """
+    (t_imu, gyro, force), (t_attitude, euler), (t, speed) = imu, attitude, velocity
+    clocks = [t_imu, t_attitude, t, *(() if depth is None else (depth[0],))]
+    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    rates = np.column_stack([np.interp(t, t_imu, rate) for rate in gyro.T])
+    by_arm = [np.cross(rates, axis) for axis in np.eye(3)]
+    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    change = changes_of(t_imu, gyro, t, speed, at)
+    moved = [changes_of(t_imu, gyro, t, part, at) for part in by_arm]
+    still = np.zeros(len(at))
+    turned = np.column_stack([-change[:, 1], change[:, 0], still])
+    level = np.column_stack([change[:, :2], still])
+    parts = [(change - pulled, np.stack([*moved, turned, level], axis=2))]
+    if depth is not None:
+        down = down_at(t, t_attitude, euler)
+        depth_rates = [integrals(t, down * each, at).sum(axis=1) for each in (speed, *by_arm)]
+        rise = np.interp(at + WINDOW_S, *depth) - np.interp(at, *depth)
+        design = np.column_stack([*depth_rates[1:], still, still])
+        parts.append(((depth_rates[0] - rise)[:, None], design[:, None]))
+    rest, columns = [], []
+    for left, design in parts:
+        left, design = left - np.median(left, axis=0), design - np.median(design, axis=0)
+        spread = np.maximum(NORMAL_SPREAD * np.median(np.abs(left), axis=0), 1e-9)
+        rest.append((left / spread).ravel())
+        columns.append((design / spread[None, :, None]).reshape(-1, design.shape[2]))
+    gains = fitted_gains(np.concatenate(rest), np.concatenate(columns))
+    if gains is None:
+        return None
+    return ArmOffset(gains.gain[:3], gains.sd[:3], gains.explained)

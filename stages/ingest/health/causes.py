@@ -49,6 +49,7 @@ OF_MOTION = (
     "velocity_axes",
     "velocity_scale",
     "velocity_turned",
+    "arm_off",
     "scale_off",
     "tilt_offset",
     "heading_offset",

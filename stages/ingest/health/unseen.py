@@ -19,7 +19,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
 )
 from auvid.stages.ingest.health.agreement.motion import depth_answers
 from auvid.stages.ingest.health.agreement.velocity_axes import SURE_ODDS, VelocityEvidence
-from auvid.stages.ingest.health.finding import CheckedLog
+from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
 from auvid.stages.number_format import percent
 
 Unseen = tuple[str, str]
@@ -133,9 +133,14 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
             "one velocity alone does not tell the ground from the water; stage synthesise of a run"
             " measures it in the forces of legs that turn",
         )
-    if not log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+    arm = evidence.arm
+    unsure = [
+        axis for axis in range(3) if arm is None or CLEAR * arm.sd[axis] > 2.0 * limit("arm_off")
+    ]
+    if unsure and not log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        axes = "" if len(unsure) > 2 else f" along {listed(['xyz'[axis] for axis in unsure])}"
         yield (
-            "arm of the velocity log",
+            f"arm of the velocity log{axes}",
             "stage check_installation of a run measures it, over all legs together",
         )
     turns = [turn for turn in (evidence.of_accelerometer, evidence.of_track) if turn is not None]

@@ -12,9 +12,8 @@ from auvid.stages.columns import (
     ACCELEROMETER,
     ATTITUDE,
     GYRO,
-    OF_FIXES,
-    OF_POSES,
 )
+from auvid.stages.ingest.health.agreement.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
 SURE_ODDS, SURE_BY_DEPTH = 30.0, 10.0
@@ -56,21 +55,16 @@ def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
 
 
 def _lag(log: CheckedLog) -> InertialLag | None:
-    force = log.accelerometer()
-    if force is None or log.info.accelerometer not in (None, "specific_force"):
+    motion = inertial_motion(log)
+    if motion is None:
         return None
-    if not log.has("attitude", "velocity") or not np.isfinite(log.body_velocity()).all():
-        return None
-    if log.estimated("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
-        return None
-    good = np.isfinite(force).all(axis=1)
+    t, speed = log.t_s("velocity"), log.body_velocity()
+    arm_m = np.zeros(3) if motion.arm_m is None else motion.arm_m
+    arm = motion.arm()
+    if arm is not None:  # turns of a wrong arm are no lag
+        arm_m = arm_m + arm.offset * clear_arm(arm)
     return inertial_lag(
-        (log.t_s("imu")[good], log.values("imu", GYRO)[good], force[good]),
-        (log.t_s("attitude"), log.values("attitude", ATTITUDE)),
-        (log.t_s("velocity"), log.body_velocity()),
-        (log.t_s("depth"), log.column("depth", "depth_m")) if log.has("depth") else None,
-        gravity=STANDARD_GRAVITY,
-        arm_m=np.zeros(3) if log.vehicle is None else log.vehicle.dvl.arm_m,
+        motion.imu, motion.attitude, (t, speed), motion.depth, gravity=STANDARD_GRAVITY, arm_m=arm_m
     )
 
 

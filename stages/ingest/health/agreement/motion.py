@@ -41,6 +41,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
 )
 from auvid.stages.ingest.health.actuation.responses import late_outputs
 from auvid.stages.ingest.health.agreement.tilt import tilt_findings
+from auvid.stages.ingest.health.agreement.velocity_arm import wrong_arm
 from auvid.stages.ingest.health.agreement.velocity_axes import (
     VelocityEvidence,
     heading_findings,
@@ -194,6 +195,8 @@ def motion_findings(
     if not any(item["stream"] == "velocity" for item in late):
         yield from late_velocity(log, evidence)
     if not exchanged and not any(item["id"] == "velocity_scale" for item in found_depth):
+        if not late:
+            yield from wrong_arm(log, evidence.arm)
         yield from turned_velocity(log, evidence)
         yield from scaled_velocity(log, evidence)
 

@@ -10,9 +10,14 @@ import numpy as np
 
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.answers import PlanarTurn, track_turn
-from auvid.hydro.identification.checks.velocity_answer import VelocityAnswer, velocity_answer
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
+from auvid.hydro.identification.checks.velocity_answer import (
+    ArmOffset,
+    VelocityAnswer,
+    velocity_answer,
+)
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR
+from auvid.stages.ingest.health.agreement.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
@@ -50,10 +55,12 @@ MIRRORS = {
 class VelocityEvidence:
     """What accelerometer and track say of the velocity; None where there is none.
 
-    `mirrored`: the turn of the track with its x and y exchanged.
+    `mirrored`: the turn of the track with its x and y exchanged. `arm`: by how much that
+    of the velocity log is off; `answer` is beyond it where it is clear.
     """
 
     answer: VelocityAnswer | None = None
+    arm: ArmOffset | None = None
     track: PlanarTurn | None = None
     mirrored: PlanarTurn | None = None
 
@@ -84,28 +91,22 @@ def velocity_evidence(log: CheckedLog) -> VelocityEvidence:
         velocity = log.t_s("velocity"), log.body_velocity()
         track = track_turn(times, position, *poses, *velocity)
         mirrored = track_turn(times, position[:, [1, 0, 2]], *poses, *velocity)
-    return VelocityEvidence(_accelerometer(log), track, mirrored)
+    answer, arm = _accelerometer(log)
+    return VelocityEvidence(answer, arm, track, mirrored)
 
 
-def _accelerometer(log: CheckedLog) -> VelocityAnswer | None:
-    force = log.accelerometer()
-    if force is None or log.info.accelerometer not in (None, "specific_force"):
-        return None
-    if log.estimated("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
-        return None
-    good = np.isfinite(force).all(axis=1)
-    times, rates = log.t_s("imu")[good], log.values("imu", GYRO)[good]
-    t_velocity, speed = log.t_s("velocity"), log.body_velocity()
-    if log.vehicle is not None:
-        turning = np.column_stack([np.interp(t_velocity, times, part) for part in rates.T])
-        speed = speed - np.cross(turning, log.vehicle.dvl.arm_m)
-    return velocity_answer(
-        (times, rates, force[good]),
-        (log.t_s("attitude"), log.values("attitude", ATTITUDE)),
-        (t_velocity, speed),
-        gravity=STANDARD_GRAVITY,
-        lags_s=LAGS_S,
+def _accelerometer(log: CheckedLog) -> tuple[VelocityAnswer | None, ArmOffset | None]:
+    motion = inertial_motion(log)
+    if motion is None:
+        return None, None
+    t_velocity, speed = motion.velocity
+    arm = motion.arm()
+    if arm is not None and clear_arm(arm).any():
+        speed = motion.at_arm(arm.offset * clear_arm(arm))
+    answer = velocity_answer(
+        motion.imu, motion.attitude, (t_velocity, speed), gravity=STANDARD_GRAVITY, lags_s=LAGS_S
     )
+    return answer, arm
 
 
 def _of_the_heading(log: CheckedLog) -> bool:

@@ -44,6 +44,7 @@ from tests.support.sound_log import (
 
 SPEED_COLUMNS = ("u_m_s", "v_m_s", "w_m_s")
 IMU_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
+RATE_COLUMNS = ("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
 Spoil = Callable[[Log], None]
 SPOIL: dict[str, Spoil] = {}
@@ -641,6 +642,18 @@ def turn_velocity(log: Log, angle_deg: float) -> None:
 @spoils("velocity_turned")
 def _crooked(log: Log) -> None:
     turn_velocity(log, 9.0)
+
+
+@spoils("arm_off")
+def _moved_log(log: Log) -> None:
+    log.vehicle = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    rates = [
+        np.interp(log.t_s("velocity"), log.t_s("imu"), log.streams["imu"][name])
+        for name in RATE_COLUMNS
+    ]
+    added = np.cross(np.column_stack(rates), [-0.5, 0.0, 0.0])
+    for name, part in zip(SPEED_COLUMNS, added.T, strict=True):
+        log.streams["velocity"][name] = log.streams["velocity"][name] + part
 
 
 @spoils("heading_unseen")

@@ -340,6 +340,17 @@ def places_exchanged(case: Case) -> None:
     case.vehicle = vehicle_from_document(document)
 
 
+def arm_of_log(x: float, y: float) -> Change:
+    """The vehicle file has the velocity log here."""
+
+    def change(case: Case) -> None:
+        document = case.vehicle.document.model_dump(mode="python", exclude_none=True)
+        document["sensors"]["dvl"]["arm"]["value"] = [x, y, 0.0]
+        case.vehicle = vehicle_from_document(document)
+
+    return change
+
+
 def shifted(case: Case) -> None:
     """Each output column is taken for the next."""
     entries = [case.entry(name) for name in PULSES]
@@ -798,6 +809,11 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "inertial_lag",
         "both come 0.40 s after",
     ),
+    "velocity log placed 0.3 m too far ahead": (
+        arm_of_log(0.42, 0.0),
+        "arm_off",
+        "gives +0.42",
+    ),
     "a tenth of the added mass": (
         vehicle(*ADDED, factor=0.1, of="added_mass"),
         "added_mass_size",
@@ -809,7 +825,7 @@ DIVE_CASES: dict[str, tuple[Change, str, str]] = {
         "Z_wdot",
     ),
 }
-WHOLE_DIVE = tuple(DIVE_CASES)[-14:-2]
+WHOLE_DIVE = tuple(DIVE_CASES)[-15:-2]
 """Those that the first minute does not show."""
 NOT_STOPPING = (
     "stuck_sensor",
@@ -822,6 +838,7 @@ NOT_STOPPING = (
     "velocity_outliers",
     "outputs_frozen",
     "tilt_offset",
+    "arm_off",
 )
 
 
