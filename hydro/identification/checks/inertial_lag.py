@@ -20,6 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
 )
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS
 from auvid.hydro.identification.checks.velocity_answer import changes_of, log_odds
+from auvid.hydro.kept_results import kept
 
 LAGS_S = np.round(np.arange(-12, 13) * 0.05, 2)
 """Lags of attitude and gyro that are tried [s]."""
@@ -40,6 +41,7 @@ class InertialLag:
     by_depth: float | None
 
 
+@kept
 def inertial_lag(
     imu: tuple[Array, Array, Array],
     attitude: tuple[Array, Array],
@@ -71,7 +73,7 @@ def inertial_lag(
     def odds(lag: float) -> float:
         change = changes_of(t_imu - lag, gyro, t_velocity, of_origin(lag), at)
         pulled = felt + gravity * integrals(t_imu, down_at(t_imu, t_attitude - lag, euler), at)
-        return log_odds(*(side - np.median(side, axis=0) for side in (change, pulled)))
+        return float(log_odds(*(side - np.median(side, axis=0) for side in (change, pulled))))
 
     tried = {lag: odds(lag) for lag in FIRST_S}
     if max(tried, key=lambda lag: tried[lag]) != 0.0:

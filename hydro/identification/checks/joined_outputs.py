@@ -100,13 +100,13 @@ def joined_outputs(
     """
     as_it_is = _same_wiring(allocation, linear=linear, horizontal=horizontal)
     orders = _orders(allocation.shape[1])
-    rows = [_joined(allocation, direction, order) for order in orders] + list(geometries)
+    rows = np.array([_joined(allocation, direction, order) for order in orders] + [*geometries])
     pairs = list(combinations(range(len(direction)), 2))
     best: tuple[float, OtherOrder, JoinedOutputs] | None = None
     for motion in motions:
         axes = _AxisProducts.of(motion, impulse)
-        plain = max(axes.likelihood(each) for each in as_it_is)
-        otherwise = [axes.likelihood(each) for each in rows]
+        plain = float(axes.likelihood(as_it_is).max())
+        otherwise = axes.likelihood(rows).tolist()
         place = int(np.argmax(otherwise))
         fit = max(plain, otherwise[place])
         if best is None or fit > best[0]:
@@ -121,7 +121,7 @@ def joined_outputs(
             )
             ratio = otherwise[place] - plain
             other = OtherOrder(source, backward, *shares, ratio, geometry, equals)
-            own = axes.likelihood(allocation)
+            own = float(axes.likelihood(allocation))
             near = [own - fits < BETTER for fits in otherwise]
             backward_near, pairs_near = np.split(
                 near[: len(direction) + len(pairs)], [len(direction)]
@@ -166,18 +166,18 @@ class _AxisProducts:
         return cls(np.array(gram), np.array(along), np.array(spread), len(impulse))
 
     def shares(self, rows: Array) -> Array:
-        """Return the share (k,) of each axis that an allocation (k, m) explains."""
-        size = np.einsum("km,kmn,kn->k", rows, self.gram, rows)
+        """Return shares (..., k) of axes that allocations (..., k, m) explain."""
+        size = ((rows[..., None, :] @ self.gram)[..., 0, :] * rows).sum(axis=-1)
         # Pushes that cancel leave rounding, which explains nothing.
-        single = np.einsum("km,kmm->k", rows**2, self.gram)
+        single = (rows**2 * np.diagonal(self.gram, axis1=1, axis2=2)).sum(axis=-1)
         size = np.where(size > LEAST_PUSH * single, size, np.inf)
-        reach = np.maximum((rows * self.along).sum(axis=1), 0.0)
+        reach = np.maximum((rows * self.along).sum(axis=-1), 0.0)
         explained = reach**2 / np.maximum(size, 1e-300) / self.spread
         return np.asarray(np.minimum(explained, 1.0 - 1e-12))
 
-    def likelihood(self, rows: Array) -> float:
-        """Return the logarithm of the likelihood over that of no thruster."""
-        return -0.5 * self.count * float(np.log1p(-self.shares(rows)).sum())
+    def likelihood(self, rows: Array) -> Array:
+        """Return the logarithm of the likelihood (...) over that of no thruster."""
+        return np.asarray(-0.5 * self.count * np.log1p(-self.shares(rows)).sum(axis=-1))
 
 
 def _joined(allocation: Array, direction: Array, order: Order) -> Array:
@@ -195,8 +195,8 @@ def _joined(allocation: Array, direction: Array, order: Order) -> Array:
     return rows
 
 
-def _same_wiring(allocation: Array, *, linear: int, horizontal: bool) -> list[Array]:
-    """Return allocations that a weak thruster or a wrong motion stand for, as it is."""
+def _same_wiring(allocation: Array, *, linear: int, horizontal: bool) -> Array:
+    """Return allocations (h, k, m) of weak thrusters and wrong motions, as it is."""
     count = allocation.shape[1]
     signs = [np.array(each) for each in product((1.0, -1.0), repeat=len(allocation))]
     wrong = [allocation * each[:, None] for each in signs]
@@ -211,7 +211,7 @@ def _same_wiring(allocation: Array, *, linear: int, horizontal: bool) -> list[Ar
         turned = allocation.copy()
         turned[:2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]] @ turned[:2]
         wrong.append(turned)
-    return wrong
+    return np.array(wrong)
 
 
 def _orders(count: int) -> list[Order]:

@@ -42,7 +42,10 @@ def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_
 
     Empty for clocks so slow that hardly any window would hold a sample.
     """
-    return windows_until(starts, np.array([ends]), *clocks, width_s=width_s)[0]
+    if (ends - starts) / width_s > 10.0 * min(t.size for t in clocks):
+        return np.zeros(0)
+    at = _without_pauses(np.arange(starts, ends - width_s, width_s), clocks, width_s)
+    return at[: int(np.searchsorted(at, ends - width_s))]
 
 
 def windows_until(
@@ -51,24 +54,49 @@ def windows_until(
     """Return the begins of `windows` for ends (k,), in one pass over the clocks."""
     usable = (ends - starts) / width_s <= 10.0 * min(t.size for t in clocks)
     at = np.arange(starts, np.max(ends[usable], initial=starts) - width_s, width_s)
+    at = _without_pauses(at, clocks, width_s)
+    stops = np.where(usable, ends - width_s, -np.inf)
+    return [at[at < stop] for stop in stops]
+
+
+def _without_pauses(at: Array, clocks: Sequence[Array], width_s: float) -> Array:
+    """Return the begins of windows in which no clock pauses."""
     good: Mask = np.ones(at.size, dtype=np.bool_)
     for t in clocks:
-        pauses = np.flatnonzero(np.diff(t) > LONGEST_STEP_S)
+        pauses = np.flatnonzero(t[1:] - t[:-1] > LONGEST_STEP_S)
+        if not pauses.size:
+            continue
         first, last = np.searchsorted(at + width_s, t[pauses]), np.searchsorted(at, t[pauses + 1])
         for low, high in zip(first, last, strict=True):
             good[low:high] = False
-    at = at[good]
-    stops = np.where(usable, ends - width_s, -np.inf)
-    return [at[at < stop] for stop in stops]
+    return at[good]
 
 
 def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> Array:
     """Return the integrals (m, k) of values (n, k) at t (n,) over windows from `at`."""
     sides = np.concatenate([at, at + width_s])
+    if t.size <= BLOCK_ROWS:
+        both = _integral_in_one(t, values, sides)
+        return both[at.size :] - both[: at.size]
     order = np.argsort(sides, kind="stable")
     ordered = np.empty((sides.size, values.shape[1]))
     ordered[order] = _integral_to(t, values, sides[order])
     return ordered[at.size :] - ordered[: at.size]
+
+
+def _integral_in_one(t: Array, values: Array, times: Array) -> Array:
+    """Return `_integral_to` of one block; the times need not ascend."""
+    steps = t[1:] - t[:-1]
+    sums = np.zeros(values.shape)
+    np.cumsum(0.5 * (values[1:] + values[:-1]) * steps[:, None], axis=0, out=sums[1:])
+    after = np.searchsorted(t, times, side="right")
+    out = np.zeros((times.size, values.shape[1]))
+    out[after == t.size] = sums[-1]
+    inside = np.flatnonzero((after > 0) & (after < t.size))
+    row = after[inside] - 1
+    slope = (sums[row + 1] - sums[row]) / steps[row][:, None]
+    out[inside] = slope * (times[inside] - t[row])[:, None] + sums[row]
+    return out
 
 
 def _integral_to(t: Array, values: Array, times: Array) -> Array:
@@ -129,6 +157,7 @@ def depth_gains(
     return None if shared is None else fitted_gains(*shared)
 
 
+@kept
 def heave_of_columns(
     t_depth: Array,
     depth: Array,
@@ -165,13 +194,23 @@ def _rise_and_parts(
 
     None for too few windows.
     """
-    start = max(t_depth[0], t_velocity[0], t_attitude[0])
-    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    at = _windows_with_depth(t_depth, t_velocity, t_attitude)
     if at.size < FEWEST_WINDOWS:
         return None
-    rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
-    return rise, integrals(t_velocity, rates, at)
+    return _rise(t_depth, depth, at), integrals(t_velocity, rates, at)
+
+
+def _windows_with_depth(t_depth: Array, t_velocity: Array, t_attitude: Array) -> Array:
+    """Return the begins (m,) of windows that depth, velocity and attitude share."""
+    start = max(t_depth[0], t_velocity[0], t_attitude[0])
+    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
+    return windows(start, end, t_depth, t_velocity, t_attitude)
+
+
+def _rise(t_depth: Array, depth: Array, at: Array) -> Array:
+    """Return the change of depth (m,) over windows from `at`."""
+    rise: Array = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
+    return rise
 
 
 @dataclass(frozen=True)
@@ -380,20 +419,27 @@ def velocity_lag(
     """
     lags = np.asarray(lags_s, dtype=np.float64)
     rates = down_at(t_velocity, t_attitude, euler) * velocity
+    clocks = t_velocity, t_attitude
     shares: dict[float, float] = {}
     # As many lags at a time as the memory for their windows allows.
     most = max(int(MOST_WINDOWS * WINDOW_S / max(np.ptp(t_depth), WINDOW_S)), 1)
     others = lags[lags != 0.0]
     for tried in (lags[lags == 0.0], *np.split(others, range(most, others.size, most))):
+        if not tried.size:
+            continue
         if shares.get(0.0, -np.inf) >= enough:
             break
+        early = [_windows_with_depth(t_depth + lag, *clocks) for lag in tried]
+        edges = np.cumsum([at.size for at in early])[:-1]
+        moved = np.split(integrals(t_velocity, rates, np.concatenate(early)), edges)
         parts = []
-        for lag in tried:
+        for lag, at, part in zip(tried, early, moved, strict=True):
             late = t_velocity - lag
             turned = down_at(late, t_attitude, euler) * velocity
+            enough_windows = at.size >= FEWEST_WINDOWS
             parts += [
                 (float(lag), _rise_and_parts(t_depth, depth, t_attitude, late, turned)),
-                (float(lag), _rise_and_parts(t_depth + lag, depth, t_attitude, t_velocity, rates)),
+                (float(lag), (_rise(t_depth + lag, depth, at), part) if enough_windows else None),
             ]
         shares |= _shares_by_lag([(lag, part) for lag, part in parts if part is not None])
     if 0.0 not in shares:

@@ -179,11 +179,10 @@ def _turns(
     def mean_rate(of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
         """Return the mean (..., n, 3) over intervals (n,), read lags (...) later."""
         late = np.asarray(lags, dtype=np.float64)[..., None]
-        ends = [
-            np.stack([np.interp(t[side] + late, at, angle[:, axis]) for axis in range(3)], axis=-1)
-            for side in (of, of + 1)
-        ]
-        return np.asarray((ends[1] - ends[0]) / width[of, None])
+        used, place = np.unique(np.stack([of, of + 1]), return_inverse=True)
+        there = np.stack([np.interp(t[used] + late, at, part) for part in angle.T], axis=-1)
+        first, last = place.reshape(2, -1)
+        return np.asarray((there[..., last, :] - there[..., first, :]) / width[of, None])
 
     unexplained = np.linalg.norm((expected - mean_rate(rows, 0.0)) * width[rows, None], axis=1)
     # A slow gyro may miss what it turned between its samples: by no more than its

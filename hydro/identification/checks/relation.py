@@ -140,10 +140,9 @@ def _shares(basis: Array, motion: Array) -> Array:
 
     basis (n, m) is orthonormal; the motion comes later by the shift.
     """
-    count = len(basis)
-    turned = np.conj(np.fft.rfft(basis, axis=0))
+    turned, count = np.conj(np.fft.rfft(basis.T)), len(basis)
     shares = [
-        np.sum(np.fft.irfft(turned * np.fft.rfft(values)[:, None], count, axis=0) ** 2, axis=1)
+        np.sum(np.fft.irfft(turned * np.fft.rfft(values), count) ** 2, axis=0)
         / float(values @ values)
         for values in motion.T
     ]
@@ -157,8 +156,11 @@ def _likeness(basis: Array, other: Array) -> Array:
 
 def _about(shares: Array) -> Array:
     """Return the largest of shares (n, k) over the lags about each shift, by motion."""
-    lags = range(round(LAGS_S[0] * RATE_HZ), round(LAGS_S[1] * RATE_HZ) + 1)
-    return np.asarray(np.max([np.roll(shares, -lag, axis=0) for lag in lags], axis=0))
+    from scipy.ndimage import maximum_filter1d
+
+    first, last = (round(lag * RATE_HZ) for lag in LAGS_S)
+    largest = maximum_filter1d(shares, last - first + 1, axis=0, mode="wrap")
+    return np.roll(largest, -(first + (last - first) // 2), axis=0)
 
 
 def _odds(shares: Array) -> Array:

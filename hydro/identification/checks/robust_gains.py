@@ -108,14 +108,15 @@ def robust_fits(y: Array, design: Array) -> RobustFits:
     fewest = FEWEST_WINDOWS + design.shape[2]
     keep, enough = good, good.sum(axis=1) >= fewest
     for _ in range(ROBUST_ROUNDS):
-        gain, _ = solved(full, target, keep)
+        gain, inverse = _least_squares(full, target, keep)
         off = np.abs(target - (full @ gain[..., None])[..., 0])
         before, spread = keep, 1.4826 * _medians(off, keep)
         keep = good & (off <= ROBUST_SPREADS * np.maximum(spread, 1e-12)[:, None])
         enough &= keep.sum(axis=1) >= fewest
         if np.array_equal(keep, before):  # further rounds repeat this one
             break
-    inverse = _inverse(full, keep)
+    else:
+        _, inverse = _least_squares(full, target, keep)
     count = np.where(enough, keep.sum(axis=1), 0)
     rows = np.maximum(count, full.shape[2] + 1)
     left = np.einsum("bn,bn,bn->b", keep, off, off) / (rows - full.shape[2])
@@ -131,15 +132,17 @@ def solved(full: Array, target: Array, keep: Mask) -> tuple[Array, Array]:
     By the rows to keep (b, n). Of gains that fit alike, as of two columns that say the
     same, these have the least sum of squares.
     """
-    weighted = full * keep[..., None]
-    moment = (weighted.swapaxes(1, 2) @ target[..., None])[..., 0]
-    gain = (_inverse(full, keep) @ moment[..., None])[..., 0]
+    gain, _ = _least_squares(full, target, keep)
     return gain, (full @ gain[..., None])[..., 0]
 
 
-def _inverse(full: Array, keep: Mask) -> Array:
-    """Return the pseudo-inverse (b, k, k) of moments of scaled columns, scaled back."""
-    moment = (full * keep[..., None]).swapaxes(1, 2) @ full
+def _least_squares(full: Array, target: Array, keep: Mask) -> tuple[Array, Array]:
+    """Return gains (b, k), and the pseudo-inverse (b, k, k) of the moments.
+
+    That of the moments of scaled columns, scaled back.
+    """
+    turned = (full * keep[..., None]).swapaxes(1, 2)
+    moment = turned @ full
     scale = np.sqrt(np.diagonal(moment, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
     size = scale[:, :, None] * scale[:, None, :]
@@ -147,7 +150,8 @@ def _inverse(full: Array, keep: Mask) -> Array:
     values, vectors = np.linalg.eigh(moment / size)
     kept = values > LEAST_EIGENVALUE * values[:, -1:]
     parts = np.divide(1.0, values, out=np.zeros_like(values), where=kept)
-    return np.asarray((vectors * parts[:, None]) @ vectors.swapaxes(1, 2) / size)
+    inverse: Array = (vectors * parts[:, None]) @ vectors.swapaxes(1, 2) / size
+    return (inverse @ (turned @ target[..., None]))[..., 0], inverse
 
 
 def _variance(values: Array, keep: Mask, rows: Array) -> Array:

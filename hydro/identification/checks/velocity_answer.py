@@ -103,16 +103,12 @@ def velocity_answer(
     pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
     pulled = pulled - np.median(pulled, axis=0)
     half = at < 0.5 * (at[0] + at[-1])
-    odds, halves, changes = [], [], []
-    for lag in lags:
-        change = changes_of(t_imu, gyro, t_velocity - lag, speed, at)
-        change = change - np.median(change, axis=0)
-        odds.append(log_odds(change, pulled))
-        halves.append([log_odds(change[rows], pulled[rows]) for rows in (half, ~half)])
-        changes.append(change)
-    best = int(np.argmax(odds))
-    turn = planar_turn(pulled[:, :2], changes[best][:, :2])
-    return VelocityAnswer(lags, np.array(odds), np.array(halves).T, turn)
+    changes = np.stack([changes_of(t_imu, gyro, t_velocity - lag, speed, at) for lag in lags])
+    changes -= np.median(changes, axis=1)[:, None]
+    odds = log_odds(changes, pulled)
+    halves = np.stack([log_odds(changes[:, rows], pulled[rows]) for rows in (half, ~half)])
+    turn = planar_turn(pulled[:, :2], changes[int(np.argmax(odds)), :, :2])
+    return VelocityAnswer(lags, odds, halves, turn)
 
 
 def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
@@ -126,13 +122,14 @@ def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> 
     return np.asarray(last - first + turned)
 
 
-def log_odds(change: Array, pulled: Array) -> float:
-    """Return the log likelihood of changes (n, 3) over none, by medians."""
+def log_odds(changes: Array, pulled: Array) -> Array:
+    """Return the log likelihood (...) of changes (..., n, 3) over none, by medians."""
     left, own = (
-        NORMAL_SPREAD * np.median(np.abs(part), axis=0) for part in (change - pulled, change)
+        NORMAL_SPREAD * np.median(np.abs(part), axis=-2) for part in (changes - pulled, changes)
     )
     moving = (own > 0.0) & (left > 0.0)
-    return float(len(change) * np.maximum(np.log(own[moving] / left[moving]), 0.0).sum())
+    ratio = np.divide(own, left, out=np.ones_like(own), where=moving)
+    return np.asarray(changes.shape[-2] * np.maximum(np.log(ratio), 0.0).sum(axis=-1))
 
 
 @dataclass(frozen=True)
@@ -147,6 +144,7 @@ class ArmOffset:
     explained: float
 
 
+@kept
 def arm_offset(
     imu: tuple[Array, Array, Array],
     attitude: tuple[Array, Array],

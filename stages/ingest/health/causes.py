@@ -8,7 +8,7 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -27,7 +27,7 @@ from auvid.stages.ingest.health.actuation.output_order import (
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, listed
 
 Mend = Callable[[CheckedLog], CheckedLog]
-Check = Callable[[CheckedLog], Sequence[Finding]]
+Check = Callable[[CheckedLog], Iterable[Finding]]
 
 OF_LAGS = ("velocity_lag", "command_late", "commands_early", "command_delay")
 """Findings of a clock that is off by a constant."""
@@ -67,6 +67,7 @@ MOST_MISTAKES = 3
 WORDS = {"velocity": "velocity", "actuators": "outputs", "depth": "depth"}
 """Streams whose clocks may be off, those of most findings first, in words."""
 HALVES = 2.0
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -154,13 +155,21 @@ def _tried(
     def order(mistake: Mistake) -> tuple[int, bool]:
         return mistake.entries, (mistake.check, mistake.stream) not in named
 
+    # What leaves as much as an earlier one, or takes away too little, is no cause.
+    most = 0.0 if all_of else weight(left) - 1.0
     tried: list[_Tried] = []
     for mistake in sorted(_mistakes(log, left), key=order):
         if not all_of and tried and not tried[-1].left:
             break
         mended = mistake.mend(log)
-        again = [item for item in check(mended) if item["id"] in OF_MOTION]
-        tried.append(_Tried(mistake, mended, again))
+        again: list[Finding] = []
+        for item in check(mended):
+            again += [item] if item["id"] in OF_MOTION else []
+            if weight(again) > most + ROUNDING:
+                break
+        else:
+            tried.append(_Tried(mistake, mended, again))
+            most = min(most, weight(again))
     return tried
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from operator import is_
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY, OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]
+Result = TypeVar("Result")
 ESTIMATED = re.compile(
     r"estimate of the navigation filter|relative altitude of the navigation filter"
 )
@@ -35,6 +37,8 @@ MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 
 MOTORS = 8
 SWING_US = 40.0
 """Pulses beyond the dead band of a speed controller."""
+MOST_KEPT_ROWS = 100_000
+"""Of a stream whose arrays are kept from check to check; it bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,7 @@ class CheckedLog:
     others: Sequence[OtherSource] = ()
     track: PoseTrack | None = None
     _times: dict[str, Array] = field(default_factory=dict, repr=False)
+    _kept: dict[object, tuple[tuple[object, ...], Any]] = field(default_factory=dict, repr=False)
 
     def has(self, *streams: str) -> bool:
         """Return whether all of these streams are there."""
@@ -71,7 +76,7 @@ class CheckedLog:
             if last > first:
                 tables[name] = table.slice(first, last - first)
                 times[name] = self.t_s(name)[first:last]
-        return replace(self, tables=tables, _times=times)
+        return replace(self, tables=tables, _times=times, _kept={})
 
     def in_time(self) -> CheckedLog:
         """Return the log on one clock, without the lags of the vehicle file."""
@@ -111,13 +116,29 @@ class CheckedLog:
         lags = {} if self.vehicle is None else self.vehicle.sensor_lags_s
         return " beyond the lags that the vehicle file states" if any(lags.values()) else ""
 
+    def once(self, name: object, of: Sequence[object], compute: Callable[[], Result]) -> Result:
+        """Return what is computed once from these objects, on mended logs as well.
+
+        Nobody may change it.
+        """
+        if name in self._kept:
+            before, result = self._kept[name]
+            if len(before) == len(of) and all(map(is_, before, of)):
+                return result  # type: ignore[no-any-return]
+        result = compute()
+        if all(table.num_rows <= MOST_KEPT_ROWS for table in self.tables.values()):
+            self._kept[name] = tuple(of), result
+        return result
+
     def values(self, stream: str, names: Iterable[str]) -> Array:
         """Return columns of a stream as an array (n, k)."""
-        return matrix(self.tables[stream], list(names))
+        table, columns = self.tables[stream], tuple(names)
+        return self.once((stream, columns), (table,), lambda: matrix(table, columns))
 
     def column(self, stream: str, name: str) -> Array:
         """Return one column of a stream (n,)."""
-        return column(self.tables[stream], name)
+        table = self.tables[stream]
+        return self.once((stream, name), (table,), lambda: column(table, name))
 
     def swings(self, output: str) -> bool:
         """Return whether an output leaves neutral to both sides."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -130,9 +131,10 @@ def check_health(
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     compared = _compared(real)
+    of_motion = list(compared.findings)
     measured += [item for check in OF_VALUES for item in check(real)]
     measured, explained = by_cause(
-        real, [*measured, *compared.findings], lambda mended: _compared(mended).findings
+        real, [*measured, *of_motion], lambda mended: _compared(mended).findings
     )
     findings = ranked([*with_hold_lag(log, measured), *excitation_findings(excited)])
     return {
@@ -186,12 +188,15 @@ def with_hold_lag(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
 
 @dataclass(frozen=True)
 class _Compared:
-    """What sensors and outputs say of each other; `log` as its evidence goes."""
+    """What sensors and outputs say of each other; `log` as its evidence goes.
+
+    The findings come one after another, so that who has read enough may stop.
+    """
 
     log: CheckedLog
     evidence: VelocityEvidence
     answers: dict[str, Response]
-    findings: list[Finding]
+    findings: Iterator[Finding]
 
 
 def _compared(log: CheckedLog) -> _Compared:
@@ -208,7 +213,7 @@ def _compared(log: CheckedLog) -> _Compared:
         log = log.without("velocity")  # nor is it of clocks, signs and forces
     evidence = velocity_evidence(log.in_time())
     answers, of_commands = _of_commands(log, evidence)
-    return _Compared(log, evidence, answers, [*measured, *of_commands])
+    return _Compared(log, evidence, answers, chain(measured, of_commands))
 
 
 def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
@@ -223,7 +228,7 @@ def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Find
 
 def _of_commands(
     log: CheckedLog, evidence: VelocityEvidence
-) -> tuple[dict[str, Response], list[Finding]]:
+) -> tuple[dict[str, Response], Iterator[Finding]]:
     """Return how motion follows the commands, and the findings of both.
 
     Commands of another motion say nothing of this one, and those that swing at one
@@ -238,15 +243,17 @@ def _of_commands(
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
     others = (item for check in OF_ANSWERS for item in check(log, answers))
-    return answers, _once([*unrelated, *moving, *others], "clock_drift")
+    return answers, _once(chain(unrelated, moving, others), "clock_drift")
 
 
-def _once(findings: Sequence[Finding], name: str) -> list[Finding]:
-    """Return findings with the first one of a name for each stream."""
-    first: dict[object, Finding] = {}
+def _once(findings: Iterable[Finding], name: str) -> Iterator[Finding]:
+    """Yield findings, of one name only the first for each stream."""
+    streams = []
     for item in findings:
-        first.setdefault((name, item["stream"]) if item["id"] == name else id(item), item)
-    return list(first.values())
+        if item["id"] == name and item["stream"] in streams:
+            continue
+        streams += [item["stream"]] if item["id"] == name else []
+        yield item
 
 
 OF_RECORDS = (

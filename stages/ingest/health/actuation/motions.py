@@ -17,6 +17,12 @@ def motions(log: CheckedLog) -> dict[str, tuple[Array, Array, str]]:
 
     The gyro is without its median.
     """
+    streams = [name for name in ("velocity", "depth", "imu") if log.has(name)]
+    of = [part for name in streams for part in (log.tables[name], log.t_s(name))]
+    return log.once("motions", of, lambda: _motions(log))
+
+
+def _motions(log: CheckedLog) -> dict[str, tuple[Array, Array, str]]:
     by_axis: dict[str, tuple[Array, Array, str]] = {}
     if log.has("velocity"):
         for axis, name in zip("uvw", LINEAR_VELOCITY, strict=True):

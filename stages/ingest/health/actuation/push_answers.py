@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import Thrusters, thruster_force, thruster_forces
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.motion_checks import (
     angles_at,
     gains_by_lag,
@@ -83,6 +85,12 @@ def pushes(log: CheckedLog) -> tuple[Array, Array] | None:
     vehicle = log.vehicle
     if vehicle is None or vehicle.thrusters is None or not log.has("actuators"):
         return None
+    of = log.tables["actuators"], log.t_s("actuators"), vehicle
+    return log.once("pushes", of, partial(_pushes, log, vehicle))
+
+
+def _pushes(log: CheckedLog, vehicle: Vehicle) -> tuple[Array, Array] | None:
+    assert vehicle.thrusters is not None
     names = [f"pwm_{number}_us" for number in vehicle.thrusters.outputs]
     if not set(names) <= set(log.tables["actuators"].column_names):
         return None
@@ -150,6 +158,12 @@ def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:
     """
     if axis not in COUPLED or not log.has("velocity", "imu"):
         return None
+    of: list[object] = [at, log.vehicle and log.vehicle.dvl]
+    of += [part for name in ("velocity", "imu") for part in (log.tables[name], log.t_s(name))]
+    return log.once(("coupling", max(axis, 1)), of, lambda: _coupling(log, axis, at))
+
+
+def _coupling(log: CheckedLog, axis: int, at: Array) -> Array:
     t_velocity, t_imu, velocity = log.t_s("velocity"), log.t_s("imu"), log.body_velocity()
     u, v, w = (np.interp(at, t_velocity, part) for part in velocity.T)
     p, q, r = (np.interp(at, t_imu, part) for part in log.values("imu", GYRO).T)
@@ -169,7 +183,16 @@ def answers_backward(log: CheckedLog, other: Thrusters) -> bool:
     if log.vehicle is None:
         return False
     turned = replace(log, vehicle=replace(log.vehicle, thrusters=other))
-    return any(True for _ in response_signs(turned, dict(push_responses(turned))))
+    return any(_goes_against(turned, *answer) for answer in push_responses(turned))
+
+
+def _goes_against(log: CheckedLog, axis: str, gains: AxisGains) -> bool:
+    """Return whether a motion goes against its thrusters, with and without turns."""
+    return (
+        _clear(gains) < limit("response_sign")
+        and gains.explained > 0.1
+        and not any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False))
+    )
 
 
 def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
@@ -403,13 +426,7 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
 
 def response_signs(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield motions that go against their thrusters."""
-    turned = {
-        axis: gains
-        for axis, gains in response.items()
-        if _clear(gains) < limit("response_sign")
-        and gains.explained > 0.1
-        and not any(_clear(own) > 0.0 for _, own in push_responses(log, axis, turning=False))
-    }
+    turned = {axis: gains for axis, gains in response.items() if _goes_against(log, axis, gains)}
     late = _late_by_tilts(log, turned)
     if late:
         yield from late

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
                 yield item
                 return
     unit = list(_unit(log, agreement))
-    wrong = unit or list(_axes(agreement, _over_longer_times(t_s, angles, gyro)))
+    wrong = unit or list(_axes(agreement, lambda: _over_longer_times(t_s, angles, gyro)))
     yield from wrong
     if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
         text = (
@@ -288,10 +288,10 @@ def _over_longer_times(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> 
     return np.zeros(3) if agreement is None else np.diag(agreement.correlation)
 
 
-def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
+def _axes(agreement: RateAgreement, slowly: Callable[[], Array]) -> Iterator[Finding]:
     """Yield bias, sign, axes, scale and lag of the gyro against the attitude.
 
-    slowly (3,): correlations of turns over .4 s.
+    slowly: returns the correlations (3,) of turns over .4 s.
     """
     in_gyro = _moved(agreement)  # an attitude in rad taken for degrees hardly moves
     moved = [
@@ -329,7 +329,7 @@ def _axes(agreement: RateAgreement, slowly: Array) -> Iterator[Finding]:
             yield finding(
                 "gyro_axes", text, stream="imu", value=float(abs(agreement.correlation[axis, best]))
             )
-        elif own < limit("gyro_disagrees") < slowly[axis]:
+        elif own < limit("gyro_disagrees") < slowly()[axis]:
             continue  # quiet, and the angle is noisy
         elif own < limit("gyro_disagrees"):
             text = (
