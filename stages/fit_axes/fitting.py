@@ -255,7 +255,7 @@ def _refused(
     percent = fit.held_out_percent
     if fit.predicts or percent is None:
         return None
-    turned = _turned_round(fit.axis, using, vehicle, options)
+    turned = turned_round(fit.axis, using, vehicle, options)
     if turned >= SIMULATED_PERCENT and turned > percent:
         words = (
             f"{AGAINST} (turned round it is flown to {fit_in_percent(turned)}, as it is to"
@@ -268,7 +268,7 @@ def _refused(
     return None
 
 
-def _turned_round(
+def turned_round(
     axis: str, using: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions
 ) -> float:
     """Return the held-out fit [%] of an axis with its force the other way round."""

@@ -101,7 +101,7 @@ def _dives(
     for path, draft in drafts.items():
         form = draft.delimiter, draft.decimal, *draft.time.items()
         alike.setdefault((columns[path], form), []).append(path)
-    for runs in alike.values():
+    for runs in (part for own in alike.values() for part in _one_convention(own, drafts)):
         of_map = {key: axis for key, axis in commands.items() if key in columns[runs[0]]}
         if len(runs) > 1 or of_map:
             one_map = draft_columns(*map(_raw, runs), commands=of_map)
@@ -111,6 +111,24 @@ def _dives(
     for path in paths:
         _join(logs, SurveyedFile(path, drafts.get(path), columns.get(path, ())))
     return logs, refused
+
+
+def _one_convention(runs: Sequence[Path], drafts: Mapping[Path, ColumnDraft]) -> list[list[Path]]:
+    """Return runs of the same columns in groups of one unit of commands and one frame.
+
+    A run whose commands show no frame goes with the most of its unit.
+    """
+    groups: dict[str, dict[str, list[Path]]] = {}
+    for path in runs:
+        own = groups.setdefault(drafts[path].command_unit, {})
+        own.setdefault(drafts[path].commands_show, []).append(path)
+    parts = []
+    for by_frame in groups.values():
+        silent = by_frame.pop("", [])
+        largest = max(by_frame.values(), key=len, default=[])
+        parts += [[*own, *silent] if own is largest else own for own in by_frame.values()]
+        parts += [silent] if silent and not by_frame else []
+    return [[path for path in runs if path in part] for part in parts]
 
 
 def _raw(path: Path) -> RawFile:

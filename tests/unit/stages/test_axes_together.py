@@ -20,7 +20,7 @@ from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.coupling import filed_inertia, fitted_shares, held_out_single
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
-from auvid.stages.fit_axes.fitting import fit_all
+from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
 from auvid.stages.fit_axes.scaling import scaled
@@ -437,6 +437,23 @@ def test_thrusters_that_the_motion_does_not_tell_apart_are_as_strong_as_each_oth
     assert "Outputs 1, 2, 3, 4: the motion tells the sum" in str(fit_section(fitted, card))
     assert card.partial is not None
     assert card.partial.lacking["Z"].remedy == "Command the axis both ways in a dive."
+
+
+def test_a_leg_in_another_unit_is_refused_by_its_motion() -> None:
+    """Commands of one leg a hundred times smaller: it does not drive the axis, and had no fit."""
+    legs = legs_of(file_inertia())
+    small = legs["leg_2"].record
+    force = {axis: 0.01 * values for axis, values in small.force.items()}
+    using = {
+        "leg_1": legs["leg_1"],
+        "leg_2": replace(legs["leg_2"], record=replace(small, force=force)),
+    }
+    for key, item in using.items():
+        using[key] = replace(
+            item, record=replace(item.record, windows={"X": item.record.windows["X"]})
+        )
+    options = FitOptions(axes=("X",), lag_s=0.08, fit_lag=False, together="never")
+    assert turned_round("X", using, body(), options) < 0.0
 
 
 def test_thrusters_that_run_one_by_one_are_told_apart() -> None:

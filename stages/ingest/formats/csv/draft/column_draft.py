@@ -43,6 +43,14 @@ class ColumnDraft:
     remarks: tuple[str, ...] = field(default_factory=tuple)
     span_s: tuple[float, float] = (0.0, 0.0)
     """First and last time of the file."""
+    commands_show: str = ""
+    """Axes of its pose that commands show: frd, flu, or '' where they show none."""
+
+    @property
+    def command_unit(self) -> str:
+        """Return the unit that its commands show, '' where there are none."""
+        units = {item.unit for item in self.columns if item.field.startswith("command_")}
+        return "percent" if "percent" in units else "1" if units else ""
 
     @property
     def matched(self) -> dict[str, str]:

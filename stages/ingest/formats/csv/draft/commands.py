@@ -13,7 +13,7 @@ from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
 )
 from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
-from auvid.stages.ingest.formats.csv.draft.units import LARGEST_COMMAND, percentile
+from auvid.stages.ingest.formats.csv.draft.units import LARGEST_COMMAND, in_percent, percentile
 
 PULSES = (800.0, 2200.0)
 FEWEST_OUTPUTS = 3
@@ -49,11 +49,9 @@ def with_commands(
 
     Only where no name tells a command or an output. velocities: those of a pose.
     """
-    numbered = [
-        item
-        for item in columns
-        if COMMANDS.search(item.words) and percentile([values[item.name]]) <= LARGEST_COMMAND
-    ]
+    numbered = [item for item in columns if COMMANDS.search(item.words)]
+    largest = 100.0 if in_percent([values[item.name] for item in numbered]) else LARGEST_COMMAND
+    numbered = [item for item in numbered if percentile([values[item.name]]) <= largest]
     there = {item.place[0] for item in columns if item.place is not None and item not in numbered}
     if "actuators" in there or len(numbered) < 2 or t_s.size != values[columns[0].name].size:
         return list(columns)

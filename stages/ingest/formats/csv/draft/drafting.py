@@ -38,7 +38,7 @@ from auvid.stages.ingest.formats.csv.draft.pose_draft import (
     TURNED_AXES,
     in_upward_axes,
     is_numbered,
-    is_turned,
+    pose_frame,
     pose_velocities,
     with_level_order,
     with_pose,
@@ -117,24 +117,34 @@ def draft_columns(
     velocities = pose_velocities(rest, values, t_s)
     if not named:
         rest = with_commands(rest, values, t_s, velocities)
-    return _with_columns(draft, _in_frame(rest, values, t_s, velocities), values)
+    frame = _frame_of(rest, values, t_s, velocities)
+    return replace(
+        _with_columns(draft, _in_frame(rest, frame, velocities), values), commands_show=frame
+    )
 
 
-def _in_frame(
+def _frame_of(
     columns: Sequence[NamedColumn],
     values: Mapping[str, Array],
     t_s: Array,
     velocities: Mapping[str, Array],
-) -> list[NamedColumn]:
-    """Return the columns with the pose turned to z up where commands show that."""
+) -> str:
+    """Return the frame of the pose that commands show, '' where they do not."""
     axes = {f"command_{name}": axis for axis, name in AXIS_NAMES.items()}
     by_axis = {
         axes[item.place[1]]: values[item.name] * (-1.0 if item.frame == NAMED_REVERSED else 1.0)
         for item in columns
         if item.place is not None and item.place[1] in axes
     }
+    return pose_frame(by_axis, velocities, t_s) if velocities else ""
+
+
+def _in_frame(
+    columns: Sequence[NamedColumn], frame: str, velocities: Mapping[str, Array]
+) -> list[NamedColumn]:
+    """Return the columns with the pose turned to z up where commands show that."""
     upward = any(item.frame and item.place and item.place[0] == "pose" for item in columns)
-    if not velocities or not (upward or is_turned(by_axis, velocities, t_s)):
+    if not velocities or not (upward or frame == "flu"):
         return list(columns)
     # Matched commands are reversed because the frame is, or the other way round.
     turned = {f"command_{AXIS_NAMES[axis]}" for axis in TURNED_AXES}
@@ -186,7 +196,7 @@ def _with_columns(
             and kind in (own, field_name.split("_")[0])
             and not field_name.startswith("quality")
         ]
-        group = [values[item.name]] if name.startswith("command_") else group
+        group = [values[item.name], *group] if name.startswith("command_") else group
         unit, check = unit_of(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
             check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"

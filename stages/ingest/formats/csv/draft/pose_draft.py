@@ -167,11 +167,11 @@ def pose_velocities(
     return {axis: np.interp(t_s, t, body[:, k]) for k, axis in enumerate("uvwpqr")}
 
 
-def is_turned(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s: Array) -> bool:
-    """Return whether commands by axis show a pose in forward-left-up axes with z up.
+def pose_frame(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s: Array) -> str:
+    """Return the axes of a pose that commands by axis show: frd, flu, or ''.
 
-    Of sway, heave, pitch and yaw two or more answer reversed and none as it is: two axes
-    at once are a frame, one alone is a command.
+    Of sway, heave, pitch and yaw two or more answer, all as they are or all reversed: two
+    axes at once are a frame, one by itself is a command.
     """
     signs = []
     for axis in TURNED_AXES:
@@ -180,7 +180,9 @@ def is_turned(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s: 
             signs += [
                 item.correlation for item in answered_commands(t_s, {axis: commands[axis]}, one)
             ]
-    return len(signs) > 1 and max(signs) < 0.0
+    if len(signs) < 2:
+        return ""
+    return "flu" if max(signs) < 0.0 else "frd" if min(signs) > 0.0 else ""
 
 
 def in_upward_axes(columns: Sequence[NamedColumn]) -> list[NamedColumn]:

@@ -23,6 +23,8 @@ FASTEST_M_S, FASTEST_CM_S = 15.0, 300.0
 """Larger velocities (99th percentile) are in cm/s, and beyond that in mm/s."""
 LARGEST_COMMAND = 1.5
 """Commands of -1 to 1 stay below it (99th percentile)."""
+LEAST_PERCENT = 5.0
+"""Commands of -100 to 100 reach beyond it."""
 FURTHEST_FIN_RAD = 1.6
 """No fin is turned further [rad]; larger deflections are in degrees."""
 FASTEST_RAD_S = 8.0
@@ -43,8 +45,7 @@ GLIDER_UNITS = {
 def unit_of(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
     """Return the unit of a column, and in words what was assumed of it."""
     if name.startswith("command_"):
-        large = not item.unit and percentile(group) > LARGEST_COMMAND
-        return item.unit or "1", "beyond 1: another unit, or a set point" if large else ""
+        return _command_unit(item, group)
     if name.startswith("pwm_"):
         return item.unit, "" if item.unit == "us" else "full command taken for 1100 or 1900 us"
     depth = "" if stream != "depth" or "depth" in item.words else f"depth from {item.name}"
@@ -76,6 +77,29 @@ def unit_of(stream: str, name: str, item: NamedColumn, group: Sequence[Array]) -
         return ("mV", "by its size") if size > 1000.0 else ("V", "by its size")
     assumed = {"propeller_rev_s": "rpm", "interval_s": "s", "quality": "1", "tow_force_n": "N"}
     return assumed.get(name, "m"), depth or "assumed"
+
+
+def _command_unit(item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
+    """Return the unit of a command, and what was assumed of it.
+
+    group: the column, then all commands of the file.
+    """
+    if item.unit:
+        return item.unit, ""
+    if in_percent(group[1:]) and percentile(group[:1]) <= 100.0:
+        return "percent", "by the size of all commands"
+    large = percentile(group[:1]) > LARGEST_COMMAND
+    return "1", "beyond 1: another unit, or a set point" if large else ""
+
+
+def in_percent(commands: Sequence[Array]) -> bool:
+    """Return whether commands of a file reach from 5 to 100, most of those that move.
+
+    >>> in_percent([np.array([-40.0, 60.0]), np.array([0.0, 3.0]), np.array([0.0, 50.0])])
+    True
+    """
+    sizes = [size for item in commands if (size := percentile([item])) > 0.0]
+    return bool(sizes) and LEAST_PERCENT < float(np.median(sizes)) <= 100.0
 
 
 def _glider_unit(name: str, size: float) -> tuple[str, str]:

@@ -321,6 +321,38 @@ def test_runs_with_the_same_columns_are_logs_with_one_map(tmp_path: Path) -> Non
     assert not written.stop
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_runs_in_other_units_and_frames_have_maps_of_their_own(tmp_path: Path, named: bool) -> None:
+    """One in percent and one east-north-up beside one as it should be, under one header."""
+    axes = dict(
+        zip(("cmd0", "cmd1", "cmd2", "cmd3"), ("yaw", "heave", "surge", "sway"), strict=True)
+    )
+    files = []
+    for seed in (1, 2, 3):
+        run = noisy(tank_run(seed), seed)
+        run = {key: values for key, values in run.items() if not key.endswith(("mps", "radps"))}
+        if seed == 2:
+            run |= {key: 100.0 * run[key] for key in axes}
+        if seed == 3:  # x east, y north, z up; roll, pitch, yaw of a body forward-left-up
+            run["x_m"], run["y_m"] = run["y_m"], run["x_m"]
+            run["yaw_rad"] = 0.5 * np.pi - run["yaw_rad"]
+            run |= {key: -run[key] for key in ("z_m", "pitch_rad")}
+        run = {f"cmd_{axes[key]}" if named and key in axes else key: values
+               for key, values in run.items()}  # fmt: skip
+        files.append(write_csv(tmp_path / f"run_{seed}.csv", run))
+    drafts = [log.files[0].draft for log in survey(files)]
+    conventions = []
+    for draft in drafts:
+        assert draft is not None
+        (unit,) = {item.unit for item in draft.columns if item.stream == "actuators"}
+        (frame,) = {item.frame for item in draft.columns if item.stream == "pose"}
+        signs = {item.sign for item in draft.columns if item.stream == "actuators"}
+        conventions.append((unit, frame, signs))
+    assert conventions[:2] == [("1", "", {1}), ("percent", "", {1})]
+    assert conventions[2][0] == "1"
+    assert conventions[2][1:] == ("flu", {1}) or not named
+
+
 def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None:
     files = tank_files(tmp_path)
     written = new_campaign("tank", files, commands="surge=cmd2,sway=cmd3,heave=-cmd1")

@@ -7,6 +7,7 @@ from filterpy.kalman import KalmanFilter
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.pose import compiled_track
+from auvid.hydro.identification.signals.pose.frames import euler_of_quaternion
 from auvid.hydro.identification.signals.pose.track import (
     LARGEST_RATE,
     PoseTrack,
@@ -158,6 +159,8 @@ def test_a_sharp_reversal_is_kept_and_an_outlier_in_it_is_not(hz: float) -> None
 def test_a_jump_is_cut_and_named() -> None:
     run = pose_run(VISUAL_S, 3)
     position, attitude = tracked(run, 3, noise_m=5e-3, noise_rad=5e-3)
+    turned = euler_of_quaternion(attitude) + np.outer(run.t_s >= 70.0, [0.0, 0.0, 0.3])
+    assert [item.kind for item in pose_track(run.t_s, position, turned).faults] == ["jump"]
     position[run.t_s >= 70.0] += [0.3, 0.0, 0.4]
     track = pose_track(run.t_s, position, attitude)
     (fault,) = track.faults
