@@ -87,10 +87,12 @@ def fleet_run(
     Exit codes: 0 all done; 1 none is done, or the call cannot be followed; 2 wrong use;
     3 some logs are not done; 130 interrupted, what was finished is kept.
     """
-    from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
-    from auvid.pipeline.execution.engines import make_engine
+    from auvid.pipeline.execution.engines import LOGS, make_engine
 
-    workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory)
+    workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory, preload=LOGS)
+    # Imported after it, since it takes a second, in which the workers import as much.
+    from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
+
     raise typer.Exit(
         print_fleet_run(
             disk, out, vehicles=vehicle or (), engine=workers, reports=reports, force=force

@@ -16,6 +16,17 @@ from auvid.data_schemas.errors import UsageError, nearest
 from auvid.pipeline.execution.task import Outcome, Task, execute
 
 ENGINES = ("serial", "processes", "dask")
+STAGES = ("auvid.pipeline.execution.task", "auvid.stages.registry")
+LOGS = (
+    "auvid.pipeline.commands.fleet.log_work",
+    "auvid.hydro.identification.signals.compiled_filter",
+    "auvid.hydro.dynamics.simulation.compiled_free_run",
+    "scipy.interpolate",
+    "scipy.ndimage",
+    "scipy.optimize",
+    "scipy.spatial.transform",
+)
+"""Modules that the workers of a fleet need, imported once for all of them."""
 
 
 class Engine(Protocol):
@@ -50,8 +61,10 @@ class Processes:
     thread and no state of the parent.
     """
 
-    def __init__(self, jobs: int) -> None:
+    def __init__(self, jobs: int, preload: Sequence[str] = ()) -> None:
         self.workers = jobs
+        if preload and jobs > 1:
+            _start_server(preload)
         self._pool: ProcessPoolExecutor | None = None
         self._waiting: dict[Future[Outcome], str] = {}
 
@@ -88,13 +101,22 @@ class Processes:
         self._pool, self._waiting = None, {}
 
 
-def _context() -> multiprocessing.context.BaseContext:
-    """Return what starts workers: a server that imports the stages, or each anew."""
+def _context(preload: Sequence[str] = STAGES) -> multiprocessing.context.BaseContext:
+    """Return what starts workers: a server that imports modules first, or each anew."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["auvid.pipeline.execution.task", "auvid.stages.registry"])
+    context.set_forkserver_preload(list(preload))  # of no effect once the server runs
     return context
+
+
+def _start_server(preload: Sequence[str]) -> None:
+    """Start the server of workers now: it imports while this process does its own."""
+    if _context(preload).get_start_method() == "forkserver":
+        from multiprocessing.forkserver import ensure_running
+
+        with _interrupts_held_back():
+            ensure_running()
 
 
 def _end_with_parent() -> None:
@@ -126,11 +148,13 @@ def make_engine(
     scheduler: str | None = None,
     memory: str | None = None,
     exchange: str | None = None,
+    preload: Sequence[str] = (),
 ) -> Engine:
     """Return the engine of a name, with `jobs` workers or one per core.
 
     More than one job means processes, named or not. Of Dask alone: the address of a
-    `scheduler`, `memory` of a worker started here, `exchange` (URL) of its files.
+    `scheduler`, `memory` of a worker started here, `exchange` (URL) of its files. `preload`:
+    modules that processes begin to import now; none are imported before they are needed.
     """
     of_dask = {"--scheduler": scheduler, "--memory": memory, "--exchange": exchange}
     if name is None:
@@ -167,7 +191,7 @@ def make_engine(
     if name == "serial":
         return Serial()
     if name == "processes":
-        return Processes(workers)
+        return Processes(workers, preload)
     from auvid.pipeline.execution.dask.engine import Dask
 
     return Dask(workers, scheduler, memory, exchange)

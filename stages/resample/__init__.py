@@ -24,6 +24,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import LegGap, SegmentRecord
+from auvid.data_schemas.tables import column
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.resampling import hold, linear
 from auvid.stages.base import Stage, param, port
@@ -252,7 +253,7 @@ def _record(
     leg_gaps: list[LegGap],
     notes: list[str],
 ) -> SegmentRecord:
-    t_s = part.table["t_s"].to_numpy()
+    t_s = column(part.table, "t_s")
     inside = (t_s >= 0.0) & (t_s <= part.span[1] - part.span[0] + 1e-9)
     return SegmentRecord(
         id=name,

@@ -13,7 +13,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
-from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.tables import column, matrix, numbers
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.rate_agreement import attitude_jumps
 from auvid.hydro.identification.signals.resampling import gaps
@@ -67,7 +67,7 @@ def signal(
     stream: str, table: pa.Table, *, start_us: int, lag_s: float, window: Span, max_gap_s: float
 ) -> Signal | None:
     """Return the samples of a stream in the window, None for fewer than five."""
-    t = (table["time_us"].to_numpy() - start_us) / 1e6 - lag_s
+    t = (numbers(table["time_us"]) - start_us) / 1e6 - lag_s
     rows = np.flatnonzero((t >= window[0]) & (t <= window[1]))
     if rows.size < MIN_SAMPLES:
         return None

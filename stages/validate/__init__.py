@@ -24,7 +24,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.data_schemas.tables import column, has_columns, make_table, matrix
+from auvid.data_schemas.tables import column, has_columns, labels, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
@@ -468,8 +468,8 @@ def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> p
     t_s = np.tile(clock(residual), len(models))
     del residual, fused
     columns: dict[str, Any] = {
-        "segment": pa.repeat(key, n * len(models)),
-        "model": pa.concat_arrays([pa.repeat(name, n) for name in models]),
+        "segment": labels([key], n * len(models)),
+        "model": labels(list(models), n),
         "t_s": t_s,
     }
     return make_table("predictions", columns | named(force_columns("tau"), force.T))

@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.tables import column, matrix
+from auvid.data_schemas.tables import column, matrix, numbers
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -64,7 +64,7 @@ class CheckedLog:
     def t_s(self, stream: str) -> Array:
         """Return the times of a stream (n,) in seconds from the start of the log."""
         if stream not in self._times:
-            stamps = np.asarray(self.tables[stream]["time_us"].to_numpy())
+            stamps = numbers(self.tables[stream]["time_us"])
             self._times[stream] = self.seconds(stamps)
         return self._times[stream]
 

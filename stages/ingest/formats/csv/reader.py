@@ -23,6 +23,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pacsv
 
 from auvid.data_schemas.errors import CampaignError, LogError
+from auvid.data_schemas.tables import column
 from auvid.hydro.arrays import Array, Buffer, Ints, Mask
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import (
@@ -294,7 +295,7 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
     """Return the time column in microseconds (n,), NaN where it is empty."""
     values = table[mapping.time]
     if mapping.time_factor is not None:
-        numbers = np.asarray(values.to_numpy(), dtype=np.float64)
+        numbers = column(table, mapping.time)
         if mapping.clock:
             return clock_seconds(numbers) * mapping.time_factor
         if mapping.time_factor == SECOND_US and counts_like_a_clock(numbers):
@@ -308,7 +309,7 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
                 remedy=f"Set unit: {CLOCK_DIGITS} for the time column.",
             )
         if mapping.nanoseconds is not None:
-            within = np.asarray(table[mapping.nanoseconds].to_numpy(), dtype=np.float64)
+            within = column(table, mapping.nanoseconds)
             return numbers * mapping.time_factor + within * 1e-3
         return numbers * mapping.time_factor
     result = np.full(len(values), np.nan)
