@@ -26,7 +26,8 @@ is good to know.
 A finding that *stops a run* means that units, signs, axes or clocks are probably wrong:
 `auvid run` goes no further than the decoding of the logs. Who knows better writes
 `accept: [FINDING]` into the manifest, for one log or for the campaign; an accepted
-finding stays in the report.
+finding stays in the report. Of the other warnings those that coefficients follow stand under
+the verdict ("But first: ..."): places, turns, scales and lags of sensors that are off.
 
 `auvid run` and `auvid check CAMPAIGN` agree in their exit codes: 1 if a log cannot be
 read, a finding stops the run, or the campaign cannot feed its stages. `auvid check`
@@ -113,7 +114,8 @@ feedback answers, 1 of 60 with 40 N / 4 s; none with less than 40 N that changes
 class HealthCheck:
     """One kind of finding. `threshold` is None where it is a matter of yes or no.
 
-    `stops`: a run stops at it unless the manifest accepts it.
+    `stops`: a run stops at it unless the manifest accepts it. `misleads`: coefficients
+    follow the mistake, so it stands in the first lines of the answer.
     """
 
     id: str
@@ -125,6 +127,7 @@ class HealthCheck:
     reason: str
     remedy: str
     stops: bool = False
+    misleads: bool = False
 
     @property
     def limit(self) -> float:

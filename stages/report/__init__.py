@@ -209,7 +209,8 @@ def finding_alerts(inputs: Inputs) -> tuple[Alert, ...]:
     health = dict(inputs.health or {})
     alerts = []
     for item in log_findings(inputs.campaign, health):
-        level: Level = "poor" if checks()[item.check].severity == "error" else "fair"
+        check = checks()[item.check]
+        level: Level = "poor" if check.severity == "error" or check.misleads else "fair"
         place = anchor("ingest", item.log)
         words = f"{item.whose}: {item.text}" if len(health) > 1 else item.text
         words += " (accepted)" if item.accepted else ""

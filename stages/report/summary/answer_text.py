@@ -15,9 +15,14 @@ def answer_text(summary: Summary) -> str:
     """Return verdict, uses, what was identified and what is unknown, wrapped.
 
     Of a long remark the first sentence. Warnings, findings of logs, and figures of
-    bench and control stages are printed by their own tables.
+    bench and control stages are printed by their own tables; what may make the answer
+    wrong stands under the verdict, too.
     """
-    lines = [summary.headline, *_wrapped(f"{summary.explanation} {summary.rule}")]
+    lines = [summary.headline]
+    for words in summary.log_findings:
+        if words.level == "poor":
+            lines += _wrapped(f"But first: {lead(words)[0]}")
+    lines += _wrapped(f"{summary.explanation} {summary.rule}")
     lines += [
         line
         for use in summary.uses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from auvid.stages.page.first_screen import CoefficientLine, Summary, Use
+from auvid.stages.page.first_screen import Alert, CoefficientLine, Summary, Use
 from auvid.stages.report.summary.answer_text import WIDTH, answer_text
 
 SUMMARY = Summary(
@@ -22,7 +22,7 @@ SUMMARY = Summary(
     missing=("Roll is unknown.",),
     warnings=("A gap.",),
     uses=(Use("Forces", "surge and yaw", "below the force"), Use("Within", "", "u 0 to 1")),
-    log_findings=("log 'dive': hardly any motion",),
+    log_findings=(Alert("log 'dive': hardly any motion"),),
 )
 
 
@@ -42,6 +42,9 @@ def test_what_the_terminal_has_printed_before_is_not_repeated() -> None:
     words = answer_text(SUMMARY)
     assert "A gap." not in words
     assert "hardly any motion" not in words
+    turned = Alert("The velocity log sits elsewhere.", level="poor")
+    lines = answer_text(replace(SUMMARY, log_findings=(turned,))).splitlines()
+    assert lines[:2] == [SUMMARY.headline, "  But first: The velocity log sits elsewhere."]
     bare = replace(SUMMARY, identified=(), missing=())
     assert "identified" not in answer_text(bare)
     assert "missing" not in answer_text(bare)
