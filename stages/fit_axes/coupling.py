@@ -19,6 +19,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
+from auvid.hydro.identification.axes.held_out import BENT_WORTH, FIRST_CURVE, FIRST_DEAD_BAND
 from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
 from auvid.hydro.identification.axes.structure import RIGHTING, SHARE, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
@@ -98,12 +99,47 @@ def fitted_together(
             joint, together = coupled
     if not together.chosen:
         return tuple(singles), together
+    if options.fit_curve and commands.normalised:
+        with_terms = any(len(item.equation.names) > 4 for item in joint.values())
+        bent = _bent(groups[best], axes, using, legs, vehicle, options, commands, with_terms)
+        if bent is not None and bent[1].error_ratio < BENT_WORTH * together.error_ratio:
+            joint, together = bent
     return tuple(joint.get(item.axis, item) for item in singles), together
 
 
 def _total(item: Together) -> float:
     """Return the logarithm of the ratio, summed over what was held out; nan as 0."""
     return item.pairs * float(np.log(item.error_ratio)) if item.pairs else 0.0
+
+
+def _bent(
+    joining: Sequence[FittedAxis],
+    axes: Sequence[str],
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    commands: CommandForces,
+    couplings: bool,
+) -> tuple[dict[str, FittedAxis], Together] | None:
+    """Return a common fit with dead band and curve, None where it does not show them clearly.
+
+    Axes that Coriolis force moves show neither by themselves. Where one does, the common
+    fit has both.
+    """
+    if common_shape(joining, options.lag_s) != ForceDrive(lag_s=options.lag_s):
+        return None
+    tell("dead band", len(AXES) - 1, len(AXES))
+    shape = ForceDrive(options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE)
+    tried = _common_fit(
+        joining, axes, using, vehicle, options, commands, couplings=couplings, shape=shape,
+        judge=False,
+    )  # fmt: skip
+    if shape_of(tried.fit).word != IDENTIFIED:
+        return None
+    return _joined(
+        joining, axes, using, legs, vehicle, options, commands, couplings=couplings, shape=shape
+    )
 
 
 def _joined(
@@ -116,12 +152,16 @@ def _joined(
     commands: CommandForces,
     *,
     couplings: bool = False,
+    shape: ForceDrive | None = None,
 ) -> tuple[dict[str, FittedAxis], Together]:
     """Return some of the fitted `axes` of one common fit, and whether it is better.
 
     Better than one by one: both are judged on the same windows: those that the axes share.
     """
-    fit = _common_fit(joining, axes, using, vehicle, options, commands, couplings=couplings)
+    shape = shape or common_shape(joining, options.lag_s)
+    fit = _common_fit(
+        joining, axes, using, vehicle, options, commands, couplings=couplings, shape=shape
+    )
     by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
     ratio, pairs = error_ratio(
         [
@@ -143,13 +183,14 @@ def _common_fit(
     commands: CommandForces,
     *,
     couplings: bool,
+    shape: ForceDrive,
+    judge: bool = True,
 ) -> CoupledFit:
     """Return the common fit, whose Coriolis force has the inertia that the file has.
 
     The inertia of an axis may follow from its own fit, m = k / c. Then the search starts
     where one with the ratios of the vehicle file ends.
     """
-    shape = common_shape(joining, options.lag_s)
     bent = shape != ForceDrive(lag_s=options.lag_s)
     free = ((LAG,) if options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
     numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
@@ -183,7 +224,7 @@ def _common_fit(
     if numerators:
         by_file = fitted(first, {}, judge=False)
         first = {speed: by_file.block(speed)[0].tolist() for speed in first}
-    return fitted(first, numerators, judge=True)
+    return fitted(first, numerators, judge=judge)
 
 
 def share_deviations(

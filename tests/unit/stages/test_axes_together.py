@@ -18,7 +18,12 @@ from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
-from auvid.stages.fit_axes.coupling import filed_inertia, fitted_shares, held_out_single
+from auvid.stages.fit_axes.coupling import (
+    filed_inertia,
+    fitted_shares,
+    fitted_together,
+    held_out_single,
+)
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
@@ -370,6 +375,12 @@ def test_a_dead_band_is_no_drag_of_axes_together() -> None:
         assert item.shape.curve == pytest.approx(1.0, abs=0.03)
         quadratic = item.equation.value(f"{velocity}*|{velocity}|")
         assert quadratic == pytest.approx(TRUTH[velocity][1], rel=0.1)
+    straight = fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False, together="never"))
+    options = FitOptions(lag_s=0.08, fit_lag=False, fit_curve=True)
+    commands = CommandForces(True, {}, {})
+    joint, _ = fitted_together(straight.fitted, legs, body(), options, commands)
+    for item in joint:  # no single fit shows it
+        assert item.shape.dead_band == pytest.approx(DEAD_BAND, abs=0.01)
 
 
 def by_thrusters(item: LegData, strength: Array) -> LegData:
