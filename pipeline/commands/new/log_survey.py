@@ -12,6 +12,7 @@ from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import LogFile
 from auvid.pipeline.commands.check.log_page import LogPage, page_of_log
+from auvid.pipeline.commands.new.refusal import NO_MEANING
 from auvid.pipeline.store.atomic_files import contents
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.column_map import dialect_map
@@ -307,7 +308,7 @@ def draft_remarks(log: SurveyedLog) -> list[str]:
         if file.draft is not None:
             lines += [f"{file.path.name}: {remark}" for remark in file.draft.remarks]
             if file.draft.unused:
-                lines.append(f"{file.path.name}: no meaning found for {unused_words(file.draft)}")
+                lines.append(f"{file.path.name}: {NO_MEANING} {unused_words(file.draft)}")
     return lines
 
 

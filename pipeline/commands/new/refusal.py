@@ -36,6 +36,7 @@ MEASURED = {
 NOT_UNDER_WATER = "not an underwater vehicle"
 NO_ACTUATORS = "no actuators"
 GCS_CSV = "QGroundControl"
+NO_MEANING = "no meaning found for"
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,8 @@ def refusal_of(
         lacks = routes["passive"]
     elif not log.has("actuators"):
         lacks = f"{NO_ACTUATORS}: nothing in it tells what drives the vehicle"
+    elif not log.thrusters() and not log.commands():
+        lacks = routes["identification"]  # a propeller and fins feed no other kind
     else:
         lacks = routes["axes"]
     alike: dict[str, list[str]] = {}
@@ -151,12 +154,20 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
         if unnamed:
             return " ".join(unnamed)
         if str(log.info.files[0].format).startswith("CSV"):
-            return (
+            nameless = [f"{words}. " for words in more if NO_MEANING in words]
+            return "".join(nameless) + (
                 "Add the file of its commands in the same call (--from imu.csv outputs.csv):"
-                " pulses of each output, or commands of surge, sway, heave, yaw; for a body that"
-                " nothing drives name a vehicle file without actuators (--vehicle)"
+                " pulses of each output, or commands of surge, sway, heave, yaw as shares of the"
+                " largest, not in newtons; for a body that nothing drives name a vehicle file"
+                " without actuators (--vehicle)"
             )
         return "Log the outputs that drive the vehicle (docs/streams.md)"
+    if not log.has("velocity") and not log.thrusters() and not log.commands():
+        unused = "".join(f" {words}." for words in more if NO_MEANING in words)
+        return (
+            "Propeller and fins are fitted to velocities ahead, aside and down (a Doppler log, an"
+            f" inertial navigation); one ahead alone does not tell them.{unused}"
+        ).rstrip(".")
     acting = activity(log)
     if acting is None or not acting.any() or driven_s(log) < SHORTEST_DRIVEN_S:
         return (

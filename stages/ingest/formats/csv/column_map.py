@@ -256,6 +256,8 @@ def _mapped(
     factor, offset = 1.0, 0.0
     if name.startswith("pwm_") and entry["unit"] in NORMALISED:
         factor, offset = NORMALISED[entry["unit"]], NEUTRAL_US
+    elif name.startswith("command_") and entry["unit"] == MICROSECONDS:
+        factor, offset = 1.0 / NORMALISED["1"], -NEUTRAL_US / NORMALISED["1"]
     elif name == "depth_m" and convertible(entry["unit"], "Pa"):
         factor = factor_and_offset(entry["unit"], "Pa")[0] / WEIGHT_OF_WATER
     elif dtype not in ("string", "bool"):

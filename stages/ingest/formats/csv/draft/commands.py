@@ -13,9 +13,13 @@ from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
 )
 from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
-from auvid.stages.ingest.formats.csv.draft.units import LARGEST_COMMAND, in_percent, percentile
+from auvid.stages.ingest.formats.csv.draft.units import (
+    LARGEST_COMMAND,
+    are_pulses,
+    in_percent,
+    percentile,
+)
 
-PULSES = (800.0, 2200.0)
 FEWEST_OUTPUTS = 3
 MATCHED, MATCHED_REVERSED = "matched", "matched reversed"
 """Marks of commands that were matched to the axis that answers them."""
@@ -89,9 +93,7 @@ def with_pulses(columns: Sequence[NamedColumn], values: Mapping[str, Array]) -> 
     stems: dict[str, list[NamedColumn]] = {}
     for item in columns:
         match = re.fullmatch(r"(.*\D)(\d{1,2})", item.words)
-        finite = values[item.name][np.isfinite(values[item.name])]
-        pulses = finite.size and np.mean((finite >= PULSES[0]) & (finite <= PULSES[1])) >= 0.95
-        if match and pulses and item.place is None:
+        if match and item.place is None and are_pulses(values[item.name]):
             stems.setdefault(match[1], []).append(item)
     outputs = max(stems.values(), key=len, default=[])
     if len(outputs) < FEWEST_OUTPUTS:
@@ -117,8 +119,7 @@ def possible_outputs(
     known_units = {item.unit for item in outputs.values() if item.unit}
     finite = np.concatenate([values[item.name] for item in outputs.values()])
     finite = finite[np.isfinite(finite) & (finite != 0.0)]
-    inside = (finite >= PULSES[0]) & (finite <= PULSES[1])
-    unit = "us" if finite.size and inside.mean() >= 0.95 else _normalised(finite)
+    unit = "us" if are_pulses(finite) else _normalised(finite)
     if not unit or known_units - {unit, "1"}:
         low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
         remarks.append(

@@ -47,6 +47,7 @@ from auvid.stages.ingest.formats.csv.draft.time_column import seconds_of, time_c
 from auvid.stages.ingest.formats.csv.draft.units import (
     PRESSURES,
     accelerometer_of,
+    are_pulses,
     repeating_streams,
     unit_of,
 )
@@ -232,7 +233,9 @@ def _with_columns(
     kept = tuple(item for item in drafted if not partial[item.stream])
     used = {item.column for item in kept}
     unmatched = [
-        item.name for item in columns if COMMANDS.search(item.words) and item.name not in used
+        item.name
+        for item in columns
+        if item.name not in used and (COMMANDS.search(item.words) or are_pulses(values[item.name]))
     ]
     if unmatched and not any(item.field.startswith(("pwm_", "command_")) for item in kept):
         remarks.append(_unmatched_words(unmatched, values))
@@ -256,7 +259,7 @@ def _unmatched_words(names: Sequence[str], values: Mapping[str, Array]) -> str:
         )
     return (
         f"{', '.join(names)} may be commands, and neither name nor motion tells of which"
-        f" axis: name them with --commands surge={names[0]},..."
+        f" axis: name them with --commands surge={names[0]},sway=... and so on"
     )
 
 

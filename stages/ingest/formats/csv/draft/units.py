@@ -31,6 +31,7 @@ FASTEST_RAD_S = 8.0
 """Larger rates (99th percentile) are in deg/s."""
 HELD_SHARE = 0.5
 PRESSURES = ("mbar", "dbar", "bar", "kPa", "Pa", "psi")
+PULSES = (800.0, 2200.0)
 GLIDER_UNITS = {
     "pressure_pa": ("dbar", "Pa", 12e3),
     "pitch_rad": ("rad", "deg", 1.6),
@@ -86,6 +87,8 @@ def _command_unit(item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
     """
     if item.unit:
         return item.unit, ""
+    if are_pulses(group[0]):
+        return "us", "full command taken for 1100 or 1900 us"
     if in_percent(group[1:]) and percentile(group[:1]) <= 100.0:
         return "percent", "by the size of all commands"
     large = percentile(group[:1]) > LARGEST_COMMAND
@@ -100,6 +103,13 @@ def in_percent(commands: Sequence[Array]) -> bool:
     """
     sizes = [size for item in commands if (size := percentile([item])) > 0.0]
     return bool(sizes) and LEAST_PERCENT < float(np.median(sizes)) <= 100.0
+
+
+def are_pulses(values: Array) -> bool:
+    """Return whether values of a column are pulses [us], but for a few."""
+    finite = values[np.isfinite(values)]
+    inside = (finite >= PULSES[0]) & (finite <= PULSES[1])
+    return bool(finite.size) and float(inside.mean()) >= 0.95
 
 
 def _glider_unit(name: str, size: float) -> tuple[str, str]:

@@ -187,5 +187,6 @@ PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("a", "50"): ("dvl",),
     ("vn", "100"): ("imu",),
     ("center", "of", "mass"): ("body",),
+    ("rigid", "body"): ("rigid",),
 }
 """Words that mean something only together."""

@@ -142,6 +142,28 @@ def test_each_of_several_refused_logs_has_its_line(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("drive", "words"),
+    [
+        ({"propeller_rpm": 600.0, "rudder_deg": 9.0}, ["no velocity. Propeller and fins"]),
+        ({"tau_surge_N": 60.0}, ["nothing in it tells what drives", "not in newtons"]),
+    ],
+)
+def test_what_drives_a_log_that_feeds_nothing_is_not_denied(
+    tmp_path: Path, drive: dict[str, float], words: list[str]
+) -> None:
+    t_s = np.arange(0.0, 40.0, 0.1)
+    columns = {"t_s": t_s, "speed_log": 1.0 + 0.0 * t_s, "depth_m": 4.0 + np.sin(t_s)}
+    columns |= {f"{name}_deg": 5.0 * np.sin(t_s) for name in ("roll", "pitch", "heading")}
+    columns |= {name: size * (1.2 + np.sin(0.7 * t_s)) for name, size in drive.items()}
+    write_csv(tmp_path / "dive.csv", columns)
+    with pytest.raises(NoCampaignError) as refusal:
+        new_campaign("drive", [tmp_path / "dive.csv"])
+    text = str(refusal.value)
+    assert all(part in text for part in [*words, "no meaning found for speed_log"])
+    assert "drives the vehicle is logged" not in text
+
+
+@pytest.mark.parametrize(
     ("size", "words"),
     [(1.0, "name them with --commands surge=actuator_1"), (0.0, "never move: closed-loop set")],
 )

@@ -11,6 +11,7 @@ from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
 from auvid.stages.base import RawFile
 from auvid.stages.columns import ATTITUDE, FINS, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.formats.csv.column_map import column_map
 from auvid.stages.ingest.formats.csv.column_names import named_columns
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import corrected
@@ -53,6 +54,7 @@ def test_units_in_names(name: str, words: str, unit: str) -> None:
         (("vel_north", "target_depth", "depth_std"), (None, None, None)),
         (("surge", "sway", "yaw"), ("command_surge", "command_sway", "command_yaw")),
         (("odom_pose_position_x", "translation.y"), ("x_m", "y_m")),
+        (("rigid_body_x_m", "RigidBody y", "body_z"), ("x_m", "y_m", None)),
         (("velocity_body_x", "v_b", "body_w"), ("u_m_s", "v_m_s", "w_m_s")),
         (("vel_forward", "v_stbd", "vel_down"), ("u_m_s", "v_m_s", "w_m_s")),
         (("v_ahead_kn", "v_stbd_kn", "v_down_kn"), LINEAR_VELOCITY),
@@ -287,6 +289,26 @@ def test_numbered_commands_go_to_the_axes_that_answer_them() -> None:
         "cmd1": ("command_surge", 1),
         "cmd3": ("command_sway", 1),
     }
+
+
+def test_sticks_in_pulses_are_asked_for_and_taken_once_they_are_named() -> None:
+    sticks = {"rc_forward": 1500.0 + wave(400.0), "rc_turn": 1500.0 + wave(300.0)}
+    columns = {"t_s": T_S, "depth_m": 3.0 + wave(1.0), **sticks}
+    assert any("--commands surge=rc_forward" in remark for remark in drafted(columns).remarks)
+    rows = [
+        ",".join(columns),
+        *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True)),
+    ]
+    file = RawFile("log.csv", np.frombuffer("\n".join(rows).encode(), np.uint8), None)
+    draft = draft_columns(file, commands={"rc_forward": "surge", "rc_turn": "-yaw"})
+    read = column_map(draft.document(), list(columns), file="log.csv").columns
+    shares = {
+        item.field: item.factor * columns[item.column] + item.offset
+        for item in read
+        if item.stream == "actuators"
+    }
+    np.testing.assert_allclose(shares["command_surge"], wave(1.0), atol=1e-12)
+    np.testing.assert_allclose(shares["command_yaw"], -wave(0.75), atol=1e-12)
 
 
 def tank_draft(
