@@ -122,7 +122,7 @@ def _bent(
     commands: CommandForces,
     couplings: bool,
 ) -> tuple[dict[str, FittedAxis], Together] | None:
-    """Return a common fit with dead band and curve, None where it does not show them clearly.
+    """Return a common fit with dead band and curve, None where not clear.
 
     Axes that Coriolis force moves show neither by themselves. Where one does, the common
     fit has both.
