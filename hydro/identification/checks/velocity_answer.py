@@ -111,6 +111,30 @@ def velocity_answer(
     return VelocityAnswer(lags, odds, halves, turn)
 
 
+def odds_of_velocities(
+    imu: tuple[Array, Array, Array],
+    attitude: tuple[Array, Array],
+    t_velocity: Array,
+    speeds: Sequence[Array],
+    *,
+    gravity: float,
+) -> Array | None:
+    """Return how well velocities (k, 3) follow the accelerometer, by their likelihood.
+
+    Logarithms over a velocity at rest; None for too few windows.
+    """
+    t_imu, gyro, force = imu
+    start = max(t_imu[0], attitude[0][0], t_velocity[0])
+    end = min(t_imu[-1], attitude[0][-1], t_velocity[-1])
+    at = windows(start, end, t_imu, attitude[0], t_velocity)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    pulled = integrals(t_imu, force + gravity * down_at(t_imu, *attitude), at)
+    pulled = pulled - np.median(pulled, axis=0)
+    changes = [changes_of(t_imu, gyro, t_velocity, speed, at) for speed in speeds]
+    return np.array([log_odds(each - np.median(each, axis=0), pulled) for each in changes])
+
+
 def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
     """Return v(t1) - v(t0) + integral of omega x v (n, 3) over windows from `at`."""
     first, last = (

@@ -30,7 +30,7 @@ from auvid.stages.ingest.health.actuation.responses import (
 )
 from auvid.stages.ingest.health.actuation.single_outputs import single_output_findings
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
-from auvid.stages.ingest.health.agreement.beam_velocity import beam_findings
+from auvid.stages.ingest.health.agreement.beam_velocity import beam_findings, ground_findings
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.inertial_lag import with_inertial_lag
@@ -207,7 +207,7 @@ def _compared(log: CheckedLog) -> _Compared:
     elif not any(item["id"] in OF_TURNS for item in measured):
         log, late = with_inertial_lag(log)
         measured += late
-    beams = list(beam_findings(log.in_time()))
+    beams = list(beam_findings(log.in_time())) or list(ground_findings(log.in_time()))
     measured += beams
     if beams:
         log = log.without("velocity")  # nor is it of clocks, signs and forces

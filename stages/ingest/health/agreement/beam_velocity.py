@@ -1,12 +1,19 @@
-"""Check of a velocity whose columns are speeds along the beams of its sensor."""
+"""Checks of a velocity whose columns are speeds along beams, or over ground."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import product
 
-from auvid.hydro.identification.checks.motion_checks import heave_of_columns
+import numpy as np
+
+from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.identification.checks.motion_checks import angles_at, heave_of_columns
+from auvid.hydro.identification.checks.velocity_answer import odds_of_velocities
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
+from auvid.stages.ingest.health.agreement.velocity_arm import inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.number_format import percent
 
@@ -35,6 +42,62 @@ OF_BEAMS, LARGEST_SD = (0.9, 1.3), 0.1
 """Sum of the gains, 1 / cos of the angle between beams and vertical (1.03 to 1.22 from 15
 to 35 degrees) less what noise takes off it; a sensor tilted by 45 degrees has 1.41.
 """
+
+OVER_GROUND = {
+    "north, east, down": ((0, 1, 2), (1.0, 1.0, 1.0)),
+    "east, north, up": ((1, 0, 2), (1.0, 1.0, -1.0)),
+    "east, north, up, declared flu": ((1, 0, 2), (-1.0, 1.0, 1.0)),
+    "north, west, up": ((0, 1, 2), (1.0, -1.0, -1.0)),
+}
+"""Columns that are north, east and down, and their signs."""
+SURE_GROUND = 50.0
+"""Logarithm of the likelihood over body axes, whatever their signs; 44 sound legs of dives
+and turns stay below 0.
+"""
+
+
+def ground_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a velocity over ground that is declared as surge, sway and heave.
+
+    `log` is on one clock, without the lags of the vehicle file.
+    """
+    motion = inertial_motion(log)
+    if motion is None:
+        return
+    t, body = motion.velocity
+    turn = rotation_body_to_ned(angles_at(t, *motion.attitude))
+    columns = log.values("velocity", LINEAR_VELOCITY)
+    of_arm = np.zeros(3) if motion.arm_m is None else np.cross(motion.rates, motion.arm_m)
+    tried = {
+        name: np.einsum("nji,nj->ni", turn, columns[:, order] * signs) - of_arm
+        for name, (order, signs) in OVER_GROUND.items()
+    }
+    in_body = [
+        each * signs
+        for each in (body, body[:, [1, 0, 2]])
+        for signs in product((1.0, -1.0), repeat=3)
+    ]
+    odds = odds_of_velocities(
+        motion.imu, motion.attitude, t, [*tried.values(), *in_body], gravity=STANDARD_GRAVITY
+    )
+    if odds is None:
+        return
+    best = int(np.argmax(odds[: len(tried)]))
+    if odds[best] - odds[len(tried) :].max() < SURE_GROUND:
+        return
+    yield finding(
+        "velocity_axes",
+        f"The velocity ({log.source('velocity')}) follows the accelerometer as"
+        f" {list(OVER_GROUND)[best]} over ground, turned by the attitude, and not as surge, sway"
+        " and heave.",
+        stream="velocity",
+        value=1.0,
+        fields=LINEAR_VELOCITY,
+        remedy=(
+            "Let the velocity log write velocities in its own axes, or turn them into body axes"
+            " with the attitude before the export."
+        ),
+    )
 
 
 def beam_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -1148,6 +1148,26 @@ def test_a_mirrored_track_is_named_and_nothing_else_is(name: str, words: str) ->
     assert not {"heading_offset", "velocity_sign"} & set(log.ids())
 
 
+@pytest.mark.parametrize("up", [False, True])
+def test_a_velocity_over_ground_is_named_by_the_accelerometer(up: bool) -> None:
+    log = sound()
+    columns, attitude = log.streams["velocity"], log.streams["attitude"]
+    names = ("phi_rad", "theta_rad", "psi_rad")
+    angles = [
+        np.interp(log.t_s("velocity"), log.t_s("attitude"), np.unwrap(attitude[name]))
+        for name in names
+    ]
+    turn = rotation_body_to_ned(np.column_stack(angles))
+    body = np.column_stack([columns[name] for name in SPEED_COLUMNS])
+    ground = np.einsum("nij,nj->ni", turn, body)
+    if up:
+        ground = ground[:, [1, 0, 2]] * [1.0, 1.0, -1.0]
+    columns |= dict(zip(SPEED_COLUMNS, ground.T, strict=True))
+    finding = log.finding("velocity_axes")
+    assert ("east, north, up" if up else "north, east, down") in finding["text"]
+    assert "velocity_sign" not in log.ids()
+
+
 @pytest.mark.parametrize("angle_deg", [8.0, -15.0])
 def test_a_turned_velocity_log_is_measured_by_the_accelerometer(angle_deg: float) -> None:
     log = sound()
