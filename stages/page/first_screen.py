@@ -42,15 +42,19 @@ class Alert(str):
     """A sentence to be read before the answer is used.
 
     `place`: anchor of where the page says more; `level`: poor for what may make the
-    answer wrong, good for what is only to be known.
+    answer wrong, good for what is only to be known. `misleads`: coefficients follow what
+    it says, so it stands under the verdict.
     """
 
     place: str
     level: Level
+    misleads: bool
 
-    def __new__(cls, words: str, place: str = "", level: Level = "fair") -> Alert:
+    def __new__(
+        cls, words: str, place: str = "", level: Level = "fair", *, misleads: bool = False
+    ) -> Alert:
         alert = super().__new__(cls, words)
-        alert.place, alert.level = place, level
+        alert.place, alert.level, alert.misleads = place, level, misleads
         return alert
 
     @property

@@ -214,7 +214,7 @@ def finding_alerts(inputs: Inputs) -> tuple[Alert, ...]:
         place = anchor("ingest", item.log)
         words = f"{item.whose}: {item.text}" if len(health) > 1 else item.text
         words += " (accepted)" if item.accepted else ""
-        alerts.append(Alert(words, place, level))
+        alerts.append(Alert(words, place, level, misleads=check.misleads))
     return tuple(alerts)
 
 

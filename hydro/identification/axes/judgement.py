@@ -229,6 +229,24 @@ def hull_words(
     )
 
 
+def with_unseen_moment(
+    verdicts: Mapping[str, AxisVerdict], records: Sequence[AxisRecord]
+) -> dict[str, AxisVerdict]:
+    """Return verdicts of yaw where a moment (m_1 - m_2) u v may be among its damping.
+
+    Nothing measures the speeds of a hull that is driven ahead and aside, and without newtons
+    no force gives them: damping that is called identified is weak.
+    """
+    aside = any(np.nanmax(np.abs(record.force["Y"])) > 0.0 for record in records)
+    ahead = any(np.nanmax(np.abs(record.force["X"])) > 0.0 for record in records)
+    weak = {name: AxisVerdict(WEAK) for name in ("N r", "N r|r|")}
+    change = unmeasured(records) and ahead and aside
+    return {
+        name: weak[name] if change and name in weak and verdict.word == IDENTIFIED else verdict
+        for name, verdict in verdicts.items()
+    }
+
+
 @dataclass(frozen=True)
 class LagVerdict:
     """Thrust lag [s] of a fit; `standard_error` nan where it is fixed.

@@ -45,6 +45,7 @@ from auvid.hydro.identification.axes.judgement import (
     rms_of,
     shape_of,
     verdicts_of,
+    with_unseen_moment,
 )
 from auvid.hydro.identification.axes.pooled_fit import (
     Loss,
@@ -275,12 +276,15 @@ def fit_axis(
     width = interval_width(fit.windows)
     speed = rms_of(pool)[velocity]
     verdict = _inertia_verdict(values, covariance, inertia, width, records[0].normalised, lag_known)
+    verdicts = verdicts_of(pool, fit)
+    if velocity == "r" and moment is None:
+        verdicts = with_unseen_moment(verdicts, records)
     legs = _by_leg(fitted, pool, fit, speed)
     sides = _sides(fitted, pool, width)
     left_out = legs_left_out(pool, fit.values[: len(pool.structure.terms)])
     return SingleAxisFit(
         axis, velocity, records[0].normalised,
-        values, covariance, pool, fit, verdicts_of(pool, fit), (*blocks, *left_out), legs, sides,
+        values, covariance, pool, fit, verdicts, (*blocks, *left_out), legs, sides,
         lag, shape, verdict, speed, width,
         (
             *notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia),

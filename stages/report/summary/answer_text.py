@@ -20,7 +20,7 @@ def answer_text(summary: Summary) -> str:
     """
     lines = [summary.headline]
     for words in summary.log_findings:
-        if words.level == "poor":
+        if words.misleads:
             lines += _wrapped(f"But first: {lead(words)[0]}")
     lines += _wrapped(f"{summary.explanation} {summary.rule}")
     lines += [

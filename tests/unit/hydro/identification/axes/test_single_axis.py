@@ -13,7 +13,12 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.judgement import InertiaPrior, hull_words
+from auvid.hydro.identification.axes.judgement import (
+    AxisVerdict,
+    InertiaPrior,
+    hull_words,
+    with_unseen_moment,
+)
 from auvid.hydro.identification.axes.pooled_fit import Loss, fit_pool, make_pool, wider
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import (
@@ -27,6 +32,7 @@ from auvid.hydro.identification.axes.single_axis import fit_axis, refusal, speed
 from auvid.hydro.identification.axes.structure import Structure, axis_terms
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.standard_errors import widened_by
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from tests.support.axis_legs import axis_leg, scaled_force
 
 YAW = {"r": (-1.0, -0.8, 3.0, 0.03)}
@@ -322,6 +328,11 @@ def test_a_pause_of_the_outputs_does_not_end_the_speeds_that_forces_give() -> No
 def test_commands_without_a_velocity_say_what_counts_as_inertia() -> None:
     assert "tens of percent" in hull_words("r", under_way(normalised=True), None)[0]
     assert not hull_words("r", [axis_leg(1, YAW, seconds=10.0)], None)
+    drag = {"N r": AxisVerdict(IDENTIFIED), "N F": AxisVerdict(IDENTIFIED)}
+    weak = with_unseen_moment(drag, under_way(normalised=True))
+    assert [item.word for item in weak.values()] == [WEAK, IDENTIFIED]
+    turns_on_the_spot = [axis_leg(1, YAW, seconds=10.0, normalised=True)]
+    assert with_unseen_moment(drag, turns_on_the_spot) == drag
 
 
 def tilted(seed: int) -> AxisRecord:

@@ -42,7 +42,7 @@ def test_what_the_terminal_has_printed_before_is_not_repeated() -> None:
     words = answer_text(SUMMARY)
     assert "A gap." not in words
     assert "hardly any motion" not in words
-    turned = Alert("The velocity log sits elsewhere.", level="poor")
+    turned = Alert("The velocity log sits elsewhere.", misleads=True)
     lines = answer_text(replace(SUMMARY, log_findings=(turned,))).splitlines()
     assert lines[:2] == [SUMMARY.headline, "  But first: The velocity log sits elsewhere."]
     bare = replace(SUMMARY, identified=(), missing=())
