@@ -50,6 +50,8 @@ OVER_GROUND = {
     "north, west, up": ((0, 1, 2), (1.0, -1.0, -1.0)),
 }
 """Columns that are north, east and down, and their signs."""
+LEAST_TURN = 0.3
+"""Standard deviation of the heading [rad] below which ground and body axes look alike."""
 SURE_GROUND = 50.0
 """Logarithm of the likelihood over body axes, whatever their signs; 44 sound legs of dives
 and turns stay below 0.
@@ -62,7 +64,7 @@ def ground_findings(log: CheckedLog) -> Iterator[Finding]:
     `log` is on one clock, without the lags of the vehicle file.
     """
     motion = inertial_motion(log)
-    if motion is None:
+    if motion is None or np.std(np.unwrap(motion.attitude[1][:, 2])) < LEAST_TURN:
         return
     t, body = motion.velocity
     turn = rotation_body_to_ned(angles_at(t, *motion.attitude))
