@@ -139,12 +139,14 @@ def port(
     optional: bool = False,
     by_rows: bool = False,
     columns: tuple[str, ...] = (),
+    keys: tuple[str, ...] = (),
 ) -> Any:
     """An input or output artefact of this schema.
 
     `many` output: a mapping key -> artefact (model cards by model). `optional`: None
     when the producer gave none. `by_rows`: the runner gives `Rows`, and the stage loads
-    those that it needs. `columns`: of a table only those, with its clock.
+    those that it needs. `columns`: of a table only those, with its clock. `keys`: of the
+    manifest only those, so that a change of another one does not rerun the stage.
     """
     default = None if optional else MISSING
     metadata = {
@@ -153,6 +155,7 @@ def port(
         "optional": optional,
         "by_rows": by_rows,
         "columns": columns,
+        "keys": keys,
     }
     return field(default=default, metadata=metadata)
 

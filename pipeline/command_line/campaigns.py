@@ -278,14 +278,30 @@ def campaign(
 
 
 @app.command(hidden=True, epilog="Example: auvid code")
-def code() -> None:
-    """Write the hash of each stage's code, on which DVC depends, to runs/.code."""
+def code(
+    campaign: Annotated[
+        str, typer.Argument(metavar="[CAMPAIGN]", help="Write what its stages take from files.")
+    ] = "",
+) -> None:
+    """Write hashes on which DVC depends to runs/.code: of each stage's code.
+
+    With a campaign: of the keys of its manifest, the logs, vehicles and parameters that
+    each stage takes.
+    """
+    from auvid.pipeline.campaigns.workspace import find_workspace
+
+    workspace = find_workspace(Path.cwd())
+    if campaign:
+        from auvid.pipeline.execution.dvc_inputs import inputs_unchanged
+
+        if not inputs_unchanged(workspace, campaign):
+            from auvid.pipeline.commands.open_run import write_inputs_of
+
+            write_inputs_of(campaign)
+        return
     from auvid.pipeline.execution.code_stamp import unchanged
 
-    here = Path.cwd()
-    root = next((at for at in (here, *here.parents) if (at / "params.yaml").is_file()), here)
-    if unchanged(root / "runs" / ".code"):
-        return
-    from auvid.pipeline.commands.open_run import write_codes
+    if not unchanged(workspace.code):
+        from auvid.pipeline.commands.open_run import write_codes
 
-    write_codes()
+        write_codes()

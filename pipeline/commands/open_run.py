@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
+from auvid.pipeline.execution.dvc_inputs import write_inputs
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
@@ -70,3 +72,10 @@ def show_progress(*, quiet: bool = False) -> Iterator[Progress]:
 def write_codes() -> None:
     """Write the files of this workspace on which DVC depends in place of the code."""
     write_code_files(STAGES, find_workspace(Path.cwd()).code)
+
+
+def write_inputs_of(campaign: str) -> None:
+    """Write the hashes of what a campaign's stages read, on which DVC depends."""
+    start = time.time()
+    workspace = find_workspace(Path.cwd())
+    write_inputs(open_run(campaign, workspace), workspace, start=start)

@@ -11,12 +11,12 @@ from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.schemas import schema
-from auvid.pipeline.campaigns.campaign import DOCUMENTS, PRIORS
-from auvid.pipeline.graph import MANIFEST_PORTS, ONCE, AnyStage, Graph, stages_of_kind
+from auvid.pipeline.graph import ONCE, AnyStage, Graph, stages_of_kind
 from auvid.stages.base import make_params, ports
 
 COMMENT_AT = 44
 CODE = "runs/.code"
+INPUTS = f"{CODE}/${{item}}"
 KEPT = "{cache: false, persist: true}"
 HEADER = """\
 # One entry per stage, for each campaign that has it. A stage whose inputs differ between
@@ -24,7 +24,8 @@ HEADER = """\
 # `auvid run CAMPAIGN` does the same in one process; either may follow the other, for what
 # is fresh is decided by the manifests under runs/. The hash of a stage's code (its own
 # imports and schemas) stands in a small file that `code` brings up to date each time: an
-# edited equation reruns what uses it.
+# edited equation reruns what uses it. `inputs` does the same for what each stage reads of
+# manifest, logs, vehicle and parameters: a changed key reruns the stages that read it.
 stages:
   code:
     desc: Hash of the code of each stage
@@ -124,6 +125,17 @@ def dvc_yaml(
         if kind in campaigns.values()
     }
     lines = [HEADER, *(f"      - {CODE}/{stage.name}.txt: {KEPT}" for stage in stages)]
+    lines += [
+        "",
+        "  inputs:",
+        "    foreach: ${campaigns}",
+        "    do:",
+        "      desc: Hash of what each stage reads of manifest, logs, vehicle and parameters",
+        "      cmd: auvid code ${item}",
+        "      always_changed: true",
+        "      outs:",
+        f"        - {INPUTS}: {KEPT}",
+    ]
     for stage in stages:
         bodies: dict[tuple[str, ...], list[str]] = {}
         for kind, graph in graphs.items():
@@ -141,20 +153,10 @@ def dvc_yaml(
 def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     """Return what an entry does for each of its campaigns."""
     feeds = graph.feeds(stage)
-    manifest = {
-        feed.schema for feed in feeds if feed.schema in MANIFEST_PORTS and not feed.producers
-    }
-    documents = {feed.schema for feed in feeds if not feed.producers} & {*DOCUMENTS, PRIORS}
     producers = {port.stage.name for feed in feeds for port in feed.producers}
     if stage.maps_over == "segment":
         producers |= {other.name for other in graph.stages if other.yields == "segment"}
-    deps = [f"{CODE}/{stage.name}.txt"]
-    deps.append(
-        "campaigns/${item}"
-        if documents or manifest & {"raw_log", "twin"}
-        else "campaigns/${item}/campaign.yaml"
-    )
-    deps += ["vehicles"] * ("vehicle" in manifest)
+    deps = [f"{CODE}/{stage.name}.txt", f"{INPUTS}/{stage.name}.txt"]
     deps += [path for other in graph.stages if other.name in producers for path, _ in _outs(other)]
     plain = [(path, notes) for path, notes in _outs(stage) if "metrics" not in notes]
     metrics = [path for path, notes in _outs(stage) if "metrics" in notes]

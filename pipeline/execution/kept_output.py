@@ -81,7 +81,7 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
         same = all(kept["setting"][key] == value for key, value in setting.items())
         if not same or not unchanged(workspace.code):
             return None
-        if not {str(path) for path in _files_in(map(Path, folders))} <= set(files):
+        if not {str(path) for path in files_in(map(Path, folders))} <= set(files):
             return None
         hashes = FileHashes(workspace.runs / name / HASHES)
         if any(_hash_of(Path(path), hashes) != digest for path, digest in files.items()):
@@ -96,22 +96,21 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
     """Keep what a run printed, unless a file that it read, or a source, changed since.
 
     Nothing is kept of a run that read a pipe or a device.
-    `start`: the time when it began, before the first file was read. Coefficients of a
-    vehicle may lie beside its file.
+    `start`: the time when it began, before the first file was read.
     """
     root = run.folder.parents[1]
-    outside = [SHIPPED_VEHICLES, root / "vehicles", run.campaign.vehicle_file.with_suffix("")]
+    outside = folders_of_vehicles(root, run.campaign.vehicle_file)
     folders = [*outside, *(run.folder / stage.name for stage in run.graph.stages)]
     written = {
         artefact.path: artefact.hash
         for stage in run.graph.stages
         for *_, artefact in run.artefacts(stage)
     }
-    read = {*_files_in(outside), *FILES_READ, root / PARAMS_FILE} - set(written)
-    if any(_changed(path) > start - SETTLED_S for path in (*read, *source_files(PRINTING))):
+    read = {*files_in(outside), *FILES_READ, root / PARAMS_FILE} - set(written)
+    if any(changed_at(path) > start - SETTLED_S for path in (*read, *source_files(PRINTING))):
         return
     hashes = FileHashes(run.folder / HASHES)
-    others = read | _files_in(folders) - set(written)
+    others = read | files_in(folders) - set(written)
     try:
         digests = written | {path: _hash_of(path, hashes) for path in others}
     except OSError:  # a pipe or device was read: it cannot be looked at again
@@ -127,6 +126,14 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
     content = json.dumps(plain_values(document), allow_nan=False)
     write_atomically(run.folder / FILE, content.encode())
     hashes.save()
+
+
+def folders_of_vehicles(root: Path, vehicle_file: Path) -> list[Path]:
+    """Return folders in which a new file may change which vehicle a campaign has.
+
+    Coefficients of a vehicle may lie beside its file.
+    """
+    return [SHIPPED_VEHICLES, root / "vehicles", vehicle_file.with_suffix("")]
 
 
 def _setting(strict: bool) -> dict[str, Any]:
@@ -145,7 +152,7 @@ def _setting(strict: bool) -> dict[str, Any]:
     }
 
 
-def _files_in(folders: Iterable[Path]) -> set[Path]:
+def files_in(folders: Iterable[Path]) -> set[Path]:
     """Return all files under folders, hidden ones left out."""
     return {
         Path(top, name)
@@ -163,7 +170,7 @@ def _hash_of(path: Path, hashes: FileHashes) -> str:
         return ABSENT
 
 
-def _changed(path: Path) -> float:
+def changed_at(path: Path) -> float:
     """Return when a file was changed last; 0 where there is none."""
     try:
         status = path.stat()

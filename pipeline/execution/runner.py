@@ -284,6 +284,9 @@ class Run:
                     return shelf_source(self.campaign.shelf)
                 return vehicle_source(self.campaign.vehicle)
             document = self._manifest_document(feed.schema, place)
+            keys = ports(stage.inputs)[feed.port].get("keys")
+            if keys:
+                document = {key: document[key] for key in keys if key in document}
             if feed.schema == "leg":
                 return Value(delivered(document, "leg"), document)
             return Value(document)
@@ -358,16 +361,39 @@ class Run:
         package versions.
         """
         logs = {log: self._log(log).fingerprint["files"] for log in self.campaign.logs}
+        return {"logs": logs, **self._provenance_but_logs()}
+
+    def _provenance_but_logs(self) -> dict[str, Any]:
         stages = {
             name: {"code": code, "parameters": as_document(self.params[name])}
             for name, code in self._codes.items()
         }
         return {
-            "logs": logs,
             "vehicle": vehicle_source(self.campaign.vehicle).fingerprint,
             "stages": stages,
             "packages": package_versions(),
         }
+
+    def inputs_from_files(self, stage: AnyStage) -> str:
+        """Return the hash of what a stage takes from manifest, logs and parameters.
+
+        What it takes from other stages is left out: they need not have been run.
+        """
+        own = [
+            feed
+            for feed in self.graph.feeds(stage)
+            if not (feed.producers or feed.every or feed.runs)
+        ]
+        inputs = {
+            place.item: {
+                feed.port: self._provenance_but_logs()
+                if feed.schema == "provenance"
+                else self._source(stage, feed, place).fingerprint
+                for feed in own
+            }
+            for place in self.places("leg" if stage.maps_over == "segment" else stage.maps_over)
+        }
+        return hash_value({"inputs": inputs, "params": self.params[stage.name]})
 
     def _collected(self, feed: Feed) -> dict[str, Artefact]:
         """Return artefacts of a schema from all stages, keyed `stage/item`.

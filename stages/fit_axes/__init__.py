@@ -42,7 +42,7 @@ class Inputs:
     axis_record: Collection[pa.Table] = port("axis_record", many=True)
     axis_windows: Collection[AxisWindowsRecord] = port("axis_windows", many=True)
     vehicle: Vehicle = port("vehicle")
-    campaign: Document = port("campaign")
+    campaign: Document = port("campaign", keys=("fill",))
     shelf: Mapping[str, Vehicle] | None = port("vehicle", many=True, optional=True)
     prior_sources: PriorSourcesRecord | None = port("prior_sources", optional=True)
 

@@ -30,7 +30,7 @@ from auvid.stages.glide.presentation import glide_section, glide_views
 class Inputs:
     """The legs, the vehicle with its part `glider`, and the streams of all logs."""
 
-    campaign: Document = port("campaign")
+    campaign: Document = port("campaign", keys=("legs",))
     vehicle: Vehicle = port("vehicle")
     log_info: Collection[LogInfo] = port("log_info", many=True)
     glider: Collection[pa.Table] | None = port("glider", many=True, optional=True)

@@ -28,7 +28,7 @@ from auvid.stages.presentation import remark, section, table, text
 
 @dataclass(frozen=True)
 class Inputs:
-    campaign: Document = port("campaign")
+    campaign: Document = port("campaign", keys=("title",))
     vehicle: Vehicle = port("vehicle")
     provenance: Document = port("provenance")
     model_card: Collection[ModelCard] = port("model_card", many=True)

@@ -27,7 +27,7 @@ STREAMS = ("imu", "attitude", "depth", "velocity", "position", "tow")
 class Inputs:
     """The legs, the vehicle for its masses, and the streams of all logs."""
 
-    campaign: Document = port("campaign")
+    campaign: Document = port("campaign", keys=("legs",))
     vehicle: Vehicle = port("vehicle")
     log_info: Collection[LogInfo] = port("log_info", many=True)
     imu: Collection[pa.Table] | None = port("imu", many=True, optional=True)

@@ -34,7 +34,7 @@ from auvid.stages.pipendulum.swings import SwingResult, inertia_document, swing_
 class Inputs:
     """The apparatus, the vehicle, and the gyros and attitudes of all logs."""
 
-    campaign: Document = port("campaign")
+    campaign: Document = port("campaign", keys=("legs",))
     vehicle: Vehicle = port("vehicle")
     log_info: Collection[LogInfo] = port("log_info", many=True)
     apparatus: ApparatusDocument | None = port("apparatus", optional=True)

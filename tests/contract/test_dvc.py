@@ -11,7 +11,7 @@ import pytest
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.pipeline.execution.generate_dvc import campaign_kinds, dvc_yaml
 from auvid.pipeline.graph import Graph, stages_of_kind
-from auvid.stages.base import Stage, ports
+from auvid.stages.base import Stage
 from auvid.stages.registry import KINDS, STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,8 +52,12 @@ def test_entries_are_the_stages_and_their_code() -> None:
         if any(stage.name in KINDS[kind] for kind in CAMPAIGNS.values())
     ]
     assert [name for name in DVC if name in ("code", *used)] == ["code", *used]
-    assert set(DVC) == {"code", *(name for stage in used for name in entries_of(stage))}
+    assert set(DVC) == {"code", "inputs", *(name for stage in used for name in entries_of(stage))}
     assert DVC["code"]["always_changed"] is True
+    assert campaigns_of(DVC["inputs"]) == PARAMS["campaigns"]
+    assert DVC["inputs"]["do"]["cmd"] == "auvid code ${item}"
+    assert DVC["inputs"]["do"]["always_changed"] is True
+    assert paths(DVC["inputs"]["do"]["outs"]) == {"runs/.code/${item}"}
     assert paths(DVC["code"]["outs"]) == {f"runs/.code/{stage.name}.txt" for stage in STAGES}
 
 
@@ -89,17 +93,14 @@ def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
                         if set(campaigns_of(other)) & set(campaigns_of(entry))
                     )["do"]
                     assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
-        assert ("vehicles" in deps) == (
-            "vehicle" in {spec["port"] for spec in ports(stage.inputs).values()}
-        )
-        assert any(path.startswith("campaigns/${item}") for path in deps)
+        assert f"runs/.code/${{item}}/{stage.name}.txt" in deps
+        assert all(path.startswith("runs/") for path in deps)
 
 
 def test_logs_of_a_twin_are_those_it_writes() -> None:
     for entry in entries_of("ingest").values():
         for name in campaigns_of(entry):
             assert ("runs/${item}/simulate" in entry["do"]["deps"]) == (name in TWINS)
-            assert ("campaigns/${item}" in entry["do"]["deps"]) == (name not in TWINS)
 
 
 def test_outs_persist_and_error_tables_are_metrics() -> None:
@@ -123,9 +124,9 @@ def test_analytics_are_off() -> None:
         assert "analytics = false" in config.read_text(encoding="utf-8")
 
 
-def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
-    """Resolved entry by entry: what a stage of a campaign waits for is a file of the
-    repository or left by an entry of that campaign.
+def test_every_dependency_of_every_campaign_is_made() -> None:
+    """Resolved entry by entry: what a stage of a campaign waits for is left by an entry
+    of that campaign, itself or in a folder.
     """
     resolved: dict[str, dict[str, set[str]]] = {}
     for name, entry in DVC.items():
@@ -143,12 +144,5 @@ def test_every_dependency_of_every_campaign_is_there_or_made() -> None:
         for path in (*parts.get("outs", ()), *parts.get("metrics", ()))
     }
     outputs |= paths(DVC["code"]["outs"])
-    needed = {path for parts in resolved.values() for path in parts["deps"]}
-    assert (
-        sorted(
-            path
-            for path in needed - outputs
-            if path.startswith("runs/") or not (ROOT / path).exists()
-        )
-        == []
-    )
+    needed = {path for parts in resolved.values() for path in parts.get("deps", ())}
+    assert {path for path in needed if not {path, str(Path(path).parent)} & outputs} == set()

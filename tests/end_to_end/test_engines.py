@@ -121,9 +121,13 @@ def test_dvc_and_auvid_mix_in_any_order(
 
     other = copy_workspace(short_template, tmp_path / "other")
     for workspace in (folder, other):
-        params = workspace / "params.yaml"
-        params.write_text(params.read_text().replace("edge_s: null", "edge_s: 0.6"))
-    call("dvc", "repro", "fuse@example", folder=folder)
+        manifest = workspace / "campaigns" / "example" / "campaign.yaml"
+        text = manifest.read_text().replace("fuse: {", "fuse: {edge_s: 0.6, ")
+        manifest.write_text(text.replace("title: ", "title: Other "))
+    printed = call("dvc", "repro", "fuse@example", folder=folder)
+    assert "Running stage 'fuse@example'" in printed
+    for stage in ("ingest", "resample"):  # nothing that they read has changed
+        assert f"'{stage}@example' didn't change" in printed
     for workspace in (folder, other):
         campaign_runs.auvid("run", "example", "--until", "residual", folder=workspace)
     changed = hashes(folder)
