@@ -22,6 +22,10 @@ from auvid.hydro.kept_results import kept
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
 ALIKE = 0.1
 """Departure of a scale from 1 that is none."""
+LARGEST_AXIS_LAG_S = 1.0
+OTHER_ORDERS = ("ZXY", "XYZ", "XZY", "YXZ", "YZX")
+"""Orders of turns about the axes of the body, beside the yaw, pitch, roll of ZYX."""
+ORDER_WINDOW_S = 1.0
 SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
 """A jump of the attitude: more than this, and than so many times what 90 % of the
 intervals disagree by.
@@ -33,9 +37,10 @@ class RateAgreement:
     """Gyro against the rate of the attitude.
 
     `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro
-    read `lag_s` later; `scale` (3,): gyro per attitude rate of the same axis, near 1 where
-    noise in either record leaves that open; `std`
-    (3,) of the attitude's body rates and `bias` (3,), the mean of the gyro less theirs
+    read `lag_s` later, and `lags_s` (3,) the best lag of each axis by itself; `scale`
+    (3,): gyro per attitude rate of the same axis, near 1 where noise in either record
+    leaves that open; `std` (3,) of the attitude's body rates and `bias` (3,), the mean of
+    the gyro less theirs
     [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn after the
     attitude does. `jumps` intervals in which the attitude turned without the gyro, by
     `largest_jump` [rad] at most, are left out of the comparison; `jump_at_s` is the
@@ -45,6 +50,7 @@ class RateAgreement:
     correlation: Array
     scale: Array
     lag_s: float
+    lags_s: Array
     std: Array
     bias: Array
     count: int
@@ -103,7 +109,9 @@ def rate_agreement(
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
     # The best of the three axes, so that exchanged axes do not send the search astray.
-    best = np.abs(_correlation(centred, mean_rate(rows, lags))).max(axis=-1)
+    by_lag = _correlation(centred, mean_rate(rows, lags))
+    best = np.abs(by_lag).max(axis=-1)
+    own = np.diagonal(by_lag, axis1=1, axis2=2)
     lag = peak_of_parabola(lags, np.sum(best * energy**2, axis=-1))
     measured = mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
@@ -121,6 +129,7 @@ def rate_agreement(
         _correlation(centred, measured),
         scale,
         lag,
+        np.array([peak_of_parabola(lags, axis) for axis in own.T]),
         energy,
         bias,
         int(rows.size),
@@ -128,6 +137,70 @@ def rate_agreement(
         jump,
         jump_at,
     )
+
+
+@kept
+def axis_lag(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike, *, axis: int
+) -> float | None:
+    """Return how late the gyro shows the turns about one axis [s], within a second.
+
+    None for too few intervals.
+    """
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
+        return None
+    t, rows, expected, mean_rate, _, jumped = turns
+    at, most = np.asarray(t_gyro, dtype=np.float64), LARGEST_AXIS_LAG_S
+    inside = ~jumped & (t[rows] >= at[0] + most) & (t[rows + 1] <= at[-1] - most)
+    kept = thinned(np.flatnonzero(inside))
+    if kept.size < FEWEST:
+        return None
+    lags = np.arange(-most, most + LAG_STEP_S / 2, LAG_STEP_S)
+    turned = expected[kept] - expected[kept].mean(axis=0)
+    own = _correlation(turned[:, [axis]], mean_rate(rows[kept], lags)[..., [axis]])
+    return float(peak_of_parabola(lags, own[:, 0, 0]))
+
+
+def in_order(euler: Array, order: str) -> Array:
+    """Return roll, pitch, yaw (n, 3) of ZYX for the same three of turns in an order."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_euler(order, euler[:, ["XYZ".index(axis) for axis in order]])
+    return np.asarray(turn.as_euler("ZYX")[:, ::-1])
+
+
+@kept
+def other_order(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
+) -> tuple[str, float, float] | None:
+    """Return the order of turns that leaves least between attitude and gyro.
+
+    With the part of what ZYX leaves over windows of 1 s, and the logarithm of its
+    likelihood over ZYX. None for too few intervals.
+    """
+    angles = np.asarray(euler, dtype=np.float64)
+    left: dict[str, float] = {}
+    count = 0
+    for order in ("ZYX", *OTHER_ORDERS):
+        turned = angles if order == "ZYX" else in_order(angles, order)
+        turns = _turns(t_s, turned, t_gyro, gyro)
+        if turns is None:
+            return None
+        t, rows, expected, mean_rate, _, _ = turns
+        step = t[rows + 1] - t[rows]
+        rest = (expected - mean_rate(rows, 0.0)) * step[:, None]
+        window = np.floor((t[rows] - t[0]) / ORDER_WINDOW_S)
+        first = np.flatnonzero(np.diff(window, prepend=-1.0))
+        sums = np.add.reduceat(rest, first, axis=0)
+        complete = np.add.reduceat(step, first) > 0.8 * ORDER_WINDOW_S
+        count = int(np.count_nonzero(complete))
+        if count < FEWEST:
+            return None
+        sums = sums[complete] - np.median(sums[complete], axis=0)
+        left[order] = max(float(np.median(np.linalg.norm(sums, axis=1))), 1e-9)
+    best = min(OTHER_ORDERS, key=lambda order: left[order])
+    return best, left[best] / left["ZYX"], count * float(np.log(left["ZYX"] / left[best]))
 
 
 def _turns(

@@ -55,6 +55,7 @@ from auvid.stages.ingest.health.causes import by_cause
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
     clock_findings,
+    coarse_findings,
     file_findings,
     gap_findings,
     impossible_findings,
@@ -264,7 +265,6 @@ OF_RECORDS = (
     clock_findings,
     gap_findings,
     rate_findings,
-    sample_findings,
     unusable_findings,
     identity_findings,
 )
@@ -272,6 +272,8 @@ OF_RECORDS = (
 OF_SENSORS = (gyro_findings, accelerometer_findings, depth_findings)
 """Checks of sensors against each other, which also run on a log that is mended."""
 OF_VALUES = (
+    sample_findings,
+    coarse_findings,
     attitude_findings,
     velocity_findings,
     outlier_findings,

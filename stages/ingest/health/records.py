@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 
 import numpy as np
@@ -85,6 +85,13 @@ USUAL_RUNS = 5
 """A run of repeats is none of a column's usual ones if it is so many times as long."""
 MIN_LIVE_SAMPLES = 20
 MIN_CLIPPED_RAD_S = 1.0
+MOST_SPANS = 8
+UNIT_WORDS = {"_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_m": "m"}
+VELOCITY_STEP = limit("velocity_coarse")
+COARSE = {"_rad_s": 0.02, "_m_s2": 0.2, "_m_s": 0.05, "_rad": math.radians(0.45), "_m": 0.09}
+"""Steps of values beyond which rounding is most of their noise, by unit."""
+LATTICE, FEWEST_STEPS = 0.02, 3
+"""Part of a step by which rounded values may lie beside its multiples, and how many differ."""
 
 
 def file_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -317,6 +324,55 @@ LONGEST_HOLD_S = 1.2
 """Of a slow record; a pilot or a plan that steps holds its outputs for longer."""
 
 
+def coarse_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield streams whose values are rounded to steps that hide what they measure."""
+    for stream, names in {**MOTION, "imu": (*GYRO, *ACCELEROMETER)}.items():
+        if not log.has(stream) or stream == "position":
+            continue
+        there = [name for name in names if name in log.tables[stream].column_names]
+        steps = {name: _step(log.column(stream, name)) for name in there}
+        coarse = {
+            name: step
+            for name, step in steps.items()
+            if step is not None and step > _of_unit(COARSE, name)
+        }
+        if not coarse or (stream == "velocity" and max(coarse.values()) >= VELOCITY_STEP):
+            continue  # which is velocity_coarse
+        parts = [f"{name} in steps of {_in_words(step, name)}" for name, step in coarse.items()]
+        yield finding(
+            "values_coarse",
+            f"{stream} ({log.source(stream)}) is rounded: {listed(parts)}.",
+            stream=stream,
+            value=max(coarse.values()),
+            fields=tuple(coarse),
+        )
+
+
+def _of_unit(limits: Mapping[str, float], name: str) -> float:
+    return next(
+        limits[unit] for unit in sorted(limits, key=len, reverse=True) if name.endswith(unit)
+    )
+
+
+def _step(values: Array) -> float | None:
+    """Return the step of which all values are multiples, None without one."""
+    sizes = np.unique(values[np.isfinite(values)])
+    gaps = np.diff(sizes)
+    gaps = gaps[gaps > ROUNDING * np.ptp(sizes)] if sizes.size else gaps
+    if gaps.size < FEWEST_STEPS:
+        return None
+    step = float(gaps.min())
+    places = (sizes - sizes[0]) / step
+    return step if float(np.abs(places - np.round(places)).max()) < LATTICE else None
+
+
+def _in_words(step: float, name: str) -> str:
+    if name.endswith("_rad"):
+        return f"{significant(math.degrees(step))} degrees"
+    unit = next(words for end, words in UNIT_WORDS.items() if name.endswith(end))
+    return f"{significant(step)} {unit}"
+
+
 def _is_time(t_s: Array, values: Array) -> bool:
     """Return whether a column rises or falls by one a second, to rounding."""
     rising = np.sign(values[-1] - values[0]) * values - t_s
@@ -382,7 +438,7 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
     if stuck:
         text = (
             f"{stream} ({log.source(stream)}) repeats one value for {run_s:.1f} s from"
-            f" {t_s[same.run_start]:.1f} s on."
+            f" {t_s[same.run_start]:.1f} s on{_other_runs(t_s, values, same.run_start, longest)}."
         )
         yield finding("stuck_sensor", text, stream=stream, value=run_s)
     elif len(names) > 1:
@@ -400,6 +456,18 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
                 f" {significant(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
+
+
+def _other_runs(t_s: Array, values: Array, but: int, longest_s: float) -> str:
+    """Return when other long runs of one value begin, in words."""
+    starts = np.flatnonzero(np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1)))
+    ends = np.append(starts[1:], len(values)) - 1
+    long = (t_s[ends] - t_s[starts] > longest_s) & (ends - starts + 1 >= MIN_LIVE_SAMPLES)
+    others = [f"{t_s[start]:.1f}" for start in starts[long] if start != but]
+    if not others:
+        return ""
+    more = f" and {len(others) - MOST_SPANS} more" if len(others) > MOST_SPANS else ""
+    return f", and others from {', '.join(others[:MOST_SPANS])}{more} s on"
 
 
 def _rests(velocity: Array, first: int, last: int) -> bool:

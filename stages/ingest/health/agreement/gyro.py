@@ -8,9 +8,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import angles_at
 from auvid.hydro.identification.checks.rate_agreement import (
     RateAgreement,
     attitude_jumps,
+    axis_lag,
+    in_order,
+    other_order,
     rate_agreement,
 )
 from auvid.hydro.identification.signals.pose.frames import (
@@ -65,6 +69,12 @@ QUATERNION_ORDERS = {
 """Order of the file, and the place in the quaternion w, x, y, z as it is read of the right
 w, x, y, z.
 """
+SMALLEST_TILT_RAD = math.radians(2.0)
+LEFT_BY_ORDER, SURE_ORDER = 0.8, 40.0
+"""What another order of turns may leave of what ZYX leaves, and its least log likelihood:
+clean logs with 2 degrees of roll and pitch have at most 20.
+"""
+ORDER_WORDS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
 """Where the gyro itself is wrong, turns that it does not show are no jumps of the
 attitude.
@@ -83,6 +93,10 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
     gradians = list(_gradians(log, agreement, angles))
     if gradians:
         yield from gradians
+        return
+    of_angles = [*_other_order(log, t_s, angles, gyro), *_late_angles(agreement, t_s, angles, gyro)]
+    if of_angles:
+        yield from of_angles
         return
     if not _agrees(agreement):
         for other, item in _turned(log, angles):
@@ -106,6 +120,65 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
             value=math.degrees(agreement.largest_jump),
             at_s=agreement.jump_at_s,
         )
+
+
+def _other_order(
+    log: CheckedLog, t_s: Array, angles: Array, gyro: tuple[Array, Array]
+) -> Iterator[Finding]:
+    """Yield angles of turns in another order than yaw, pitch, roll."""
+    if float(np.std(angles[:, :2], axis=0).min()) < SMALLEST_TILT_RAD:
+        return
+    other = other_order(t_s, angles, *gyro)
+    if other is None or other[1] > LEFT_BY_ORDER or other[2] < SURE_ORDER:
+        return
+    again = rate_agreement(t_s, in_order(angles, other[0]), *gyro)
+    if again is None or not _agrees(again):
+        return
+    words = ", ".join(ORDER_WORDS[axis] for axis in other[0])
+    yield finding(
+        "attitude_order",
+        f"The attitude ({log.source('attitude')}) turns as the gyro does if its angles are turns in"
+        f" the order {words} ({other[0]}), and leaves {1.0 / other[1]:.1f} times as much in the"
+        " order yaw, pitch, roll (ZYX) that they are read in.",
+        stream="attitude",
+        value=1.0 / other[1],
+        fields=ATTITUDE,
+    )
+
+
+def _late_angles(
+    agreement: RateAgreement, t_s: Array, angles: Array, gyro: tuple[Array, Array]
+) -> Iterator[Finding]:
+    """Yield angles that are late, or early, while others are in time."""
+    moved, least = _moved(agreement), limit("gyro_lag")
+    if not any(abs(agreement.lags_s[axis]) > least for axis in moved):
+        return
+    for axes in ((2,), (0, 1), (0,), (1,)):
+        fastest = max(axes, key=lambda axis: agreement.std[axis])
+        lag = axis_lag(t_s, angles, *gyro, axis=fastest) if fastest in moved else None
+        if lag is None or abs(lag) < least:
+            continue
+        other = angles.copy()
+        other[:, axes] = angles_at(t_s - lag, t_s, angles)[:, axes]
+        again = rate_agreement(t_s, other, *gyro)
+        if again is None or not _agrees(again) or np.abs(again.lags_s[moved]).max() > 0.5 * least:
+            continue
+        names = listed([RATES[axis] for axis in axes])
+        others = [RATES[axis] for axis in range(3) if axis not in axes]
+        several = len(axes) > 1
+        yield finding(
+            "gyro_lag",
+            f"{names.capitalize()} of the attitude come{'s' * (not several)} {abs(lag):.2f} s"
+            f" {'before' if lag > 0.0 else 'after'} the gyro; {listed(others)}"
+            f" {'is' if several else 'are'} in time: {names} alone pass{'es' * (not several)} a"
+            f" filter, or come{'s' * (not several)} by another clock.",
+            stream="attitude",
+            value=abs(lag),
+            fields=tuple(ATTITUDE[axis] for axis in axes),
+            remedy="Write it to a file of its own, whose column map has the time shift_s that takes"
+            " it back, or take an angle that is not filtered.",
+        )
+        return
 
 
 def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Iterator[Finding]:

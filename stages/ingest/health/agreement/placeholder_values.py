@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvid.data_schemas.tables import column
-from auvid.hydro.arrays import Mask
+from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.checks.placeholders import FEWEST_ROWS, placeholder
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY
-from auvid.stages.ingest.health.agreement.velocity_samples import short_zeros
+from auvid.stages.ingest.health.agreement.velocity_samples import lost_zeros, short_zeros
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent, significant
 
@@ -23,6 +23,10 @@ SIGNALS: Mapping[str, tuple[str, ...]] = {
 }
 LEAST = {"_rad": 0.02, "_rad_s": 0.02, "_m_s2": 0.5, "_m_s": 0.02, "_m": 0.05}
 """What a number leaps by at least, by the unit of its column: finer steps are rounding."""
+
+
+LONG_S, MOST_SPANS = 2.0, 8
+"""Stretches of such numbers that are named by their times, at most so many."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,10 @@ def placeholders(log: CheckedLog) -> dict[str, Placeholders]:
             spotted = placeholder(t_s, values, _least(name), angle=name.endswith("_rad"))
             if spotted is not None:
                 numbers[name], rows = spotted[0], rows | spotted[1]
+        if stream == "velocity" and not numbers:
+            rows = lost_zeros(t_s, log.values("velocity", LINEAR_VELOCITY))
+            if rows.any():
+                numbers = dict.fromkeys(LINEAR_VELOCITY, 0.0)
         if stream == "imu" and not numbers:
             rows = short_zeros(t_s, log.values("imu", GYRO), LEAST["_rad_s"])
             if float(rows.mean()) > limit("placeholder_values"):
@@ -70,12 +78,24 @@ def placeholder_findings(
         yield finding(
             "placeholder_values",
             f"{percent(share)} of the samples of {stream} ({log.source(stream)}) leap to one"
-            f" number and come back: {listed(numbers)} stands for no value.",
+            f" number and come back{_stretches(log.t_s(stream), spotted.rows)}: {listed(numbers)}"
+            " stands for no value.",
             stream=stream,
             value=share,
             at_s=float(log.t_s(stream)[np.flatnonzero(spotted.rows)[0]]),
             fields=tuple(spotted.numbers),
         )
+
+
+def _stretches(t_s: Array, rows: Mask) -> str:
+    """Return when the long ones begin, and how long they last, in words."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8)))
+    spans = [(t_s[first], t_s[end - 1]) for first, end in edges.reshape(-1, 2)]
+    longer = [f"{start:.1f} to {end:.1f}" for start, end in spans if end - start > LONG_S]
+    if not longer:
+        return ""
+    more = f" and {len(longer) - MOST_SPANS} more" if len(longer) > MOST_SPANS else ""
+    return f" (from {', '.join(longer[:MOST_SPANS])} s{more})"
 
 
 def without_placeholders(log: CheckedLog, by_stream: Mapping[str, Placeholders]) -> CheckedLog:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ LEAP_M_S, LEAP_SPREADS = 1.0, 10.0
 UNDER_WAY_M_S = 0.05
 LONGEST_ZERO_S = 2.0
 """Zeros that last longer are a rest, or a sensor that is stuck, which has its own check."""
-FEWEST_SAMPLES, FEWEST_RUNS = 50, 3
+FEWEST_SAMPLES, FEWEST_RUNS, FEWEST_LOST = 50, 3, 2
 
 
 def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -67,19 +67,36 @@ def short_zeros(t_s: Array, values: Array, moving: float) -> Mask:
     Those before and after them move. Zeros that begin and end at a usual change are a
     rest. `moving`: least size of what moves.
     """
+    runs = [run for run in _zeros_under_way(t_s, values, moving) if run[2] <= LONGEST_ZERO_S]
+    return _rows_of(runs if len(runs) >= FEWEST_RUNS else [], len(values))
+
+
+def lost_zeros(t_s: Array, values: Array) -> Mask:
+    """Return the samples (n,) of a velocity that are 0 in all axes for no value.
+
+    Runs of any length, several of them, from full speed to full speed: no vehicle stops
+    from one sample to the next and starts so again.
+    """
+    runs = _zeros_under_way(t_s, values, UNDER_WAY_M_S)
+    several = len(runs) >= FEWEST_LOST and any(run[2] > LONGEST_ZERO_S for run in runs)
+    return _rows_of(runs if several else [], len(values))
+
+
+def _zeros_under_way(t_s: Array, values: Array, moving: float) -> list[tuple[int, int, float]]:
+    """Return runs of zeros, between samples that move: first row, end, time [s]."""
     zero = (values == 0.0).all(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
     speed = np.abs(np.nan_to_num(values)).max(axis=1)
     least = max(moving, slow_speed(values))
-    runs = [
-        (first, end)
+    return [
+        (int(first), int(end), float(t_s[end] - t_s[first - 1]))
         for first, end in edges.reshape(-1, 2)
-        if first > 0
-        and end < len(zero)
-        and t_s[end] - t_s[first - 1] <= LONGEST_ZERO_S
-        and min(speed[first - 1], speed[end]) > least
+        if first > 0 and end < len(zero) and min(speed[first - 1], speed[end]) > least
     ]
-    between = np.zeros(len(zero), dtype=np.bool_)
-    for first, end in runs if len(runs) >= FEWEST_RUNS else ():
+
+
+def _rows_of(runs: Sequence[tuple[int, int, float]], count: int) -> Mask:
+    between = np.zeros(count, dtype=np.bool_)
+    for first, end, _ in runs:
         between[first:end] = True
     return between

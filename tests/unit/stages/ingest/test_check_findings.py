@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
@@ -249,6 +250,22 @@ def _clipped(log: Log) -> None:
 def _exchanged(log: Log) -> None:
     imu = log.streams["imu"]
     imu["gyro_x_rad_s"], imu["gyro_y_rad_s"] = imu["gyro_y_rad_s"], imu["gyro_x_rad_s"]
+
+
+@spoils("attitude_order")
+def _roll_before_pitch(log: Log) -> None:
+    """Angles of turns about z, x and y."""
+    attitude = log.streams["attitude"]
+    ordered = [attitude[name] for name in ("psi_rad", "theta_rad", "phi_rad")]
+    turned = Rotation.from_euler("ZYX", np.column_stack(ordered)).as_euler("ZXY")
+    for name, angle in zip(("psi_rad", "phi_rad", "theta_rad"), turned.T, strict=True):
+        attitude[name] = angle
+
+
+@spoils("values_coarse")
+def _half_metres(log: Log) -> None:
+    depth_m = log.streams["depth"]["depth_m"]
+    log.streams["depth"]["depth_m"] = np.round(depth_m / 0.1) * 0.1
 
 
 @spoils("gyro_lag")
@@ -803,6 +820,31 @@ def test_a_noisy_angle_of_a_quiet_vehicle_is_no_disagreement() -> None:
     assert fine is not None
     assert fine.correlation[0, 0] < 0.7, "from sample to sample the noise decides"
     assert "gyro_disagrees" not in log.ids()
+
+
+def test_a_heading_that_is_late_by_itself_is_named_with_its_own_lag() -> None:
+    log = sound()
+    attitude, t_s = log.streams["attitude"], log.t_s("attitude")
+    attitude["psi_rad"] = np.interp(t_s - 0.7, t_s, attitude["psi_rad"])
+    item = log.finding("gyro_lag")
+    assert item["value"] == pytest.approx(0.7, abs=0.05)
+    assert item["text"].startswith("Yaw of the attitude comes 0.7"), item["text"]
+    assert "roll and pitch are in time" in item["text"]
+    assert item["fields"] == ["psi_rad"]
+
+
+def test_all_stretches_of_zeros_of_a_velocity_are_named() -> None:
+    """Seconds without bottom that are written as 0; one long stop is a stuck sensor."""
+    log = sound()
+    for start in (11.2, 29.2, 47.2):  # from speed to speed
+        at("velocity", start, start + 4.4, u_m_s=0.0, v_m_s=0.0, w_m_s=0.0)(log)
+    text = log.finding("placeholder_values")["text"]
+    assert "from 11.2 to 15.5, 29.2 to 33.5, 47.2 to 51.5 s" in text, text
+    assert "stuck_sensor" not in log.ids()
+    log = sound()
+    for start in (10.0, 30.0):
+        at("velocity", start, start + 4.0, u_m_s=0.1, v_m_s=0.1, w_m_s=0.1)(log)
+    assert "from 10.0 s on, and others from 30.0 s on" in log.finding("stuck_sensor")["text"]
 
 
 def test_every_jump_of_the_attitude_has_its_time() -> None:

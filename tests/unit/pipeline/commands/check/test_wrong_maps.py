@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import yaml
+from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.checks import checks, mistakes
 from auvid.data_schemas.errors import PipelineError
@@ -408,6 +409,31 @@ def sampled_at(hertz: float, *names: str) -> Change:
     return data(change, *names)
 
 
+def seconds_of_zeros(case: Case) -> None:
+    """The velocity log writes 0 where it sees no bottom, for six seconds at a time."""
+    for name in SPEED:
+        values, column = case.values(name)
+        t = values["time_s"]
+        lost = ((t >= 20.0) & (t < 26.0)) | ((t >= 50.0) & (t < 56.0))
+        values[column] = np.where(lost, 0.0, values[column])
+
+
+def late_heading(case: Case) -> None:
+    values, column = case.values("psi_rad")
+    t = values["time_s"]
+    heading = np.unwrap(np.radians(values[column]))
+    values[column] = np.degrees(np.interp(t - 0.5, t, heading))
+
+
+def order_zxy(case: Case) -> None:
+    """The angles are those of turns about z, x and y."""
+    entries = [case.values(name) for name in ANGLES]
+    angles = np.column_stack([values[column] for values, column in reversed(entries)])
+    turned = Rotation.from_euler("ZYX", angles, degrees=True).as_euler("ZXY", degrees=True)
+    for (values, column), angle in zip(entries, turned[:, [1, 2, 0]].T, strict=True):
+        values[column] = angle
+
+
 def in_millivolts(case: Case) -> None:
     values = case.files["run.csv"]
     values["battery"] = 15_900.0 - 8.0 * values["time_s"]
@@ -702,6 +728,19 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "placeholder_values",
         "gyro_z_rad_s = 0",
     ),
+    "0 m/s for seconds where no bottom is seen": (
+        seconds_of_zeros,
+        "placeholder_values",
+        "from 20.0 to 25.9, 50.0 to 55.9 s",
+    ),
+    "depth in steps of half a metre": (
+        data(lambda z: np.round(2.0 * z) / 2.0, "depth_m"),
+        "values_coarse",
+        "steps of 0.5 m",
+    ),
+    "heading in whole degrees": (data(np.round, "psi_rad"), "values_coarse", "steps of 1 degrees"),
+    "heading alone 0.5 s late": (late_heading, "gyro_lag", "Yaw of the attitude comes 0.49"),
+    "angles of the order yaw, roll, pitch": (order_zxy, "attitude_order", "yaw, roll, pitch"),
     "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
     "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
     "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),
@@ -839,6 +878,7 @@ NOT_STOPPING = (
     "outputs_frozen",
     "tilt_offset",
     "arm_off",
+    "values_coarse",
 )
 
 
