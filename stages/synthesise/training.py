@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -52,6 +52,7 @@ from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.hydro.identification.signals.lost_motion import lost_motion
+from auvid.hydro.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,
@@ -500,9 +501,8 @@ def coloured_errors(
     }
     for leg in legs:
         for rows, force in leg.blocks(SEGMENT_SAMPLES, terms):
-            for (model, axis), blocks in left_out.items():
-                own = [row_of[term] for term in blocks.fit.terms if term != CONSTANT]
-                left_out[model, axis] = blocks.update(rows[own], force[:, AXES.index(axis)])
+            updated = at_once(partial(_with_block, rows, force, row_of), left_out.values())
+            left_out = dict(zip(left_out, updated, strict=True))
     errors = {}
     for key, fit in fits.items():
         covariance, most = np.full((len(fit.terms), len(fit.terms)), np.nan), 1.0
@@ -511,3 +511,11 @@ def coloured_errors(
             most = fit.n_samples / max(left_out[key].count, 1)
         errors[key] = Coloured(covariance, min(coloured_over_white(fit, covariance), most))
     return errors
+
+
+def _with_block(
+    rows: Array, force: Array, row_of: Mapping[str, int], blocks: LeftOutBlocks
+) -> LeftOutBlocks:
+    """Return what blocks left out say, with those of one more stretch of a leg."""
+    own = [row_of[term] for term in blocks.fit.terms if term != CONSTANT]
+    return blocks.update(rows[own], force[:, AXES.index(blocks.fit.axis)])

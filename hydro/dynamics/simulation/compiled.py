@@ -50,12 +50,8 @@ EQUATIONS: tuple[Callable[..., Any], ...] = (
     body_components,
 )
 FACTOR_COUNT = len(FACTORS)
-_config: Any = numba.config
 _extending: Any = numba.extending
 _types: Any = numba.types
-THREADS: int = _config.NUMBA_NUM_THREADS
-"""As many as numba would start: the processors this process may use, or
-NUMBA_NUM_THREADS of the environment."""
 
 _OPTIONS: dict[str, Any] = {
     "error_model": "numpy",  # division by zero gives infinity

@@ -10,7 +10,6 @@ models run at once as one batch (McCarter 2.60-2.66 with the identified tau_nu).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +23,7 @@ from auvid.hydro.dynamics.simulation.plant_constants import Tables, padded, plan
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.threads import THREADS, at_once
 
 SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
 """Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours
@@ -149,7 +149,7 @@ def fly_freely(
     fly as one batch.
     """
     # Imported here, since numba takes a second.
-    from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT, THREADS
+    from auvid.hydro.dynamics.simulation.compiled import FACTOR_COUNT
     from auvid.hydro.dynamics.simulation.compiled_free_run import Course, ModelRows, fly
 
     if motion.level_speed is None and any(
@@ -213,8 +213,7 @@ def fly_freely(
             stop = min(start + share, len(out))
             fly(course, models, tables, start, stop, scratch, factors, out, gone)
 
-        with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(run, range(0, len(members), share)))
+        at_once(run, range(0, len(members), share))
         states[members], lost[members] = out, gone
     return states, lost
 

@@ -8,7 +8,6 @@ between them. Equations of McCarter 2014.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -24,6 +23,7 @@ from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import eta_ratio, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.threads import THREADS, at_once
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def integrate_open_loop(
     finite are nan. The vehicles are shared among threads.
     """
     # Imported here, since numba takes a second.
-    from auvid.hydro.dynamics.simulation.compiled import THREADS, integrate
+    from auvid.hydro.dynamics.simulation.compiled import integrate
 
     start = np.asarray(state, dtype=np.float64)
     batch, knots = start.shape[:-1], actuation.propeller_rev_s.shape[-1]
@@ -182,11 +182,7 @@ def integrate_open_loop(
         stop = min(first + share, len(out))
         integrate(x0, n, level, fins, force, step_s, steps_per_knot, tables, out, first, stop)
 
-    if len(out) == 1:
-        run(0)
-    else:
-        with ThreadPoolExecutor(THREADS) as pool:
-            list(pool.map(run, range(0, len(out), share)))
+    at_once(run, range(0, len(out), share))
     return out.reshape(*batch, *out.shape[1:])
 
 

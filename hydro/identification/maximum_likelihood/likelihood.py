@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -23,6 +22,7 @@ from auvid.hydro.identification.maximum_likelihood.parameters import (
 )
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, LegRecord
 from auvid.hydro.identification.maximum_likelihood.windows import Window, actuator_inputs
+from auvid.hydro.threads import THREADS, at_once
 
 BIASES = 6
 """Biases of a leg: accelerometer x y z [m/s^2], gyro x y z [rad/s], in sensor axes."""
@@ -147,8 +147,6 @@ class Likelihood:
         `channels`: those whose deviation is unknown, as are size and time constant of
         the force; None where the noise is no unknown.
         """
-        from auvid.hydro.dynamics.simulation.compiled import THREADS
-
         theta, biases = self.split(common)
         tables, lag_s = self.parameters.tables(theta), self.parameters.lag_s(theta)
 
@@ -164,10 +162,9 @@ class Likelihood:
             inputs = self._inputs(number, lag_s)
             return self._window(number, tables, inputs, bias, start, noise, sensitive, part)
 
-        with ThreadPoolExecutor(THREADS) as pool:
-            runs: dict[int, list[WindowRun]] = {}
-            for (number, _), run in zip(parts, pool.map(one, parts), strict=True):
-                runs.setdefault(number, []).append(run)
+        runs: dict[int, list[WindowRun]] = {}
+        for (number, _), run in zip(parts, at_once(one, parts), strict=True):
+            runs.setdefault(number, []).append(run)
         return [_joined(runs[number]) for number in range(len(self.windows))]
 
     @cached_property

@@ -21,6 +21,8 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
 
+DIRECT_LAGS = 48
+"""Lags at which sums of products are faster than the whole autocorrelation."""
 BLOCKS_OF_A_SEGMENT = (3, 12)
 """Fewest and most blocks of an unbroken segment."""
 MEMORIES = 8
@@ -171,7 +173,7 @@ class LeftOutBlocks:
         rows: basis rows (k, n) of the fit's terms without the constant; force: the
         axis's measured force (n,). Raises `DataError` when rows and terms disagree.
         """
-        from scipy.linalg import solve_triangular
+        from scipy.linalg import blas, solve_triangular
 
         fit, kept = self.fit, list(self.fit.independent)
         design = np.asarray(rows, dtype=np.float64)
@@ -182,15 +184,16 @@ class LeftOutBlocks:
             raise DataError(
                 "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
             )
-        residual = target - design[kept].T @ fit.solution[kept]
-        # Columns that are orthonormal over all data: A becomes the unit matrix.
-        columns = solve_triangular(
-            fit.scaled_triangle, design[kept] / fit.column_norms[kept][:, None], trans="T"
-        )
+        if kept != list(range(len(design))):
+            design = design[kept]
+        residual = target - fit.solution[kept] @ design
         edges = np.linspace(0, len(target), block_count(residual) + 1).astype(int)
         changes = []
         for start, stop in pairwise(edges):
-            block = columns[:, start:stop]
+            # Columns that are orthonormal over all data: A becomes the unit matrix.
+            block = design[:, start:stop] / fit.column_norms[kept][:, None]
+            if kept:
+                block = blas.dtrsm(1.0, fit.scaled_triangle, block.T, side=1, overwrite_b=1).T
             share, axes = np.linalg.eigh(block @ block.T)
             score, left = axes.T @ (block @ residual[start:stop]), 1.0 - share
             most = np.sqrt(np.maximum(share, 0.0)) * np.linalg.norm(residual[start:stop])
@@ -236,15 +239,23 @@ def block_count(residual: Array) -> int:
     As many as are `MEMORIES` times as long as the residual's memory, the lag at which
     its autocorrelation falls below one half.
     """
+    n = len(residual)
+    return int(np.clip(n // (MEMORIES * max(_memory(residual), 1)), *BLOCKS_OF_A_SEGMENT))
+
+
+def _memory(residual: Array) -> int:
+    """Return the first lag at which the autocorrelation is below one half."""
     from scipy.fft import irfft, next_fast_len, rfft
 
-    n = len(residual)
-    centred = residual - residual.mean()
+    n, centred = len(residual), residual - residual.mean()
+    half = 0.5 * (centred @ centred)
+    for lag in range(1, min(DIRECT_LAGS, n)):
+        if centred[lag:] @ centred[:-lag] < half:
+            return lag
     length = next_fast_len(2 * n, real=True)
     moments = irfft(np.abs(rfft(centred, length)) ** 2, length)[:n]
     below = np.flatnonzero(moments < 0.5 * moments[0])
-    memory = int(below[0]) if len(below) else n
-    return int(np.clip(n // (MEMORIES * max(memory, 1)), *BLOCKS_OF_A_SEGMENT))
+    return int(below[0]) if len(below) else n
 
 
 def _sandwich(inverse: Array, middle: Array, n: int) -> Array:

@@ -250,14 +250,14 @@ def _log(
         return FleetLog(name, files, "", (), vehicle, NO_TEXT)
     try:
         stamps = tuple(map(stamp_of, files))
-        content = [hashes.of(path) for path in files]
+        file_hashes = [hashes.of(path) for path in files]
     except OSError as fault:
         folder = any(path.is_dir() for path in files)
         words = FOLDER if folder else f"cannot be read: {fault.strerror or fault}"
         name = _id(files[0], hash_value(str(files[0].absolute())))
         return FleetLog(name, files, "", (), vehicle, words)
-    joined = content[0] if len(files) == 1 else hash_value(content)
-    return FleetLog(_id(files[0], joined), files, joined, stamps, vehicle)
+    log_hash = file_hashes[0] if len(files) == 1 else hash_value(file_hashes)
+    return FleetLog(_id(files[0], log_hash), files, log_hash, stamps, vehicle)
 
 
 def _below_folder(path: Path, base: Path) -> Path:
@@ -270,10 +270,10 @@ def _fits(path: Path, pattern: str) -> bool:
     return fnmatch.fnmatch(str(path), pattern) or fnmatch.fnmatch(path.name, pattern)
 
 
-def _id(path: Path, content: str) -> str:
+def _id(path: Path, log_hash: str) -> str:
     """Return a name that can be that of a campaign, and of no other log."""
     stem = re.sub(r"[^A-Za-z0-9_]+", "_", path.stem).strip("_")[:STEM_LETTERS] or "log"
-    return f"{stem}-{content[:HASH_DIGITS]}"
+    return f"{stem}-{log_hash[:HASH_DIGITS]}"
 
 
 def _copies_named(logs: Sequence[FleetLog]) -> Iterator[FleetLog]:

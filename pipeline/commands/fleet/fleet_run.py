@@ -128,13 +128,12 @@ def _run_fleet(
                 reason = reasons.get(log.id, "")
             used = log.copy_of or better.get(log.id, "")
             documents = [tasks[first], *([] if run is None else [run])]
-            content = [memory.hash_of(document_path(task)) for task in documents]
-            made_of = hash_value([log.paths, used, reason, survey.start_utc, content])
-            result = tables.take(log.id, made_of)
-            row = FleetRow(
-                log.id, log.paths, used, survey, result or _result(log, run, reason, memory)
-            )
-            if result is None:
+            document_hashes = [memory.hash_of(document_path(task)) for task in documents]
+            made_of = hash_value([log.paths, used, reason, survey.start_utc, document_hashes])
+            kept_outcome = tables.take(log.id, made_of)
+            outcome = kept_outcome or _outcome_of_run(log, run, reason, memory)
+            row = FleetRow(log.id, log.paths, used, survey, outcome)
+            if kept_outcome is None:
                 tables.add(row, made_of)
             rows.append(row.outline)
         _write_index(fleet, target, disk, rows)
@@ -143,7 +142,7 @@ def _run_fleet(
     return FleetOutcome(tuple(rows), surveyed, ran, disk.others)
 
 
-def _result(log: FleetLog, run: Task | None, reason: str, memory: FleetMemory) -> FleetRun:
+def _outcome_of_run(log: FleetLog, run: Task | None, reason: str, memory: FleetMemory) -> FleetRun:
     """Return what the run of a log came to; `reason`: why it has none."""
     if run is None:
         return unfinished(log.id, "", one_line(reason))

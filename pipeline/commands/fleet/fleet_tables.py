@@ -114,20 +114,21 @@ class FleetMemory:
 
     def key_of(self, kind: type[D], path: Path) -> str | None:
         """Return the key of a document; None where it is not there, or not whole."""
-        content = self.hash_of(path)
-        if content not in self._keys:
+        document_hash = self.hash_of(path)
+        if document_hash not in self._keys:
             try:
                 self.read(kind, path)
             except (OSError, ValueError):
                 return None
-        key = self._used[content] = self._keys[content]
+        key = self._used[document_hash] = self._keys[document_hash]
         return key
 
     def read(self, kind: type[D], path: Path) -> D:
         """Return a document, and remember its key."""
-        content = path.read_bytes()
-        document = kind.model_validate_json(content)
-        self._used[hash_bytes(content)] = self._keys[hash_bytes(content)] = document.key
+        document_bytes = path.read_bytes()
+        document = kind.model_validate_json(document_bytes)
+        document_hash = hash_bytes(document_bytes)
+        self._used[document_hash] = self._keys[document_hash] = document.key
         return document
 
     def save(
@@ -219,9 +220,9 @@ class GrowingTables:
             ]
             # The schema of a table that was read lacks some of one that is made: such goes first.
             table = pa.concat_tables([tables[-1].slice(0, 0), *tables])
-            content = encode(table, TABLES[name], file=name)
-            write_atomically(path, content)
-            hashes[name] = hash_bytes(content)
+            table_bytes = encode(table, TABLES[name], file=name)
+            write_atomically(path, table_bytes)
+            hashes[name] = hash_bytes(table_bytes)
         self._memory.save(hashes, self._totals, self._logs)
 
     def _to_arrow(self, name: str) -> None:

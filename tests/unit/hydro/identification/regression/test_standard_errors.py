@@ -144,6 +144,12 @@ def test_blocks_are_as_long_as_the_residual_remembers() -> None:
     assert block_count(white) == 12
     assert block_count(lfilter([1.0], [1.0, -0.99], white)) in range(6, 13)  # half after 69
     assert block_count(np.cumsum(white)) == 3
+    for pole in (0.9, 0.99, 0.997):  # half after 7, 69 and 230 samples
+        coloured = lfilter([1.0], [1.0, -pole], white) - 3.0
+        centred = coloured - coloured.mean()
+        moments = np.correlate(centred, centred, "full")[len(centred) - 1 :]
+        memory = int(np.argmax(moments < 0.5 * moments[0]))
+        assert block_count(coloured) == np.clip(6000 // (8 * memory), 3, 12)
     assert block_count(white[:2]) == 3
 
 
