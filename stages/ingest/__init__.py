@@ -37,12 +37,14 @@ from auvid.stages.ingest.multi_file import (
 )
 from auvid.stages.ingest.pose_motion import pose_motion
 from auvid.stages.ingest.rejection import (
+    FEW,
     IMPOSSIBLE,
     REPEATED,
     USUAL_UNITS,
     Rejected,
     clock_set,
     reject_samples,
+    usual_time,
 )
 from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
@@ -114,11 +116,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     decoded = [decode_file(file, forced.get(file.name), preferred) for file in log.files]
     files = on_one_clock(decoded, log=log.id)
     merged = merge_streams(files, sources, log=log.id)
-    set_us = clock_set([stream.columns["time_us"] for stream in merged.values()])
+    clocks = [stream.columns["time_us"] for stream in merged.values()]
+    set_us = clock_set(clocks)
+    usual_us = usual_time(clocks, set_us=set_us)
     rejected: list[Rejected] = []
     streams = {}
     for name, merged_stream in merged.items():
-        stream, lost = reject_samples(merged_stream, set_us=set_us)
+        stream, lost = reject_samples(merged_stream, set_us=set_us, usual_us=usual_us)
         rejected += lost
         _check_share(lost, len(merged_stream), params.max_dropped_share, log.id)
         if len(stream):
@@ -161,7 +165,7 @@ def _columns(stream: Stream) -> Columns:
 
 def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -> None:
     lost = sum(item.count for item in rejected)
-    if count and lost > share * count:
+    if count > FEW and lost > share * count:
         reasons = ", ".join(f"{item.reason} ({item.count})" for item in rejected)
         stream = rejected[0].stream
         impossible = sum(item.count for item in rejected if item.reason == IMPOSSIBLE)

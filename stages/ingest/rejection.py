@@ -38,6 +38,8 @@ LEAP_US = 30 * 86_400_000_000
 """No dive lasts 30 days; a clock that is set to Unix time jumps by 50 years."""
 FAR_US, FAR_SHARE = 365 * 86_400_000_000, 0.34
 """A stamp a year from most others is destroyed, if these are at most so many of all."""
+FEW = 3
+"""So many samples are judged by the other streams, and set no clock."""
 POSSIBLE: Mapping[str, tuple[float, float]] = {
     "gyro": (-100.0, 100.0),
     "accel": (-1000.0, 1000.0),
@@ -81,10 +83,12 @@ class Rejected:
     last: int
 
 
-def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream, list[Rejected]]:
+def reject_samples(
+    stream: Stream, *, set_us: int | None = None, usual_us: float | None = None
+) -> tuple[Stream, list[Rejected]]:
     """Return the usable samples of a stream, and the account of the others.
 
-    `set_us` is the time to which a jumping clock was set.
+    `set_us` is the time to which a jumping clock was set, `usual_us` the `usual_time`.
     """
     rejected: list[Rejected] = []
 
@@ -106,7 +110,7 @@ def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream
     stream = keep(stream, possible_rows(stream.name, stream.columns), IMPOSSIBLE)
     if set_us is not None:
         stream = keep(stream, stream.columns["time_us"] >= set_us, BEFORE_LEAP)
-    far = _far_from_most(stream.columns["time_us"])
+    far = _far_from_most(stream.columns["time_us"], usual_us)
     stream = keep(stream, ~far, BACKWARD)
     stamps = stream.columns["time_us"]
     if stamps.size and (np.diff(stamps) <= 0).any():
@@ -115,13 +119,16 @@ def reject_samples(stream: Stream, *, set_us: int | None = None) -> tuple[Stream
     return stream, rejected
 
 
-def _far_from_most(stamps: Column) -> Mask:
+def _far_from_most(stamps: Column, usual_us: float | None) -> Mask:
     """Return the stamps (n,) that lie a year from the median, if these are few.
 
     At the end of a stream such a stamp would be in order. Differences are taken in
-    floats: those of destroyed stamps overflow integers.
+    floats: those of destroyed stamps overflow integers. Where there are `FEW` samples the
+    usual time of the log decides.
     """
     times = stamps.astype(np.float64)
+    if usual_us is not None and times.size <= FEW:
+        return np.asarray(np.abs(times - usual_us) > FAR_US)
     far = np.abs(times - np.median(times if times.size else [0.0])) > FAR_US
     return far if np.count_nonzero(far) <= FAR_SHARE * times.size else np.zeros_like(far)
 
@@ -218,6 +225,22 @@ def clock_set(clocks: Sequence[Column]) -> int | None:
         return None
     stamps = np.asarray(max(clocks, key=len), dtype=np.float64)
     jumps = np.flatnonzero(np.diff(stamps) > LEAP_US)
-    # One stamp far ahead comes back down; a clock that was set stays.
-    stays = [index for index in jumps if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US]
+    # Stamps far ahead come back down, or are the last; a clock that was set stays.
+    stays = [
+        index
+        for index in jumps
+        if np.median(stamps[index + 1 :]) - stamps[index] > LEAP_US
+        and stamps.size - index - 1 > FEW
+    ]
     return int(np.rint(stamps[stays[0] + 1])) if stays else None
+
+
+def usual_time(clocks: Sequence[Column], *, set_us: int | None) -> float | None:
+    """Return the median of the time stamps of all streams, each at most a thousand.
+
+    Those before the clock was set are left out. None where no stamp is there.
+    """
+    parts = [np.asarray(clock[:: 1 + len(clock) // 1000], dtype=np.float64) for clock in clocks]
+    times = np.concatenate([np.empty(0), *parts])
+    times = times[np.isfinite(times) & (times >= (-np.inf if set_us is None else set_us))]
+    return float(np.median(times)) if times.size else None

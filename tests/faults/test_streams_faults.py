@@ -25,9 +25,11 @@ from auvid.stages.ingest.rejection import (
     NO_TIME,
     POSSIBLE,
     REPEATED,
+    clock_set,
     increasing,
     possible_rows,
     reject_samples,
+    usual_time,
 )
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -109,6 +111,20 @@ def test_destroyed_stamp_at_an_end_of_a_stream(where: int, value: int) -> None:
         (BACKWARD, 1, where * 50)
     ]
     assert np.ptp(kept.columns["time_us"]) < 1e7
+
+
+def test_destroyed_stamps_that_their_stream_alone_does_not_tell() -> None:
+    """CLOCK_JUMP: the only stamp of a stream is judged by the others of the log, and the
+    last one of the longest stream sets no clock.
+    """
+    usual_us = usual_time([stamps(), np.array([2**61])], set_us=None)
+    lone = depth_stream(time_us=stamps(at7=2**61)).rows(np.arange(COUNT) == 7)
+    kept, rejected = reject_samples(lone, usual_us=usual_us)
+    assert (len(kept), [item.reason for item in rejected]) == (0, [BACKWARD])
+    assert clock_set([stamps(at99=2**61), stamps()[:50]]) is None
+    late_us = stamps() + 2**55 * (np.arange(COUNT) >= 40)
+    assert clock_set([late_us]) == late_us[40]
+    assert usual_time([late_us, stamps()], set_us=int(late_us[40])) == np.median(late_us[40:])
 
 
 def test_a_clock_that_leaps_for_half_of_a_stream_is_not_judged_by_one_stream() -> None:
