@@ -119,7 +119,10 @@ def coast_section(
     blocks: list[Block] = []
     if common is not None:
         blocks.append(
-            remark(scale_words(fitted, common), "warning" if common.departs else "finding")
+            remark(
+                scale_words(fitted, common),
+                "warning" if common.alarming else "finding",
+            )
         )
     if lacking:
         blocks.append(remark(lacking_words(lacking, vehicle, least_s)))
@@ -148,10 +151,16 @@ def scale_words(fitted: Mapping[str, AxisCoasts], common: CommonScale) -> str:
     count = sum(axis.decay.coasts for axis in fitted.values() if axis.decay is not None)
     half = half_95(common.noise) or 0.0
     size = f"{common.scale:.2f} +- {half:.2f}"
-    words = (
-        f"Thrust by the vehicle file is {size} times what {count} coasts in"
-        f" {', '.join(WORDS[name] for name in used)} say it is"
-    )
+    coasts = f"{count} coasts in {', '.join(WORDS[name] for name in used)}"
+    if common.by_mass:
+        reach = half_95(common.total) or 0.0
+        return (
+            f"Thrust over mass by the vehicle file is {size} times what {coasts} say: the thrust"
+            " curve or the mass is off. What nobody measured of the mass may be all of it: with"
+            f" that, thrust alone is {common.scale - reach:.2f} to {common.scale + reach:.2f} times"
+            " what they say."
+        )
+    words = f"Thrust by the vehicle file is {size} times what {coasts} say it is"
     if common.departs:
         words += (
             f": the thrust curve or the mass is off, and forces and coefficients with it"

@@ -21,7 +21,7 @@ from auvid.hydro.identification.axes.held_out import (
 from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.single_axis import SURGE, surge_input
-from auvid.hydro.identification.axes.structure import HULL
+from auvid.hydro.identification.axes.structure import ASIDE, HULL
 from auvid.hydro.identification.axes.windows import (
     depth_measures,
     depth_rate,
@@ -74,7 +74,7 @@ class FitOptions:
 
 def motions_of(flown: FlownAxis, using: Mapping[str, LegData]) -> dict[str, AxisMotion]:
     """Return the axis on each training leg, window by window from measured starts."""
-    pool = replace(flown.pool.without(HULL), drive=flown.fit.drive, free=())
+    pool = replace(flown.pool.without(HULL, ASIDE), drive=flown.fit.drive, free=())
     rows = loop_rows(pool, flown.fit.drive)
     out = {}
     for number, (key, leg) in enumerate(using.items()):
@@ -90,8 +90,8 @@ def flown_leg(flown: FlownAxis, key: str, leg: LegData) -> tuple[AxisMotion, flo
     """
     structure = flown.pool.structure
     extra = {SURGE: surge_input(leg.record)} if SURGE in structure.inputs else {}
-    if HULL in structure.inputs:
-        extra[HULL] = np.zeros(len(leg.record.t_s))
+    for name in {HULL, ASIDE}.intersection(structure.inputs):
+        extra[name] = np.zeros(len(leg.record.t_s))
     pool = make_pool(
         structure,
         [leg.record],

@@ -80,7 +80,7 @@ def _row(
 def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
     force, velocity = LETTERS[channel]
     errors = np.sqrt(np.diag(fit.covariance))
-    speed = float(np.sqrt(np.mean(fit.speeds**2)))
+    speed = _as_named(float(np.sqrt(np.mean(fit.speeds**2))))
     drag, drag_error = fit.drag(speed)
     rows = [
         _row(
@@ -121,13 +121,18 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
     return rows
 
 
+def _as_named(speed: float) -> float:
+    """Return the speed as a figure's name has it: .005 m/s more is 1 % of a drag."""
+    return round(speed, 2)
+
+
 def _of_coasts(
     channel: str, decay: CoastDecay, vehicle: Vehicle, tow: TowFit | None, *, guessed: bool
 ) -> list[Figure]:
     """Return drag over mass; weak where it is negative or its start was `guessed`."""
     turns = channel == "yaw"
     unit, per = ("rad/s", "1/rad") if turns else ("m/s", "1/m")
-    speed = decay.reference_speed
+    speed = _as_named(decay.reference_speed)
     rate, error = decay.rate(speed)
     errors = np.sqrt(np.diag(decay.covariance))
     kind = "inertia" if turns else "mass"

@@ -81,6 +81,14 @@ class Vehicle:
     actuator_lag_s: float | None = None
 
     @property
+    def is_driven(self) -> bool:
+        """Return whether thrusters, a propeller, fins or commands drive it."""
+        parts = (self.thrusters, self.propeller, self.fins, self.commands.thrusters)
+        return any(part is not None for part in parts) or bool(
+            self.commands.axes or self.commands.frame or self.buoyancy_engine is not None
+        )
+
+    @property
     def weight(self) -> float:
         """W = m g [N]."""
         return self.mass_kg * self.gravity

@@ -21,7 +21,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     loop_rows,
     motion,
 )
-from auvid.hydro.identification.axes.structure import HULL
+from auvid.hydro.identification.axes.structure import ASIDE, HULL
 from auvid.hydro.identification.axes.windows import (
     MotionWindow,
     depth_measures,
@@ -85,7 +85,7 @@ def _flown(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> list[tu
     model has none without speeds.
     """
     flown = replace(
-        pool.without(HULL),
+        pool.without(HULL, ASIDE),
         windows=tuple(windows),
         constant_sd=np.zeros_like(pool.constant_sd),
         drive=fit.drive,
@@ -240,7 +240,7 @@ def span_of(pool: Pool, leg: int) -> MotionWindow:
 
 def free_run(pool: Pool, fit: PoolFit, window: MotionWindow) -> Array:
     """Return states (n, 2k) over a window or a leg, from its measured start."""
-    flown = replace(pool.without(HULL), drive=fit.drive, free=())
+    flown = replace(pool.without(HULL, ASIDE), drive=fit.drive, free=())
     rows = loop_rows(flown, fit.drive)[window.leg]
     k = len(pool.structure.velocities)
     start = np.append(pool.prepared[window.leg].start[window.first], np.zeros(k))

@@ -208,7 +208,7 @@ def hull_words(
     by_depth = velocity == "w" and any(depth_measures(record, "w") for record in records)
     if not (velocity == "r" or by_depth) or not unmeasured(records):
         return ()
-    what = "the moment of a hull that moves ahead and aside ((m_1 - m_2) u v, Munk)"
+    what = "the moment of a hull that moves ahead and aside ((m_1 - m_2) u v, Munk, and N_v v)"
     axis, when = "yaw", "turns"
     if by_depth:
         what = "the climb of a hull that is tilted while it moves ahead and aside (u sin theta)"

@@ -94,10 +94,10 @@ class Pool:
         """Return the names of the common unknowns (g,)."""
         return (*self.structure.names, *self.free)
 
-    def without(self, name: str) -> Pool:
-        """Return the pool with an extra input that does not act."""
+    def without(self, *names: str) -> Pool:
+        """Return the pool with extra inputs that do not act."""
         extra = tuple(
-            {key: np.zeros_like(own) if key == name else own for key, own in columns.items()}
+            {key: np.zeros_like(own) if key in names else own for key, own in columns.items()}
             for columns in self.extra
         )
         return replace(self, extra=extra)

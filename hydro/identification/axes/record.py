@@ -4,8 +4,8 @@ Motion ahead and aside that nothing measures follows from the forces that push a
 
     m_1 u' = X - drag + m_2 v r,   m_2 v' = Y - drag - m_1 u r
 
-Yaw has its moment (m_1 - m_2) u v (Munk), heave its force m_1 u q - m_2 v p, and the depth
-of a tilted hull its climb, -u sin theta + v cos theta sin phi.
+Yaw has its moment (m_1 - m_2) u v (Munk) and N_v v, heave its force m_1 u q - m_2 v p, and the
+depth of a tilted hull its climb, -u sin theta + v cos theta sin phi.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid.hydro.arrays import AXES, Array
+from auvid.hydro.identification.axes.structure import ASIDE, HULL
 
 UNMEASURED_DRAG = (0.5, 3.0)
 """Linear and quadratic drag over mass [1/s, 1/m] of a hull whose speeds forces give: those of
@@ -114,25 +115,34 @@ def speeds_by_forces(record: AxisRecord, inertia: Array) -> Array:
     return np.array(out)
 
 
-def hull_input(record: AxisRecord, velocity: str, inertia: Array) -> Array:
-    """Return u v (n,) [m^2/s^2] of yaw, (m_1 u q - m_2 v p) / m_3 [m/s^2] of heave."""
+def hull_inputs(record: AxisRecord, velocity: str, inertia: Array) -> dict[str, Array]:
+    """Return what the hull does, (n,) each, by name of its term.
+
+    Yaw: u v [m^2/s^2] and v [m/s]; heave: (m_1 u q - m_2 v p) / m_3 [m/s^2].
+    """
     u, v = speeds_by_forces(record, inertia).T
     if velocity == "r":
-        return np.asarray(u * v)
+        return {HULL: np.asarray(u * v), ASIDE: v}
     p, q = (np.nan_to_num(record.rate[name]) for name in "pq")
-    return np.asarray((inertia[0] * u * q - inertia[1] * v * p) / inertia[2])
+    return {HULL: np.asarray((inertia[0] * u * q - inertia[1] * v * p) / inertia[2])}
 
 
-def hull_prior(velocity: str, inertia: Array, share: float = 1.0) -> tuple[float, float]:
-    """Return mean and deviation of the coefficient of `hull_input`.
+def hull_priors(
+    velocity: str, inertia: Array, share: float = 1.0
+) -> dict[str, tuple[float, float]]:
+    """Return mean and deviation of the coefficients of `hull_inputs`.
 
-    Of yaw (m_1 - m_2) / m_6, of heave the `share` that speeds are of those forces give.
+    Of yaw (m_1 - m_2) / m_6, and N_v / m_6 of a drag aside that acts within the radius of
+    gyration; of heave the `share` that speeds are of those forces give.
     """
     if velocity == "w":
-        return share, HULL_SHARE
+        return {HULL: (share, HULL_SHARE)}
     m_1, m_2, m_6 = inertia[[0, 1, 5]].tolist()
     mean = (m_1 - m_2) / m_6
-    return mean, max(abs(mean), HULL_SHARE * max(m_1, m_2) / m_6)
+    return {
+        HULL: (mean, max(abs(mean), HULL_SHARE * max(m_1, m_2) / m_6)),
+        ASIDE: (0.0, UNMEASURED_DRAG[0] * float(np.sqrt(m_2 / m_6))),
+    }
 
 
 def climb(record: AxisRecord, inertia: Array) -> Array:

@@ -67,13 +67,13 @@ from auvid.hydro.identification.axes.record import (
     SHARE_WITHIN,
     AxisRecord,
     climb,
-    hull_input,
-    hull_prior,
+    hull_inputs,
+    hull_priors,
     unmeasured,
     without_climb,
 )
 from auvid.hydro.identification.axes.starting_values import starting_values
-from auvid.hydro.identification.axes.structure import FORCE, HULL, Structure, axis_terms
+from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
 from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
@@ -330,10 +330,8 @@ class _Setup:
             extra[SURGE] = (0.0, self.surge_sd)
             columns = tuple({SURGE: surge_input(record)} for record in self.records)
         if self.hull is not None:
-            extra[HULL] = hull_prior(self.velocity, self.hull, self.speed_share)
-            columns = tuple(
-                own | {HULL: column} for own, column in zip(columns, self.hull_columns, strict=True)
-            )
+            extra |= hull_priors(self.velocity, self.hull, self.speed_share)
+            columns = tuple(own | by for own, by in zip(columns, self.hull_columns, strict=True))
         inputs = (self.axis, *extra)
         terms = axis_terms(
             self.axis, inputs=inputs, inverse=inverse, sides=sides,
@@ -349,10 +347,10 @@ class _Setup:
         )  # fmt: skip
 
     @cached_property
-    def hull_columns(self) -> tuple[Array, ...]:
+    def hull_columns(self) -> tuple[dict[str, Array], ...]:
         """Return what the hull does by speeds of its forces (n,), of each record."""
         assert self.hull is not None
-        return tuple(hull_input(record, self.velocity, self.hull) for record in self.records)
+        return tuple(hull_inputs(record, self.velocity, self.hull) for record in self.records)
 
     @property
     def surge_sd(self) -> float:

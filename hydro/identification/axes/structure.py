@@ -32,8 +32,9 @@ FORCE = "force"
 """Name of the term c F of an axis."""
 RIGHTING = "restoring"
 """Name of the term of the sine of roll or pitch."""
-HULL = "hull"
-"""Name of the term of the moment of a hull whose speeds ahead and aside nobody measures."""
+HULL, ASIDE = "hull", "aside"
+"""Names of the terms of a hull whose speeds ahead and aside nobody measures: by their product,
+or tilt, and in yaw by the speed aside alone. A model of such axes lacks them."""
 SYMMETRIC = {
     "X": "q", "Y": "pr", "Z": "q", "K": "vr", "M": "uw", "N": "vp",
 }  # fmt: skip

@@ -14,6 +14,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.identification.coasting.decay import CoastDecay, CoastRecord, fit_decay
 from auvid.hydro.identification.regression.standard_errors import (
@@ -163,6 +164,20 @@ class CommonScale:
     def departs(self) -> bool:
         """Return whether it is off from 1 beyond noise and by more than matters."""
         return abs(self.scale - 1.0) > max(CERTAIN * self.noise, MATTERS)
+
+    @property
+    def by_mass(self) -> bool:
+        """Return whether it departs, and the masses that nobody measured may be why.
+
+        >>> CommonScale(1.08, 0.025, 0.08).by_mass, CommonScale(1.25, 0.02, 0.08).by_mass
+        (True, False)
+        """
+        return self.departs and abs(self.scale - 1.0) <= NORMAL_95 * self.total
+
+    @property
+    def alarming(self) -> bool:
+        """Return whether it departs by more than one deviation, masses included."""
+        return self.departs and abs(self.scale - 1.0) > self.total
 
 
 def common_scale(scales: Sequence[ThrustScale], mass_share: Sequence[float]) -> CommonScale:

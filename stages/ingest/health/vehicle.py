@@ -57,11 +57,15 @@ LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
 
 
 def missing_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield streams that the chain needs and the log lacks; a glider has its own."""
+    """Yield streams that the chain needs and the log lacks; a glider has its own.
+
+    A body that nothing drives needs no actuators.
+    """
     if log.has("glider"):
         return
+    driven = log.vehicle is None or log.vehicle.is_driven
     for stream in NEEDED:
-        if not log.has(stream):
+        if not log.has(stream) and (driven or stream != "actuators"):
             others = [item for item in log.others if item.stream == stream and item.refused]
             refused = [
                 f"{item.source}: {item.refused}"

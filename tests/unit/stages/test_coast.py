@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -21,8 +22,11 @@ from auvid.hydro.dynamics.simulation.rov.sensors import START_US, dive_in_memory
 from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.coasting.decay import CoastDecay
+from auvid.hydro.identification.coasting.thrust_scale import CommonScale, ThrustScale
 from auvid.stages import coast, fuse, resample, residual
 from auvid.stages.base import Collection, collection
+from auvid.stages.coast.presentation import AxisCoasts, scale_words
 from tests.support.motions import log_document, shipped_vehicle
 
 VEHICLE = shipped_vehicle("bluerov2_heavy")
@@ -134,6 +138,21 @@ def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: 
     assert "heave (" in remarks(outputs, "note")
     taken = [item for item in outputs.coasts.to_pylist() if item["use"] == "taken"]
     assert {item["velocity"] for item in taken} >= {"u"}
+
+
+def test_a_scale_that_the_mass_may_explain_is_no_fault_of_the_curve() -> None:
+    decay = cast(CoastDecay, SimpleNamespace(coasts=25))
+    fitted = {"u": AxisCoasts(decay=decay, scale=ThrustScale(1.08, 0.025, 0.1, 20.0))}
+    clear, doubtful = CommonScale(1.25, 0.025, 0.081), CommonScale(1.08, 0.025, 0.081)
+    assert clear.alarming
+    assert not clear.by_mass
+    assert "times too large if the mass is right" in scale_words(fitted, clear)
+    words = scale_words(fitted, doubtful)
+    assert doubtful.departs
+    assert not doubtful.alarming
+    assert "may be all of it" in words
+    assert "0.92 to 1.24 times" in words
+    assert not CommonScale(1.03, 0.025, 0.081).by_mass
 
 
 def test_columns_that_coasts_do_not_need_stay_on_disk() -> None:

@@ -42,7 +42,11 @@ def test_nothing_is_identified_beside_an_interval_with_zero() -> None:
         tows = [TowRecord(*(body[name][at : at + 280] for name in names)) for at in (0, 660)]
         fit = fit_tow(tows, mass_kg=MASS_KG, mass_sd_kg=MASS_KG)
         motions = PassiveMotions(tow_fits={"surge": fit})
-        for row in passive_results(motions, shipped_vehicle("bluerov2_heavy"))["rows"]:
+        rows = passive_results(motions, shipped_vehicle("bluerov2_heavy"))["rows"]
+        # The drag is that at the speed in its name.
+        at_speed = float(rows[0]["quantity"].split()[-2])
+        assert rows[0]["value"] == pytest.approx(fit.drag(at_speed)[0])
+        for row in rows:
             if row["verdict"] == "identified":
                 assert np.prod(np.sign([row["low"], row["high"]])) > 0.0, row
 

@@ -8,7 +8,8 @@ import copy
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
@@ -27,6 +29,7 @@ from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
+from auvid.stages.ingest.health.vehicle import missing_findings
 from auvid.stages.ingest.streams.mapping import OtherSource
 from tests.support.motions import vehicle_document
 from tests.support.sound_log import (
@@ -955,6 +958,14 @@ def test_a_lag_that_the_vehicle_file_states_is_no_finding_and_one_that_is_not_th
     for item in clocks:
         if item["id"] == "velocity_lag":
             assert ("vehicle file states" in item["text"]) == bool(stated_s)
+
+
+def test_a_body_that_nothing_drives_lacks_no_outputs() -> None:
+    heavy = vehicle_from_document(vehicle_document("bluerov2_heavy"))
+    for vehicle in (heavy, replace(heavy, thrusters=None, commands=FullCommands())):
+        log = SimpleNamespace(has=lambda stream: False, others=[], vehicle=vehicle)
+        names = [item["id"] for item in missing_findings(cast(CheckedLog, log))]
+        assert ("no_actuators" in names) == vehicle.is_driven == (vehicle is heavy)
 
 
 def test_one_output_that_stands_still_while_its_peers_work_is_named() -> None:

@@ -25,7 +25,7 @@ from auvid.hydro.identification.axes.record import (
     AxisRecord,
     LeftOut,
     climb,
-    hull_input,
+    hull_inputs,
     without_climb,
 )
 from auvid.hydro.identification.axes.single_axis import fit_axis, refusal, speed_share, surge_input
@@ -314,6 +314,26 @@ def test_a_hull_whose_speeds_nobody_measures_is_no_inertia_of_yaw() -> None:
     assert any("Munk" in note for note in with_hull.notes)
 
 
+def test_a_hull_that_drifts_aside_turns_itself_and_that_is_no_damping() -> None:
+    """N_v v with N_v = -2 N s: by speeds that forces give, 1.3 times too fast."""
+    legs = []
+    for seed in (1, 2):
+        leg = axis_leg(seed, UNDER_WAY, seconds=30.0, step_s=0.1)
+        force = {axis: NEWTONS.get(axis, 0.0) * own for axis, own in leg.force.items()}
+        moment = -2.0 * leg.rate["v"]  # the hull's part of what turned it; thrusters gave the rest
+        force["N"] = force["N"] - moment
+        nothing = np.full(leg.t_s.size, np.nan)
+        legs.append(replace(leg, force=force, rate={**leg.rate, "u": nothing, "v": nothing}))
+    fits = [
+        fit_axis(legs, "N", drive=ForceDrive(lag_s=0.08), try_lag=False, hull=hull)
+        for hull in (None, HULL_INERTIA)
+    ]
+    speed, (a, b, _, _) = 0.5, UNDER_WAY["r"]
+    truth = HULL_INERTIA[5] * (a + b * speed)
+    off = [abs((f.values[0] + f.values[1] * speed) / f.values[2] / truth - 1.0) for f in fits]
+    assert off[1] < 0.05 < 0.1 < off[0], off
+
+
 def test_a_pause_of_the_outputs_does_not_end_the_speeds_that_forces_give() -> None:
     t_s = np.arange(0.0, 10.0, 0.1)
     force = np.where((t_s > 2.0) & (t_s < 3.0), np.nan, 20.0)
@@ -321,7 +341,8 @@ def test_a_pause_of_the_outputs_does_not_end_the_speeds_that_forces_give() -> No
         t_s, {"r": np.full(t_s.size, 0.3)}, None, np.zeros((t_s.size, 3)),
         {"X": force, "Y": 0.0 * t_s}, False, {}, (), {},
     )  # fmt: skip
-    assert np.isfinite(hull_input(record, "r", np.array([20.0, 30.0, 40.0, 1.0, 1.0, 1.0]))).all()
+    hull = hull_inputs(record, "r", np.array([20.0, 30.0, 40.0, 1.0, 1.0, 1.0]))
+    assert all(np.isfinite(column).all() for column in hull.values())
     assert np.isfinite(surge_input(record)).all()
 
 
