@@ -16,6 +16,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,7 @@ from auvid.hydro.identification.constrained.equations import (
 from auvid.hydro.identification.regression.error_measures import ErrorSums, MiddleErrors
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.information import inflation
+from auvid.hydro.threads import at_once
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import (
     ACCELERATION,
@@ -172,12 +174,17 @@ class Predictor:
         trim = [card.predictor.get(axis, {}).get(CONSTANT, 0.0) for axis in AXES]
         return cls(IdentifiedModel(card.name, terms), np.array(trim), change, card.lag_s)
 
-    def force(self, residual: pa.Table, fused: pa.Table | None) -> Array:
+    def force(
+        self,
+        residual: pa.Table,
+        fused: pa.Table | None,
+        late: Mapping[float, Array] = MappingProxyType({}),
+    ) -> Array:
         """Return the residual force (n, 6) that the model predicts on a segment.
 
         tau_bar is formed with the inertia of the vehicle file and actuators without a
         lag, so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and
-        tau_U with its lag less tau_U without.
+        tau_U with its lag less tau_U without: `late`, by lag, as of `_late_changes`.
         """
         nu, force = matrix(residual, VELOCITY), np.tile(self.trim, (residual.num_rows, 1))
         if self.viscous.terms:
@@ -188,10 +195,7 @@ class Predictor:
             force += matrix(fused, ACCELERATION) @ self.added_mass.T
             force += coriolis_force(self.added_mass, nu)
         if self.lag_s > 0.0:
-            names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
-            acting = np.sum([forces(residual, name) for name in names], axis=0)
-            step_s = float(np.mean(np.diff(clock(residual))))
-            force += first_order_lag(acting, lag_s=self.lag_s, step_s=step_s) - acting
+            force += late[self.lag_s]
         return force
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
@@ -240,8 +244,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     steps = 2 * len(segments) + len(models)
     for done, (key, use, residual, measured, predicted) in enumerate(judged()):
         tell(f"leg {done + 1} of {len(segments)}", done, steps)
-        for name, force in predicted.items():
-            errors = ErrorSums.of(measured, force)
+        errors_of_models = at_once(partial(_error_sums, measured, predicted), predicted)
+        for name, errors in zip(predicted, errors_of_models, strict=True):
             for group in groups(key, name):
                 sums[group] = sums[group].merge(errors) if group in sums else errors
         motion = RangeCovered.of(matrix(residual, VELOCITY), measured)
@@ -259,9 +263,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     middle = {group: MiddleErrors.between(*total.bracket()) for group, total in sums.items()}
     outside = np.zeros(6)
     for key, use, residual, measured, predicted in judged():
-        for name, force in predicted.items():
-            for group in groups(key, name):
-                middle[group] = middle[group].add(measured, force)
+        grown = [{group: middle[group] for group in groups(key, name)} for name in predicted]
+        work = partial(_with_errors, measured, predicted)
+        for own in at_once(work, list(zip(predicted, grown, strict=True))):
+            middle |= own
         if use == "validation" and "training" in covered:
             outside += covered["training"].left_by(matrix(residual, VELOCITY))
     errors_of = {
@@ -342,14 +347,40 @@ def loss_causes(runs: FreeRuns, models: Sequence[Predictor], vehicle: Vehicle) -
     }
 
 
+def _error_sums(measured: Array, predicted: Mapping[str, Array], name: str) -> ErrorSums:
+    return ErrorSums.of(measured, predicted[name])
+
+
+def _with_errors(
+    measured: Array,
+    predicted: Mapping[str, Array],
+    model: tuple[str, Mapping[Group, MiddleErrors]],
+) -> dict[Group, MiddleErrors]:
+    """Return the errors in the middle, by group, with those of one more segment."""
+    name, groups = model
+    force = predicted[name]
+    return {group: errors.add(measured, force) for group, errors in groups.items()}
+
+
 def _forces(
     inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
 ) -> Mapping[str, Array]:
     """Return the force (n, 6) of each model on a segment, when it is asked for."""
-    fused = _fused(inputs, models, key)
+    fused, late = _fused(inputs, models, key), _late_changes(models, residual)
     return Collection(
-        {name: partial(model.force, residual, fused) for name, model in models.items()}
+        {name: partial(model.force, residual, fused, late) for name, model in models.items()}
     )
+
+
+def _late_changes(models: Mapping[str, Predictor], residual: pa.Table) -> dict[float, Array]:
+    """Return tau_U with a lag less tau_U without (n, 6), by lags of the models [s]."""
+    lags_s = sorted({model.lag_s for model in models.values() if model.lag_s > 0.0})
+    if not lags_s:
+        return {}
+    names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+    acting = np.sum([forces(residual, name) for name in names], axis=0)
+    step_s = float(np.mean(np.diff(clock(residual))))
+    return {lag_s: first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting for lag_s in lags_s}
 
 
 def _fused(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table | None:
@@ -459,14 +490,22 @@ def _free_runs(
     )
 
 
+def _put_force(
+    force: Array, predicted: Mapping[str, Array], numbered_model: tuple[int, str]
+) -> None:
+    number, name = numbered_model
+    force[:, number] = predicted[name].T
+
+
 def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table:
     residual = inputs.residual.part(key, COLUMNS)
-    n, fused = residual.num_rows, _fused(inputs, models, key)
-    force = np.empty((6, n * len(models)))
-    for number, model in enumerate(models.values()):
-        force[:, number * n : (number + 1) * n] = model.force(residual, fused).T
+    n, predicted = residual.num_rows, _forces(inputs, models, key, residual)
+    force = np.empty((6, len(models), n))
+
+    at_once(partial(_put_force, force, predicted), enumerate(models))
+    force = force.reshape(6, -1)
     t_s = np.tile(clock(residual), len(models))
-    del residual, fused
+    del residual, predicted
     columns: dict[str, Any] = {
         "segment": labels([key], n * len(models)),
         "model": labels(list(models), n),
