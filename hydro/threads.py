@@ -26,14 +26,18 @@ THREADS = _thread_count()
 """The processors that this process may use, or NUMBA_NUM_THREADS of the environment."""
 
 
-def at_once(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+def at_once(
+    work: Callable[[Item], Result], items: Iterable[Item], *, long: bool = True
+) -> list[Result]:
     """Return what `work` gives for each item, in the order of the items.
+
+    `long`: whether an item takes long enough to be worth a thread.
 
     >>> at_once(abs, [-1, 2])
     [1, 2]
     """
     of_items = list(items)
-    if THREADS < 2 or len(of_items) < 2:
+    if not long or THREADS < 2 or len(of_items) < 2:
         return [work(item) for item in of_items]
     with ThreadPoolExecutor(min(THREADS, len(of_items))) as pool:
         return list(pool.map(work, of_items))

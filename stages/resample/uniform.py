@@ -26,6 +26,7 @@ from auvid.hydro.identification.signals.splines import (
     lambda_from_cutoff,
     smoothing_spline,
 )
+from auvid.hydro.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,
@@ -72,11 +73,13 @@ class Smoothing:
         if item.t_s.size <= LONG:
             return None
         starts = np.linspace(0, item.t_s.size - BLOCK, BLOCKS).astype(int)
-        fits = [
-            smoothing_spline(item.t_s[at : at + BLOCK], values[at : at + BLOCK], shared=True)
-            for at in starts
-        ]
-        return float(np.exp(np.median([np.log(np.min(fit.lambda_)) for fit in fits])))
+
+        def log_lambda(at: int) -> float:
+            block = slice(at, at + BLOCK)
+            fit = smoothing_spline(item.t_s[block], values[block], shared=True)
+            return float(np.log(np.min(fit.lambda_)))
+
+        return float(np.exp(np.median(at_once(log_lambda, starts.tolist()))))
 
     def record(self, item: Signal, lam: float, sigma: float) -> ChannelSmoothing:
         """Return the entry of a channel in the segment's document."""
@@ -128,13 +131,19 @@ def resample_segment(
     def smooth(stream: str, channels: Sequence[Channel]) -> None:
         item = signals[stream]
         at = inside(item)
-        for field, name, rate in channels:
+
+        def smoothed(channel: Channel) -> tuple[Array, Array | None, ChannelSmoothing]:
+            field, _, rate = channel
             values = item.columns(field)[:, 0]
             spline = smoothing_spline(item.t_s, values, lam=smoothing.parameter(item, values))
-            columns[name] = spline.evaluate(at)
-            if rate is not None:
-                columns[rate] = spline.evaluate(at, 1)
-            records[name] = smoothing.record(item, float(spline.lambda_), float(spline.sigma))
+            record = smoothing.record(item, float(spline.lambda_), float(spline.sigma))
+            return spline.evaluate(at), spline.evaluate(at, 1) if rate else None, record
+
+        results = at_once(smoothed, channels, long=item.t_s.size > LONG)
+        for (_, name, rate), (values, rates, record) in zip(channels, results, strict=True):
+            columns[name], records[name] = values, record
+            if rate is not None and rates is not None:
+                columns[rate] = rates
 
     smooth("depth", [("depth_m", "z_m", "z_dot_m_s")])
     item = signals["attitude"]

@@ -23,11 +23,14 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.threads import at_once
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 MIN_SAMPLES = 5
+LONG = 20_000
+"""Samples beyond which factors of several lambdas are worked out at once, in threads."""
 LOG_STEP = 1e-3
 """Half step in log lambda of the derivative of log det; its truncation error is below
 2e-8 of the trace.
@@ -238,7 +241,6 @@ class _Reinsch:
             noise = np.sqrt(np.mean(self.second_difference(y) ** 2, axis=0))
             groups = [y / np.where(noise > 0, noise, 1.0)]
         lambdas_of_grid = [float(np.exp(point)) for point in grid]
-        traces = [self.trace_of_residual_maker(lam) for lam in lambdas_of_grid]
 
         def criterion(residual: Array, freedom: float) -> float:
             return float(
@@ -254,30 +256,26 @@ class _Reinsch:
         # One factor of the system serves all signals at a point of the grid.
         columns = np.concatenate(groups, axis=1)
         ends = np.cumsum([signal.shape[1] for signal in groups])[:-1]
-        points = [
-            [
-                criterion(part, trace)
-                for part in np.split(columns - self.fit(columns, lam)[0], ends, axis=1)
-            ]
-            for lam, trace in zip(lambdas_of_grid, traces, strict=True)
-        ]
-        lambdas = []
-        for signal, scores in zip(groups, zip(*points, strict=True), strict=True):
-            best = int(np.argmin(scores))
-            bounds = (grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)])
-            lambdas.append(
-                float(
-                    np.exp(
-                        minimize_scalar(
-                            score,
-                            bounds=bounds,
-                            args=(signal,),
-                            method="bounded",
-                            options={"xatol": 1e-3},
-                        ).x
-                    )
-                )
+
+        def scores_at(lam: float) -> list[float]:
+            trace = self.trace_of_residual_maker(lam)
+            parts = np.split(columns - self.fit(columns, lam)[0], ends, axis=1)
+            return [criterion(part, trace) for part in parts]
+
+        points = at_once(scores_at, lambdas_of_grid, long=len(y) > LONG)
+
+        def best_lambda(index: int) -> float:
+            best = int(np.argmin([scores[index] for scores in points]))
+            minimum = minimize_scalar(
+                score,
+                bounds=(grid[max(best - 1, 0)], grid[min(best + 1, GRID - 1)]),
+                args=(groups[index],),
+                method="bounded",
+                options={"xatol": 1e-3},
             )
+            return float(np.exp(minimum.x))
+
+        lambdas = at_once(best_lambda, range(len(groups)), long=len(y) > LONG)
         return np.full(y.shape[1], lambdas[0]) if shared else np.array(lambdas)
 
 

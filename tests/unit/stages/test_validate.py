@@ -16,6 +16,7 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import matrix
+from auvid.hydro import threads
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages import synthesise, validate
@@ -354,11 +355,14 @@ def test_memory_is_that_of_one_leg_and_the_errors_those_of_all_samples() -> None
     assert outputs.predictions["leg_7"].num_rows == 12_000
 
 
-def test_memory_of_a_training_leg_does_not_grow_with_the_models() -> None:
-    """Forces of one model are in memory at a time: .6 MB each on this leg of 12,000 rows."""
+def test_memory_of_a_training_leg_does_not_grow_with_the_models(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Forces of one model a thread are in memory: .6 MB each on this leg of 12,000 rows."""
+    monkeypatch.setattr(threads, "THREADS", 2)
     cards, _ = run(legs(names=("one", "check")))
     peaks = {}
-    for count in (1, 8):
+    for count in (1, 16):
         some = {f"m{k}": cards["linear"].model_copy(update={"name": f"m{k}"}) for k in range(count)}
         inputs = validate.Inputs(
             collection(some),
@@ -369,7 +373,7 @@ def test_memory_of_a_training_leg_does_not_grow_with_the_models() -> None:
         validate.run(inputs, validate.Params())
         peaks[count] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peaks[8] < 1.2 * peaks[1]
+    assert peaks[16] < 1.5 * peaks[1]  # forces of all 16 at once: 2.4
 
 
 def test_the_residual_force_is_never_read_with_all_its_components() -> None:
