@@ -184,7 +184,7 @@ class Predictor:
 
         tau_bar is formed with the inertia of the vehicle file and actuators without a
         lag, so a model with other ones also predicts dM_A nu_dot + C(dM_A, nu) nu, and
-        tau_U with its lag less tau_U without: `late`, by lag, as of `_late_changes`.
+        tau_U with its lag less tau_U without: `late`, by lag, where it is known.
         """
         nu, force = matrix(residual, VELOCITY), np.tile(self.trim, (residual.num_rows, 1))
         if self.viscous.terms:
@@ -195,7 +195,8 @@ class Predictor:
             force += matrix(fused, ACCELERATION) @ self.added_mass.T
             force += coriolis_force(self.added_mass, nu)
         if self.lag_s > 0.0:
-            force += late[self.lag_s]
+            known = late.get(self.lag_s)
+            force += _late_change(residual, self.lag_s) if known is None else known
         return force
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
@@ -366,21 +367,20 @@ def _forces(
     inputs: Inputs, models: Mapping[str, Predictor], key: str, residual: pa.Table
 ) -> Mapping[str, Array]:
     """Return the force (n, 6) of each model on a segment, when it is asked for."""
-    fused, late = _fused(inputs, models, key), _late_changes(models, residual)
+    fused = _fused(inputs, models, key)
+    lags_s = {model.lag_s for model in models.values() if model.lag_s > 0.0}
+    late = {lag_s: _late_change(residual, lag_s) for lag_s in lags_s}
     return Collection(
         {name: partial(model.force, residual, fused, late) for name, model in models.items()}
     )
 
 
-def _late_changes(models: Mapping[str, Predictor], residual: pa.Table) -> dict[float, Array]:
-    """Return tau_U with a lag less tau_U without (n, 6), by lags of the models [s]."""
-    lags_s = sorted({model.lag_s for model in models.values() if model.lag_s > 0.0})
-    if not lags_s:
-        return {}
+def _late_change(residual: pa.Table, lag_s: float) -> Array:
+    """Return tau_U (n, 6) with a lag of the actuators less tau_U without."""
     names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
     acting = np.sum([forces(residual, name) for name in names], axis=0)
     step_s = float(np.mean(np.diff(clock(residual))))
-    return {lag_s: first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting for lag_s in lags_s}
+    return first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting
 
 
 def _fused(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table | None:
