@@ -378,7 +378,7 @@ def _forces(
 def _late_change(residual: pa.Table, lag_s: float) -> Array:
     """Return tau_U (n, 6) with a lag of the actuators less tau_U without."""
     names = [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
-    acting = np.sum([forces(residual, name) for name in names], axis=0)
+    acting: Array = np.sum([forces(residual, name) for name in names], axis=0)
     step_s = float(np.mean(np.diff(clock(residual))))
     return first_order_lag(acting, lag_s=lag_s, step_s=step_s) - acting
 
