@@ -195,8 +195,8 @@ class Predictor:
             force += matrix(fused, ACCELERATION) @ self.added_mass.T
             force += coriolis_force(self.added_mass, nu)
         if self.lag_s > 0.0:
-            known = late.get(self.lag_s)
-            force += _late_change(residual, self.lag_s) if known is None else known
+            change = late.get(self.lag_s)
+            force += _late_change(residual, self.lag_s) if change is None else change
         return force
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
