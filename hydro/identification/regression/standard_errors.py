@@ -173,7 +173,7 @@ class LeftOutBlocks:
         rows: basis rows (k, n) of the fit's terms without the constant; force: the
         axis's measured force (n,). Raises `DataError` when rows and terms disagree.
         """
-        from scipy.linalg import blas, solve_triangular
+        from scipy.linalg import solve_triangular
 
         fit, kept = self.fit, list(self.fit.independent)
         design = np.asarray(rows, dtype=np.float64)
@@ -186,14 +186,15 @@ class LeftOutBlocks:
             )
         if kept != list(range(len(design))):
             design = design[kept]
-        residual = target - fit.solution[kept] @ design
+        residual = target - design.T @ fit.solution[kept]
+        # Columns that are orthonormal over all data: A becomes the unit matrix.
+        columns = solve_triangular(
+            fit.scaled_triangle, design / fit.column_norms[kept][:, None], trans="T"
+        )
         edges = np.linspace(0, len(target), block_count(residual) + 1).astype(int)
         changes = []
         for start, stop in pairwise(edges):
-            # Columns that are orthonormal over all data: A becomes the unit matrix.
-            block = design[:, start:stop] / fit.column_norms[kept][:, None]
-            if kept:
-                block = blas.dtrsm(1.0, fit.scaled_triangle, block.T, side=1, overwrite_b=1).T
+            block = columns[:, start:stop]
             share, axes = np.linalg.eigh(block @ block.T)
             score, left = axes.T @ (block @ residual[start:stop]), 1.0 - share
             most = np.sqrt(np.maximum(share, 0.0)) * np.linalg.norm(residual[start:stop])
