@@ -63,6 +63,7 @@ from auvid.pipeline.commands.new.vehicle_choice import (
 from auvid.pipeline.output import FAILED, FINE, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import writable, write_atomically
 from auvid.pipeline.terminal import path_from_here
+from auvid.stages.ingest.formats.csv.column_proposal import ahead_words
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.synthesise import Params as SynthesiseParams
@@ -204,7 +205,9 @@ def _unused(logs: Sequence[SurveyedLog]) -> list[str]:
     for log in logs:
         for file in log.files:
             if file.draft is not None and file.draft.unused:
-                words.setdefault(unused_words(file.draft), file.path.name)
+                nameless = unused_words(file.draft)
+                lines = [*ahead_words(file.draft.ahead), *([nameless] if nameless else [])]
+                words |= {line: words.get(line, file.path.name) for line in lines}
     return [f"columns not used: {names} ({file})" for names, file in words.items()]
 
 

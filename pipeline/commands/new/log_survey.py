@@ -16,6 +16,7 @@ from auvid.pipeline.commands.new.refusal import NO_MEANING
 from auvid.pipeline.store.atomic_files import contents
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.column_map import dialect_map
+from auvid.stages.ingest.formats.csv.column_proposal import ahead_words
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.formats.csv.draft.draft_corrections import (
     OF_GRAVITY,
@@ -307,15 +308,18 @@ def draft_remarks(log: SurveyedLog) -> list[str]:
     for file in log.files:
         if file.draft is not None:
             lines += [f"{file.path.name}: {remark}" for remark in file.draft.remarks]
-            if file.draft.unused:
-                lines.append(f"{file.path.name}: {NO_MEANING} {unused_words(file.draft)}")
+            lines += [f"{file.path.name}: {words}" for words in ahead_words(file.draft.ahead)]
+            nameless = unused_words(file.draft)
+            if nameless:
+                lines.append(f"{file.path.name}: {NO_MEANING} {nameless}")
     return lines
 
 
 def unused_words(draft: ColumnDraft) -> str:
-    """Return the columns that a drafted map leaves out, a long list cut short."""
-    more = len(draft.unused) - LISTED
-    names = ", ".join(draft.unused[:LISTED])
+    """Return the columns without a meaning, a long list cut short; '' for none."""
+    unused = [name for name in draft.unused if name not in draft.ahead]
+    more = len(unused) - LISTED
+    names = ", ".join(unused[:LISTED])
     return f"{names} and {more} more" if more > 0 else names
 
 

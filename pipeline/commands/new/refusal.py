@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands.check.log_page import LogPage
+from auvid.stages.ingest.formats.csv.column_proposal import SPEED_AHEAD
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.usability import SHORTEST_DRIVEN_S, driven_s
@@ -154,7 +155,7 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
         if unnamed:
             return " ".join(unnamed)
         if str(log.info.files[0].format).startswith("CSV"):
-            nameless = [f"{words}. " for words in more if NO_MEANING in words]
+            nameless = [f"{words.rstrip('.')}. " for words in more if _is_nameless(words)]
             return "".join(nameless) + (
                 "Add the file of its commands in the same call (--from imu.csv outputs.csv):"
                 " pulses of each output, or commands of surge, sway, heave, yaw as shares of the"
@@ -163,7 +164,7 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
             )
         return "Log the outputs that drive the vehicle (docs/streams.md)"
     if not log.has("velocity") and not log.thrusters() and not log.commands():
-        unused = "".join(f" {words}." for words in more if NO_MEANING in words)
+        unused = "".join(f" {words.rstrip('.')}." for words in more if _is_nameless(words))
         return (
             "Propeller and fins are fitted to velocities ahead, aside and down (a Doppler log, an"
             f" inertial navigation); one ahead alone does not tell them.{unused}"
@@ -177,3 +178,8 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
     if "surface" in lacks:
         return "Log a dive that is deep enough for the thrusters to stay under water"
     return "Log a dive under water that moves both ways in every axis of interest, for a minute"
+
+
+def _is_nameless(words: str) -> bool:
+    """Return whether a sentence names columns that nothing uses."""
+    return NO_MEANING in words or SPEED_AHEAD in words

@@ -25,9 +25,15 @@ GLIDER: tuple[tuple[str, str], ...] = (
     (BUOYANCY.pattern, "buoyancy_drive_m3"),
     (r"\b(?:density|rho)$", "density_kg_m3"),
     (r"\b(?:temperature|temp|water temp)$", "temperature_K"),
-    (r"^(?:u|speed|velocity|stw)(?: (?:adcp|dvl|water|through water))?$", "speed_m_s"),
 )
 """Columns of a glider by their words; a column of the buoyancy drive tells one."""
+SPEEDS = {"speed", "spd", "velocity", "vel", "stw", "geschwindigkeit", "vitesse"}
+SPEED_SOURCES = {
+    *("log", "em", "electromagnetic", "paddle", "wheel", "pitot", "adcp", "dvl", "sensor"),
+    *("water", "through", "the", "forward", "ahead", "measured", "m"),
+}
+"""Words of a speed through the water ahead, and those that may stand beside one: no speed
+over ground, and none along an axis."""
 SIDES = {"forward": "u", "ahead": "u", "starboard": "v", "right": "v", "left": "v"}
 SIDES |= {"down": "w", "up": "w"}
 """A velocity whose columns are called by where they point."""
@@ -78,6 +84,22 @@ class NamedColumn:
         """Return whether a word or the unit of the name is one of a time."""
         of_time = LOOSELY_TIME.search(self.words) or MEASURES.get(self.unit) == "time"
         return self.is_time or (self.place is None and bool(of_time))
+
+    @property
+    def is_speed_ahead(self) -> bool:
+        """Return whether it is a speed through the water ahead, as of a log.
+
+        >>> [item.is_speed_ahead for item in named_columns(["speed_log_m_s", "em_log_kn", "sog"])]
+        [True, True, False]
+        """
+        words = set(self.words.split())
+        by_log = "log" in words and MEASURES.get(self.unit) == "speed"
+        is_speed = bool(words & SPEEDS) or by_log
+        return (
+            is_speed
+            and words <= SPEEDS | SPEED_SOURCES
+            and MEASURES.get(self.unit, "speed") == "speed"
+        )
 
     @property
     def in_quaternion(self) -> bool:
@@ -232,6 +254,7 @@ def _beside_tow_force(item: NamedColumn, columns: Sequence[NamedColumn]) -> Name
     if item.words in ("drag force", "drag") and MEASURES.get(item.unit, "force") == "force":
         return replace(item, place=("tow", "tow_force_n"))
     is_speed = item.words in TOWED_SPEEDS and MEASURES.get(item.unit, "speed") == "speed"
+    is_speed = is_speed or item.is_speed_ahead
     if is_speed and "velocity" not in streams and "tow_speed_m_s" not in fields:
         return replace(item, place=("tow", "tow_speed_m_s"))
     return item
@@ -254,4 +277,6 @@ def _on_glider(item: NamedColumn) -> NamedColumn:
     for pattern, field in GLIDER:
         if re.search(pattern, item.words):
             return replace(item, place=("glider", field))
-    return item
+    words = set(item.words.split())
+    is_speed = item.is_speed_ahead or ("u" in words and words <= {"u"} | SPEED_SOURCES)
+    return replace(item, place=("glider", "speed_m_s")) if is_speed else item

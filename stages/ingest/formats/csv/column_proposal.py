@@ -8,9 +8,11 @@ from collections.abc import Sequence
 
 from auvid.data_schemas.streams import NEEDED, STREAMS
 from auvid.stages.ingest.formats.csv.column_names import named_columns
+from auvid.stages.ingest.formats.csv.names.unit_words import MEASURES
 
 UNKNOWN = "'?'"
 NAMED_COLUMNS = 20
+SPEED_AHEAD = "speed through the water ahead"
 NEEDS = {
     "attitude": "resample",
     "depth": "resample",
@@ -42,9 +44,9 @@ def proposed_map(names: Sequence[str]) -> str:
     for (stream, field), index in guesses.items():
         unit = (
             "'1'"
-            if field.startswith("command")
+            if field.startswith("command") and not named[index].unit
             else "us"
-            if field.startswith("pwm")
+            if field.startswith("pwm") and MEASURES.get(named[index].unit) != "ratio"
             else named[index].unit or UNKNOWN
         )
         frame = f", frame: {named[index].frame}" if named[index].frame else ""
@@ -55,6 +57,8 @@ def proposed_map(names: Sequence[str]) -> str:
     if not guesses:
         lines.append(f"  - {{column: {UNKNOWN}, stream: depth, field: depth_m, unit: {UNKNOWN}}}")
     rest = [name for index, name in enumerate(names) if index not in (time, *guesses.values())]
+    ahead = [item.name for item in named if item.place is None and item.is_speed_ahead]
+    lines += [f"# {line}" for line in ahead_words(ahead)]
     if rest:
         more = f" and {len(rest) - NAMED_COLUMNS} more" if len(rest) > NAMED_COLUMNS else ""
         lines.append(f"# no guess for {', '.join(map(quoted, rest[:NAMED_COLUMNS]))}{more}")
@@ -71,6 +75,16 @@ def proposed_map(names: Sequence[str]) -> str:
     summary = f"The names look like {', '.join(like)}" if like else "No name tells what it is"
     summary += f"; nothing looks like {', '.join(missing)}." if missing else "."
     return f"{summary} A draft to correct (columns, units, signs and frames):\n" + "\n".join(lines)
+
+
+def ahead_words(names: Sequence[str]) -> list[str]:
+    """Return a sentence on columns of a speed ahead, which fill no stream."""
+    if not names:
+        return []
+    return [
+        f"{', '.join(map(quoted, names))}: {SPEED_AHEAD}. It tells lift of a glider"
+        " and drag of a tow; a velocity has three axes, so that nothing else uses it."
+    ]
 
 
 def quoted(name: str) -> str:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from auvid.data_schemas.streams import STREAMS
-from auvid.stages.ingest.formats.csv.column_proposal import quoted
+from auvid.stages.ingest.formats.csv.column_proposal import ahead_words, quoted
 
 NO_NAME = "no name tells this"
 NAMED = 12
@@ -40,6 +40,8 @@ class ColumnDraft:
     accelerometer: str = ""
     repeating: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
+    ahead: tuple[str, ...] = ()
+    """Of `unused`, speeds through the water ahead."""
     remarks: tuple[str, ...] = field(default_factory=tuple)
     span_s: tuple[float, float] = (0.0, 0.0)
     """First and last time of the file."""
@@ -106,7 +108,7 @@ class ColumnDraft:
         lines = [
             "# What the columns are. Body axes forward, right, down; angles of roll, pitch, yaw."
         ]
-        lines += [f"# check: {remark}" for remark in self.remarks]
+        lines += [f"# check: {remark}" for remark in (*self.remarks, *ahead_words(self.ahead))]
         time = ", ".join(f"{key}: {quoted(value)}" for key, value in self.time.items())
         lines.append(_checked(f"time: {{{time}}}", self.time_check))
         if self.delimiter != ",":

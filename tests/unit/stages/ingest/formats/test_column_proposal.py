@@ -49,6 +49,22 @@ def test_names_with_units_give_a_map_that_holds_as_it_is() -> None:
     assert "# no guess for cmd0" in proposed_map(TANK)
 
 
+def test_a_speed_log_tells_lift_of_a_glider_and_is_named_elsewhere() -> None:
+    of_glider = ["t_s", "pressure_dbar", "pitch_deg", "ballast_pumped_cm3", "density_kg_m3"]
+    for name in ("speed_log_m_s", "stw_m_s", "em_log_kn", "speed_through_water_m_s", "u_dvl"):
+        places = {item["column"]: item["field"] for item in draft([*of_glider, name])[1]["columns"]}
+        assert places.get(name) == "speed_m_s"
+    text = proposed_map(["t_s", "depth_m", "roll_deg", "stw_m_s", "sog_m_s"])
+    assert "# stw_m_s: speed through the water ahead" in text
+    assert "sog_m_s: speed" not in text
+
+
+def test_outputs_in_percent_are_proposed_as_such() -> None:
+    names = ["t_s", "thruster_1_percent", "thruster_2_pct", "thruster_3", "surge_cmd_percent"]
+    units = {item["column"]: item["unit"] for item in draft(names)[1]["columns"]}
+    assert [units[name] for name in names[1:]] == ["percent", "percent", "us", "percent"]
+
+
 def test_commands_are_not_taken_for_angles_nor_wishes_for_measurements() -> None:
     comment, proposed = draft(BLUEYE)
     places = {item["column"]: item["field"] for item in proposed["columns"]}

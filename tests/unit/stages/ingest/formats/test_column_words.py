@@ -73,8 +73,9 @@ def test_names_that_leave_something_open_are_marked() -> None:
     assert "beyond 1: another unit, or a set point" in steered.columns[2].check
     assert "else psi_rad" in steered.columns[2].check
     assert "beyond 1" not in steered.columns[0].check
-    towed = drafted({"t_s": T_S, "tension_N": 9.0 + wave(1.0), "speed_mps": 1.0 + wave(0.1)})
-    assert [item.field for item in towed.columns] == ["tow_force_n", "tow_speed_m_s"]
+    for name in ("speed_mps", "speed_log_m_s"):
+        towed = drafted({"t_s": T_S, "tension_N": 9.0 + wave(1.0), name: 1.0 + wave(0.1)})
+        assert [item.field for item in towed.columns] == ["tow_force_n", "tow_speed_m_s"]
     assert "taken for the speed of the tow" in towed.columns[1].check
 
 
