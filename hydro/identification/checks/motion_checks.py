@@ -33,6 +33,8 @@ MOST_WINDOWS = 60_000
 """Windows of all lags that are integrated over in one pass: it bounds the memory."""
 BLOCK_ROWS = 16384
 """Samples that are summed at a time."""
+LEAST_UPRIGHT = 0.5
+"""Cosine of the tilt below which heave hardly moves the depth."""
 LAG_GAINS = (0.75, 1.33)
 """Gains at a right lag of the axes that move the depth most."""
 
@@ -240,12 +242,7 @@ def tilt_offset(
     d(z)/dt = r(phi + a, theta + b) . [u v w], linear in small a and b, r the last row of
     the rotation, over windows of 1 s. None for too few windows.
     """
-    down = down_at(t_velocity, t_attitude, euler)
-    phi, theta = (np.interp(t_velocity, t_attitude, euler[:, column]) for column in (0, 1))
-    u, v, w = velocity.T
-    by_roll = down[:, 2] * v - down[:, 1] * w
-    by_pitch = -np.cos(theta) * u - np.sin(theta) * (np.sin(phi) * v + np.cos(phi) * w)
-    rates = np.column_stack([down * velocity, by_roll, by_pitch])
+    rates = _depth_rates(t_attitude, euler, t_velocity, velocity)
     shared = _rise_and_parts(t_depth, depth, t_attitude, t_velocity, rates)
     if shared is None:
         return None
@@ -259,6 +256,49 @@ def tilt_offset(
         for values in (rest - parts[:, 3:] @ tilted.gain, rest - parts[:, :3] @ scaled.gain)
     ]
     return TiltOffset(tilted.gain, tilted.sd, len(rest) * float(np.log(left[1] / left[0])))
+
+
+def _depth_rates(t_attitude: Array, euler: Array, t_velocity: Array, velocity: Array) -> Array:
+    """Return what surge, sway and heave, and small roll and pitch, make of the depth.
+
+    Rates (n, 5), the last two per radian.
+    """
+    down = down_at(t_velocity, t_attitude, euler)
+    phi, theta = (np.interp(t_velocity, t_attitude, euler[:, column]) for column in (0, 1))
+    u, v, w = velocity.T
+    by_roll = down[:, 2] * v - down[:, 1] * w
+    by_pitch = -np.cos(theta) * u - np.sin(theta) * (np.sin(phi) * v + np.cos(phi) * w)
+    return np.column_stack([down * velocity, by_roll, by_pitch])
+
+
+@kept
+def heave_zero(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> tuple[float, float] | None:
+    """Return what heave reads at rest by the depth, and its standard deviation [m/s].
+
+    Over windows of 1 s, gains of the axes and a constant tilt beside. None for too few.
+    """
+    down = down_at(t_velocity, t_attitude, euler)
+    rates = _depth_rates(t_attitude, euler, t_velocity, velocity)
+    shared = _rise_and_parts(
+        t_depth, depth, t_attitude, t_velocity, np.column_stack([rates, down[:, 2]])
+    )
+    if shared is None:
+        return None
+    rise, parts = shared
+    level = np.where(parts[:, 5] > LEAST_UPRIGHT, parts[:, 5], np.nan)[:, None]
+    rest = (rise - parts[:, :3].sum(axis=1))[:, None] / level
+    fit = robust_fits(rest.T, (parts[:, :5] / level)[None])
+    if not fit.count[0]:
+        return None
+    sd = float(np.sqrt(fit.left[0] * max(float(fit.inverse[0, -1, -1]), 0.0)))
+    return -float(fit.gain[0, -1]), sd
 
 
 AXES_TAKEN = {

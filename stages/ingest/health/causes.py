@@ -51,6 +51,8 @@ OF_MOTION = (
     "velocity_turned",
     "arm_off",
     "scale_off",
+    "velocity_zero",
+    "output_dead",
     "tilt_offset",
     "heading_offset",
     "position_axes",

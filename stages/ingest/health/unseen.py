@@ -24,9 +24,10 @@ from auvid.stages.number_format import percent
 
 Unseen = tuple[str, str]
 """What is not observable, and why."""
-SURE_TURN_DEG, SURE_SCALE, SURE_SHARE = 8.0, 0.06, 0.8
+SURE_TURN_DEG, SURE_SCALE, LARGEST_SCALE, SURE_SHARE = 8.0, 0.05, 0.3, 0.8
 """Turn and scale of a velocity that would be seen for certain (four standard deviations),
-and share of a depth rate or an answer from which on its clock would be.
+the scale up to which one is named, and the share of a depth rate or an answer from which on
+its clock would be seen.
 """
 SLOW_TURN = 0.03
 """Standard deviation of a rate [rad/s] below which noise of the attitude decides."""
@@ -97,7 +98,8 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         yield (
             "mass and added mass",
             "a motion shows force over mass alone, and the scale of the thrust is not observable;"
-            " what no body has is tested by the vehicle file (body_size, added_mass_size)",
+            " what no body has is tested by the vehicle file (body_size, added_mass_size), and"
+            " water in the hull belongs to both masses",
         )
     else:
         yield (
@@ -117,6 +119,12 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         yield (
             "weight in water (displaced mass)",
             f"the thrusters show it to +- {CLEAR_WEIGHT * borne.sd:.0f} N only",
+        )
+    if not log.has("battery"):
+        yield (
+            "a thrust that sags in the course of the log",
+            "it looks like a drag that grows; a voltage in the log and voltage_exponent in the"
+            " vehicle file tell it",
         )
     pulses = log.values("actuators", log.thrusters()) - NEUTRAL_US
     resting = np.abs(np.nan_to_num(pulses)).max(axis=1, initial=0.0) < RESTING_US
@@ -149,9 +157,16 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
             "turn of the velocity log about the vertical (below 45 degrees)",
             _why(log, evidence),
         )
-    if not any(_tells_scale(turn) for turn in turns):
-        yield "scale of surge and sway of the velocity", _why(log, evidence)
+    least = min((_least_scale(turn) for turn in turns), default=1.0)
+    if least > SURE_SCALE:
+        near = f" (below {percent(least)})" if least < LARGEST_SCALE else ""
+        yield f"scale of surge and sway of the velocity{near}", _why(log, evidence)
+    yield (
+        "a constant of surge and sway of the velocity",
+        "it looks like a current that turns with the vehicle; look at it at rest in still water",
+    )
     if not log.has("depth"):
+        yield "zero of heave of the velocity", "there is no depth"
         return
     depth = depth_answers(log)
     if depth is None or depth.explained < SURE_SHARE:
@@ -162,9 +177,9 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
         )
 
 
-def _tells_scale(turn: PlanarTurn) -> bool:
-    """Return whether scale and what noise takes off it stay within a bound."""
-    return 1.0 - turn.explained + CLEAR * turn.sd < SURE_SCALE
+def _least_scale(turn: PlanarTurn) -> float:
+    """Return the least departure of a scale that is a finding for certain."""
+    return limit("scale_off") + 1.0 - turn.explained + CLEAR * turn.sd
 
 
 def _why(log: CheckedLog, evidence: VelocityEvidence) -> str:

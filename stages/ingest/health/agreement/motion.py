@@ -14,6 +14,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     accelerometer_changes,
     depth_by_axes,
     depth_gains,
+    heave_zero,
     own_and_cross,
     position_gains,
     velocity_lag,
@@ -162,6 +163,8 @@ def motion_findings(
     turned = Evidence()
     found_depth = list(_depth(log, depth, response))
     yield from found_depth
+    if not any(item["id"] in ("depth_sign", "velocity_scale") for item in found_depth):
+        yield from _heave_zero(log)
     if depth is not None and not any(item["id"] == "depth_sign" for item in found_depth):
         turned.take(depth, range(3), "the depth rate follows it")
     mirrored = list(mirrored_track(log, evidence))
@@ -247,6 +250,33 @@ def depth_answers(log: CheckedLog) -> AxisGains | None:
     if not log.has("depth", "velocity", "attitude"):
         return None
     return depth_gains(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+
+
+def _heave_zero(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a heave that reads something at rest, by the depth."""
+    if not log.has("depth"):
+        return
+    t_velocity, velocity = log.t_s("velocity"), log.body_velocity()
+    if log.vehicle is not None and log.has("imu"):  # that of the depth sensor
+        rates = [np.interp(t_velocity, log.t_s("imu"), log.column("imu", name)) for name in GYRO]
+        lower = log.vehicle.depth_sensor.arm_m - log.vehicle.dvl.arm_m
+        velocity = velocity + np.cross(np.column_stack(rates), lower)
+    attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+    depth = log.t_s("depth"), log.column("depth", "depth_m")
+    answer = heave_zero(*depth, *attitude, t_velocity, velocity)
+    if answer is None or abs(answer[0]) - CLEAR * answer[1] < limit("velocity_zero"):
+        return
+    zero, sd = answer
+    yield finding(
+        "velocity_zero",
+        f"Heave of the velocity ({log.source('velocity')}) reads {zero:+.3f} +- {2.0 * sd:.3f} m/s"
+        " where the depth does not change.",
+        stream="velocity",
+        value=zero,
+        fields=(LINEAR_VELOCITY[2],),
+        remedy=f"Take {zero:+.3f} m/s off the column before the export, once it is clear that the"
+        " depth does not drift so.",
+    )
 
 
 def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:

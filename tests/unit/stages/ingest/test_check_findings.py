@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
-from auvid.hydro.identification.checks.joined_outputs import OtherOrder
+from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
@@ -421,6 +421,19 @@ def drive(log: Log, order: tuple[int, ...], dead: tuple[int, ...] = ()) -> None:
 @spoils("response_order")
 def _other_order(log: Log) -> None:
     drive(log, (5, 6, 7, 8, 1, 2, 3, 4))
+
+
+@spoils("output_dead")
+def _record_of_another_signal(log: Log) -> None:
+    """Output 3 has a wave that its thruster never gave."""
+    drive(log, RIGHT_ORDER)
+    t_s = log.t_s("actuators")
+    log.streams["actuators"]["pwm_3_us"] = 1500.0 + 150.0 * np.sign(np.sin(1.7 * t_s))
+
+
+@spoils("velocity_zero")
+def _heave_at_rest(log: Log) -> None:
+    log.streams["velocity"]["w_m_s"] = log.streams["velocity"]["w_m_s"] + 0.06
 
 
 @spoils("response_scale")
@@ -910,13 +923,31 @@ def test_places_of_thrusters_counted_the_other_way_are_named(
 
 
 @pytest.mark.parametrize("dead", [(), (2,), (2, 7), (1, 2), (5, 8)])
-def test_thrusters_that_act_as_the_vehicle_file_says_have_no_finding(
+def test_thrusters_are_named_where_they_give_nothing_and_else_not(
     dead: tuple[int, ...],
 ) -> None:
     log = sound()
     drive(log, RIGHT_ORDER, dead)
     answers = {"response_order", "response_sign", "response_scale", "velocity_axes"}
-    assert not answers & set(log.ids())
+    findings = log.health()["findings"]
+    assert not answers & {item["id"] for item in findings}
+    of_dead = [item["fields"] for item in findings if item["id"] == "output_dead"]
+    assert of_dead == ([[f"pwm_{number}_us" for number in dead]] if dead else [])
+
+
+def test_outputs_that_change_places_under_way_are_named_with_the_time() -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    outputs, late = log.streams["actuators"], log.t_s("actuators") > 36.0
+    first, third = outputs["pwm_1_us"], outputs["pwm_3_us"]
+    outputs["pwm_1_us"], outputs["pwm_3_us"] = (
+        np.where(late, third, first),
+        np.where(late, first, third),
+    )
+    item = log.finding("response_order")
+    assert "outputs 1 and 3 are exchanged" in item["text"]
+    start, last = re.findall(r"between (\d+) and (\d+) s", item["text"])[0]
+    assert int(start) - 1 <= 36 <= int(last) + 1
 
 
 def test_lights_and_a_camera_that_tilts_are_no_thrusters() -> None:
@@ -1294,12 +1325,13 @@ def test_a_velocity_that_accelerometer_or_track_shows_is_not_listed_as_unseen() 
     turn, scale = "turn of the velocity log", "scale of surge and sway"
     names = " ".join(item["name"] for item in log.health()["unseen"])
     assert turn not in names
-    assert scale not in names
+    assert "scale of surge and sway of the velocity (below 8." in names  # what noise leaves open
     for name in ACCEL:
         log.streams["imu"][name] = np.full(log.t_s("imu").size, np.nan)
     names = " ".join(item["name"] for item in log.health()["unseen"])
     assert turn in names
-    assert scale in names
+    assert f"{scale} of the velocity" in names
+    assert f"{scale} of the velocity (below" not in names
 
 
 @pytest.mark.parametrize("factor", [1.15, 1.0 / 1.15])

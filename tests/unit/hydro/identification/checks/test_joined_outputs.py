@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid.hydro.identification.checks.joined_outputs import WindowMotion, _AxisProducts
+from auvid.hydro.identification.checks.outputs.joined_outputs import WindowMotion, _AxisProducts
 
 
 def test_outputs_whose_pushes_cancel_explain_nothing() -> None:

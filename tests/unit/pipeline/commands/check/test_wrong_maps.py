@@ -741,6 +741,12 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "heading in whole degrees": (data(np.round, "psi_rad"), "values_coarse", "steps of 1 degrees"),
     "heading alone 0.5 s late": (late_heading, "gyro_lag", "Yaw of the attitude comes 0.49"),
     "angles of the order yaw, roll, pitch": (order_zxy, "attitude_order", "yaw, roll, pitch"),
+    "heave 0.12 m/s too much": (data(lambda w: w + 0.12, "w_m_s"), "velocity_zero", "+0.12"),
+    "an output that logs another signal": (
+        data(lambda p: 1500.0 + 200.0 * np.sign(np.sin(np.arange(p.size))), PULSES[1]),
+        "output_dead",
+        "output 2",
+    ),
     "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
     "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
     "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),
@@ -879,6 +885,7 @@ NOT_STOPPING = (
     "tilt_offset",
     "arm_off",
     "values_coarse",
+    "velocity_zero",
 )
 
 

@@ -1,0 +1,1 @@
+"""How a motion answers the outputs that drive it."""
