@@ -102,6 +102,8 @@ def fly(
     `members`: b, where no argument tells it. A member that diverges is nan from there
     on. Raises `CampaignError` where schedules, switch and reference do not go together.
     """
+    from auvid.hydro.dynamics.simulation.compiled_step import step
+
     schedules = (schedules,) if isinstance(schedules, Schedule) else tuple(schedules)
     if len(schedules) != (1 if switch is None else 2) or (switch is not None and waiting is None):
         raise CampaignError(
@@ -121,7 +123,9 @@ def fly(
         np.size(use), len(first) if first.ndim == 2 else 1, len(force) if force.ndim == 3 else 1
     )
     force = np.broadcast_to(force[..., :n, :], (b, n, 3))
-    is_pushed, has_observer = bool(np.any(force)), schedules[0].observer is not None
+    flow = np.zeros(3) if current_ned_m_s is None else np.asarray(current_ned_m_s)
+    current = np.array(np.broadcast_to(flow, (b, 3)), dtype=np.float64, order="C")
+    has_observer = schedules[0].observer is not None
     use = np.broadcast_to(use, (b,))[:, None]
     # State and inputs of the vehicle, and Z of the observer.
     chi = np.broadcast_to(first, (b, N)).copy()
@@ -162,8 +166,10 @@ def fly(
                 by_state = reference.value("by_state")
             # The vehicle moves on; one that is too far away is lost.
             deviation_before = chi - aim.chi
-            push = force[:, tick] if is_pushed else None
-            chi = _advance(plant, chi, U, aim.mass_kg, push, current_ned_m_s, step_s)
+            before, chi = chi, np.empty((b, N))
+            acting, push = plant.acting(U), np.array(force[:, tick], order="C")
+            rows = plant.members(aim.mass_kg)
+            step(before, acting, push, current, rows, plant.tables, step_s, chi)
             chi_ahead, shift = reference.advance(chi, step_s * (tick + 1))
             deviation_after = chi - chi_ahead
             chi[~(np.abs(deviation_after[:, 6:9]).max(axis=1) < LOST_M)] = np.nan
@@ -178,24 +184,6 @@ def limited(U: Array, before: Array, limits: InputLimits, step_s: float) -> Arra
     """Return inputs (..., m) within their limits and limits of their rates."""
     reach = limits.rate * step_s
     return np.clip(np.clip(U, before - reach, before + reach), limits.low, limits.high)
-
-
-def _advance(
-    plant: ControlledPlant,
-    chi: Array,
-    U: Array,
-    mass: ArrayLike,
-    force: Array | None,
-    current: ArrayLike | None,
-    h: float,
-) -> Array:
-    def rate(x: Array) -> Array:
-        return plant.rate(x, U, mass_kg=mass, force_ned_N=force, current_ned_m_s=current)
-
-    k1 = rate(chi)
-    k2 = rate(chi + 0.5 * h * k1)
-    k3 = rate(chi + 0.5 * h * k2)
-    return np.asarray(chi + h / 6.0 * (k1 + 2.0 * (k2 + k3) + rate(chi + h * k3)))
 
 
 def linear_response(

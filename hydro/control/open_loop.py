@@ -17,7 +17,7 @@ import numpy as np
 from auvid.data_schemas.documents.control_cases import QUANTITIES, OpenLoopEntry
 from auvid.data_schemas.errors import CampaignError, nearest
 from auvid.hydro.arrays import STATES, Array
-from auvid.hydro.dynamics.hybrid_vehicle import HybridVehicle, chi_dot
+from auvid.hydro.dynamics.hybrid_vehicle import HybridVehicle
 
 PITCH_LIMIT_RAD = 1.5
 STRAIGHT_RAD_S = 1e-6
@@ -190,10 +190,14 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
     """
     from scipy.integrate import solve_ivp
 
-    U = case.U
+    from auvid.hydro.dynamics.simulation.compiled_step import step
+
+    acting, still = hybrid.acting(case.U[None]), np.zeros((1, 3))
 
     def rate(t: float, chi: Array) -> Array:
-        return chi_dot(hybrid, chi, U, mass_kg=case.mass(t))
+        out, rows = np.empty((1, 12)), hybrid.members(case.mass(t))
+        step(np.array(chi[None]), acting, still, still, rows, hybrid.tables, 0.0, out)
+        return np.asarray(out[0])
 
     def upright(t: float, chi: Array) -> float:
         return float(PITCH_LIMIT_RAD - abs(chi[10]))

@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.actuators.propeller import (
     level_speed_slope,
     propeller_derivatives,
 )
-from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm
+from auvid.hydro.dynamics.actuators.thrusters import thrust_from_pwm, thruster_force
 from auvid.hydro.dynamics.equations_of_motion import Control, forward_dynamics
 from auvid.hydro.dynamics.hybrid_vehicle import INPUTS, HybridVehicle, chi_dot
 from auvid.hydro.dynamics.jacobians import (
@@ -33,6 +33,13 @@ from auvid.hydro.dynamics.jacobians import (
     restoring_jacobian,
 )
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
+from auvid.hydro.dynamics.simulation.plant_constants import (
+    Members,
+    Tables,
+    coefficient_rows,
+    member_rows,
+    term_tables,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis, eta_ratio, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
@@ -124,6 +131,19 @@ class ControlledPlant(Protocol):
         """
         ...
 
+    @property
+    def tables(self) -> Tables:
+        """Constants of the compiled step."""
+        ...
+
+    def members(self, mass_kg: ArrayLike) -> Members:
+        """Return the rows of vehicles of masses () or (b,), for the compiled step."""
+        ...
+
+    def acting(self, U: Array) -> Array:
+        """Return what acts (b, 12) under inputs (b, m), for the compiled step."""
+        ...
+
     def linear(self, chi: ArrayLike, U: ArrayLike, *, mass_kg: ArrayLike) -> tuple[Array, Array]:
         """Return A (..., 12, 12) and B (..., 12, m) of (3.19), analytic."""
         ...
@@ -195,6 +215,16 @@ class HybridPlant:
             force_ned_N=force_ned_N,
             current_ned_m_s=current_ned_m_s,
         )
+
+    @property
+    def tables(self) -> Tables:
+        return self.hybrid.tables
+
+    def members(self, mass_kg: ArrayLike) -> Members:
+        return self.hybrid.members(mass_kg)
+
+    def acting(self, U: Array) -> Array:
+        return self.hybrid.acting(U)
 
     def mass_matrix(self, mass_kg: ArrayLike) -> Array:
         return self.hybrid.mass_matrix(mass_kg, self.hybrid.engine.x_G(mass_kg))
@@ -347,6 +377,32 @@ class IdentifiedPlant:
         if drift is not None:
             acceleration[..., :3] -= cross(nu[..., 3:], drift)
         return np.concatenate([acceleration, eta_dot(eta, nu)], axis=-1)
+
+    @cached_property
+    def tables(self) -> Tables:
+        return term_tables(self.vehicle, self.terms, minimum_speed=self.minimum_speed)
+
+    def members(self, mass_kg: ArrayLike) -> Members:
+        return self._members
+
+    @cached_property
+    def _members(self) -> Members:
+        v = self.vehicle
+        rows = coefficient_rows(self.viscous)
+        return member_rows(v.mass_matrix, v.weight, v.buoyancy, v.r_G, v.r_B, rows)
+
+    def acting(self, U: Array) -> Array:
+        control, v, acting = self._control(U), self.vehicle, np.zeros((len(U), 12))
+        acting[:, 6:] = self.trim
+        if v.propeller is not None:
+            acting[:, 0] = control.propeller_rev_s
+            if self._needs_ratio:
+                acting[:, 1] = level_speed(v.propeller, U[:, 0])
+        if v.fins is not None:
+            acting[:, 2:6] = control.fins_rad
+        if v.thrusters is not None and control.thruster_force_N is not None:
+            acting[:, 6:] += thruster_force(v.thrusters, control.thruster_force_N)
+        return acting
 
     def mass_matrix(self, mass_kg: ArrayLike) -> Array:
         return np.broadcast_to(self.vehicle.mass_matrix, (*np.shape(mass_kg), 6, 6))

@@ -78,6 +78,7 @@ class Reference:
         self.step_s = schedules[0].equilibrium.step_s
         self.time_s = np.zeros(members)
         self.mode = np.zeros(members, dtype=int)
+        self._rows: dict[str, list[tuple[Array, int]]] = {}
         ends = [schedule.equilibrium.t_s[-1] for schedule in schedules]
         self.ratio = np.array([end / ends[0] for end in ends])
         first = schedules[0].equilibrium
@@ -99,12 +100,14 @@ class Reference:
         return self._at(name, self.time_s)
 
     def _at(self, name: str, time_s: Array) -> Array:
+        if name not in self._rows:
+            self._rows[name] = [_rows_and_stride(schedule, name) for schedule in self.schedules]
+        if self.waiting is None:
+            (rows, stride), *_ = self._rows[name]
+            return np.asarray(rows[min(round(time_s[0] / self.step_s) // stride, len(rows) - 1)])
         values = []
-        for schedule, ratio in zip(self.schedules, self.ratio, strict=True):
-            rows, stride = _rows_and_stride(schedule, name)
-            real = np.clip(time_s * ratio / self.step_s, 0.0, stride * len(rows) - 1.0)
-            if self.waiting is None:
-                return np.asarray(rows[round(float(real[0])) // stride])
+        for (rows, stride), ratio in zip(self._rows[name], self.ratio, strict=True):
+            real = np.minimum(time_s * ratio / self.step_s, stride * len(rows) - 1.0)
             values.append(_between(rows, real / stride, name))
         if len(values) == 1:
             return values[0]

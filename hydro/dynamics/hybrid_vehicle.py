@@ -9,33 +9,28 @@ are the batch; parameters may differ from member to member.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError, nearest
-from auvid.hydro.arrays import Array, cross, cross_components, matrix_product, read_only
+from auvid.hydro.arrays import Array, cross, matrix_product, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
-from auvid.hydro.dynamics.mechanics.kinematics import (
-    SINGULAR_COSINE,
-    eta_dot,
-    euler_rate_entries,
-    rotation_body_to_ned,
-    rotation_entries,
-)
-from auvid.hydro.dynamics.mechanics.restoring import restoring_components, restoring_force
-from auvid.hydro.dynamics.mechanics.rigid_body import (
-    coriolis_components,
-    coriolis_force,
-    rigid_body_matrix,
+from auvid.hydro.dynamics.mechanics.kinematics import eta_dot, rotation_body_to_ned
+from auvid.hydro.dynamics.mechanics.restoring import restoring_force
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force, rigid_body_matrix
+from auvid.hydro.dynamics.simulation.plant_constants import (
+    Members,
+    Tables,
+    coefficient_rows,
+    member_rows,
+    term_tables,
 )
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.dynamics.viscous.basis import basis, basis_numbers
+from auvid.hydro.dynamics.viscous.basis import basis
 from auvid.hydro.dynamics.viscous.coefficients import (
     Coefficient,
     added_mass_matrix,
@@ -46,10 +41,8 @@ from auvid.hydro.dynamics.viscous.models import Coefficients, IdentifiedModel
 
 INPUTS = ("X_thrust", "delta_r", "delta_s_right", "delta_s_left")
 PARAMETER_SETS = ("as_printed", "as_simulated", "corrected")
-SMALL_BATCH = 3
-"""So few states of one vehicle are moved in plain numbers, faster than arrays: open-loop
-flights, a flight with and without its observer.
-"""
+SETTLED_MASSES = 256
+"""Rows of a mass that are kept: a flight asks for them at every step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +95,50 @@ class HybridVehicle:
         """
         model = IdentifiedModel(name, coefficients)
         return replace(self, terms=model.terms, viscous=model.matrix, parameter_set=name)
+
+    @cached_property
+    def tables(self) -> Tables:
+        """Constants for the compiled step."""
+        fins = np.zeros((6, 8))
+        fins[:, :3] = self.fins
+        return term_tables(self.vehicle, self.terms, minimum_speed=0.0)._replace(
+            fins=fins.flatten(), propeller=np.zeros(6)
+        )
+
+    @cached_property
+    def coefficient_rows(self) -> Array:
+        """K, a row a member, for the compiled step."""
+        return coefficient_rows(self.viscous)
+
+    def members(self, mass_kg: ArrayLike) -> Members:
+        """Return the rows of vehicles of masses () or (b,), for the compiled step."""
+        mass = np.asarray(mass_kg, dtype=np.float64)
+        return _members_at(self, float(mass)) if mass.ndim == 0 else _members(self, mass)
+
+    def acting(self, U: ArrayLike) -> Array:
+        """Return what acts (b, 12) under inputs (b, 4), for the compiled step."""
+        U = np.asarray(U, dtype=np.float64)
+        acting = np.zeros((len(U), 12))
+        acting[:, 2:5], acting[:, 6] = U[:, 1:], U[:, 0]
+        acting[:, 9] = np.where(U[:, 0] > 0.0, self.propeller_roll_moment_Nm, 0.0)
+        return acting
+
+
+@lru_cache(maxsize=SETTLED_MASSES)
+def _members_at(hybrid: HybridVehicle, mass_kg: float) -> Members:
+    return _members(hybrid, np.asarray(mass_kg))
+
+
+def _members(hybrid: HybridVehicle, mass: Array) -> Members:
+    x_G, vehicle = hybrid.engine.x_G(mass), hybrid.vehicle
+    return member_rows(
+        hybrid.mass_matrix(mass, x_G),
+        mass * vehicle.gravity,
+        hybrid.buoyancy,
+        hybrid.r_G(x_G),
+        vehicle.r_B,
+        hybrid.coefficient_rows,
+    )
 
 
 def hybrid_vehicle(vehicle: Vehicle, parameter_set: str = "as_simulated") -> HybridVehicle:
@@ -203,10 +240,7 @@ def nu_dot(
     if current_ned_m_s is not None:
         drift = _to_body(eta, current_ned_m_s)
         nu = np.concatenate([nu[..., :3] - drift, nu[..., 3:]], axis=-1)
-    if mass.ndim == x_G.ndim == 0:
-        r_G, M, inverse = _inertia(hybrid, float(mass), float(x_G))
-    else:
-        r_G, M, inverse = hybrid.r_G(x_G), hybrid.mass_matrix(mass, x_G), None
+    r_G, M = hybrid.r_G(x_G), hybrid.mass_matrix(mass, x_G)
     weight = mass * hybrid.vehicle.gravity
     tau = restoring_force(
         eta, weight=weight, buoyancy=hybrid.buoyancy, r_G=r_G, r_B=hybrid.vehicle.r_B
@@ -221,22 +255,12 @@ def nu_dot(
         push = _to_body(eta, force_ned_N)
         tau[..., :3] += push
         tau[..., 3:] += cross(np.broadcast_to(r_G, push.shape), push)
-    rate = np.linalg.solve(M, tau[..., None])[..., 0] if inverse is None else tau @ inverse.T
+    rate = np.linalg.solve(M, tau[..., None])[..., 0]
     if drift is not None:
         # In a steady current the body components of the water's velocity turn with the
         # vehicle: d/dt = -omega x v_c.
         rate[..., :3] -= cross(nu[..., 3:], drift)
     return np.asarray(rate)
-
-
-@lru_cache(maxsize=256)
-def _inertia(
-    hybrid: HybridVehicle, mass_kg: float, x_G_m: float
-) -> tuple[Array, Array, Array | None]:
-    """Return r_G, M and the inverse (None for members): a flight asks at every step."""
-    M = hybrid.mass_matrix(mass_kg, x_G_m)
-    inverse = np.asarray(np.linalg.inv(M), dtype=np.float64) if M.ndim == 2 else None
-    return hybrid.r_G(x_G_m), M, inverse
 
 
 def chi_dot(
@@ -254,107 +278,16 @@ def chi_dot(
     nan at singular pitch.
     """
     chi, U = np.asarray(chi, dtype=np.float64), np.asarray(U, dtype=np.float64)
-    mass = np.asarray(hybrid.engine.neutral_kg if mass_kg is None else mass_kg, dtype=np.float64)
-    if chi.size <= SMALL_BATCH * chi.shape[-1] and chi.ndim <= 2 and x_G_m is None:
-        parts = (U, force_ned_N, current_ned_m_s)
-        leading = (mass.shape, *(np.shape(part)[:-1] for part in parts if part is not None))
-        if _is_one_vehicle(hybrid) and all(shape in ((), chi.shape[:-1]) for shape in leading):
-            return _few_rates(hybrid, chi, mass, *parts)
     rate = nu_dot(
         hybrid,
         chi,
         U,
-        mass_kg=mass,
+        mass_kg=mass_kg,
         x_G_m=x_G_m,
         force_ned_N=force_ned_N,
         current_ned_m_s=current_ned_m_s,
     )
     return np.concatenate([rate, eta_dot(chi[..., 6:], chi[..., :6])], axis=-1)
-
-
-def _is_one_vehicle(hybrid: HybridVehicle) -> bool:
-    return hybrid.viscous.ndim == hybrid.added_mass.ndim == hybrid.fins.ndim == 2
-
-
-def _few_rates(
-    hybrid: HybridVehicle,
-    chi: Array,
-    mass_kg: Array,
-    U: Array,
-    force_ned_N: ArrayLike | None,
-    current_ned_m_s: ArrayLike | None,
-) -> Array:
-    """Return chi_dot (..., 12) of a few states, one after another."""
-    if chi.ndim == 1:
-        return _one_rate(hybrid, chi, float(mass_kg), U, force_ned_N, current_ned_m_s)
-    out = np.empty(chi.shape)
-    for i, state in enumerate(chi):
-        row = [
-            part if part is None or np.ndim(part) == 1 else np.asarray(part)[i]
-            for part in (U, force_ned_N, current_ned_m_s)
-        ]
-        mass = float(mass_kg if mass_kg.ndim == 0 else mass_kg[i])
-        out[i] = _one_rate(hybrid, state, mass, *row)
-    return out
-
-
-def _one_rate(
-    hybrid: HybridVehicle,
-    chi: Array,
-    mass_kg: float,
-    U: Any,
-    force_ned_N: Any,
-    current_ned_m_s: Any,
-) -> Array:
-    """Return chi_dot (12,): the equations of `nu_dot` in plain numbers."""
-    nu, ground = chi[:6], chi[:6].tolist()
-    (sf, st, sp), (cf, ct, cp) = np.sin(chi[9:]).tolist(), np.cos(chi[9:]).tolist()
-    to_ned = rotation_entries(sf, cf, st, ct, sp, cp)
-    omega: Any = tuple(ground[3:])
-    drift: Any = (0.0, 0.0, 0.0)
-    if current_ned_m_s is not None:
-        drift = _transposed_product(to_ned, np.asarray(current_ned_m_s, dtype=np.float64).tolist())
-        nu = nu - (*drift, 0.0, 0.0, 0.0)
-    water = nu.tolist()
-    r_G, M, inverse = _inertia(hybrid, mass_kg, float(hybrid.engine.x_G(mass_kg)))
-    # Gravity and buoyancy, viscous force, fins: (2.44), (3.12), (2.61).
-    vehicle, arm = hybrid.vehicle, r_G.tolist()
-    weight: Any = mass_kg * vehicle.gravity
-    x, y, z = (
-        weight * heavy - hybrid.buoyancy * light
-        for heavy, light in zip(arm, vehicle.r_B.tolist(), strict=True)
-    )
-    thrust, *fins = U.tolist()
-    tau = (
-        restoring_components(sf, cf, st, ct, weight - hybrid.buoyancy, x, y, z)
-        - np.array(coriolis_components(water, (M @ nu).tolist()))
-        + hybrid.viscous @ basis_numbers(water, hybrid.terms)
-        + water[0] * water[0] * (hybrid.fins @ fins)
-    )
-    tau[0] += thrust
-    tau[3] += hybrid.propeller_roll_moment_Nm if thrust > 0.0 else 0.0
-    if force_ned_N is not None:
-        push = _transposed_product(to_ned, np.asarray(force_ned_N, dtype=np.float64).tolist())
-        tau += (*push, *cross_components(tuple(arm), push))
-    assert inverse is not None
-    out = np.empty(12)
-    out[:6] = inverse @ tau
-    if current_ned_m_s is not None:
-        out[:3] -= cross_components(omega, drift)
-    # The pose moves over ground (2.11).
-    cosine: Any = math.nan if abs(ct) < SINGULAR_COSINE else ct
-    out[6:9] = [_dot(row, ground[:3]) for row in to_ned]
-    out[9:] = [_dot(row, omega) for row in euler_rate_entries(sf, cf, st, cosine)]
-    return out
-
-
-def _dot(a: Any, b: Any) -> Any:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _transposed_product(rows: Any, vector: Any) -> tuple[Any, Any, Any]:
-    first, second, third = zip(*rows, strict=True)
-    return _dot(first, vector), _dot(second, vector), _dot(third, vector)
 
 
 def _to_body(eta: Array, vector_ned: ArrayLike) -> Array:

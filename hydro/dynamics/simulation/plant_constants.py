@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.dynamics.simulation.physical_viscous import PhysicalViscous
@@ -64,11 +65,7 @@ def plant_tables(
     fins, propeller = vehicle.fins, vehicle.propeller
     model = truth if isinstance(truth, IdentifiedModel) else IdentifiedModel("none", {})
     physical = truth if isinstance(truth, PhysicalViscous) else _NO_PHYSICS
-    factors = [
-        [FACTORS.index(factor) for factor in (*BASIS_TERMS[term].factors, "one", "one")[:3]]
-        for term in model.terms
-    ]
-    factors += [[0, 0, 0]] * (-len(factors) % WIDTH)
+    factors = factor_places(model.terms)
     strips, surfaces = padded(physical.strips.T), padded(physical.surfaces.T)
     rho, moment = (
         vehicle.water_density,
@@ -82,11 +79,11 @@ def plant_tables(
         fins=np.zeros(48) if fins is None else fins.coefficients(rho).flatten(),
         propeller=np.zeros(6) if propeller is None else propeller.coefficients(rho).flatten(),
         inflow_per_u=0.0 if propeller is None else propeller.inflow_per_u,
-        factors=np.array(factors, dtype=np.int64).flatten(),
+        factors=factors,
         coefficients=padded(model.matrix).flatten(),
         strips=strips.flatten(),
         surfaces=surfaces.flatten(),
-        counts=(len(factors), strips.shape[1], surfaces.shape[1]),
+        counts=(len(factors) // 3, strips.shape[1], surfaces.shape[1]),
         physical=isinstance(truth, PhysicalViscous),
         body=physical.body.flatten(),
         axial=physical.axial.flatten(),
@@ -94,6 +91,64 @@ def plant_tables(
         lag_s=float(lag_s),
         minimum_speed=float(minimum_speed),
     )
+
+
+class Members(NamedTuple):
+    """What may differ from vehicle to vehicle of a plant: one row for all, or one each.
+
+    mass and inverse (k, 36), restoring (k, 4), coefficients (k, 6 terms) as in `Tables`;
+    r_G (k, 3): where a force field acts.
+    """
+
+    mass: Array
+    inverse: Array
+    restoring: Array
+    coefficients: Array
+    r_G: Array
+
+
+def term_tables(vehicle: Vehicle, terms: Sequence[str], *, minimum_speed: float) -> Tables:
+    """Return the tables of a vehicle; `Members` bring the coefficients of the terms."""
+    tables = plant_tables(
+        vehicle, IdentifiedModel("none", {}), lag_s=0.0, minimum_speed=minimum_speed
+    )
+    factors = factor_places(terms)
+    return tables._replace(factors=factors, counts=(len(factors) // 3, 0, 0))
+
+
+def member_rows(
+    mass_matrix: Array, weight: ArrayLike, buoyancy: float, r_G: Array, r_B: Array, viscous: Array
+) -> Members:
+    """Return the rows of vehicles.
+
+    M (..., 6, 6), weight (...) [N], r_G (..., 3), and `viscous` (k, 6 terms) from
+    `coefficient_rows`.
+    """
+    heavy = np.asarray(weight, dtype=np.float64)[..., None]
+    restoring = np.concatenate([heavy - buoyancy, r_G * heavy - r_B * buoyancy], axis=-1)
+    return Members(
+        mass=np.array(mass_matrix).reshape(-1, 36),
+        inverse=np.asarray(np.linalg.inv(mass_matrix), dtype=np.float64).reshape(-1, 36),
+        restoring=restoring.reshape(-1, 4),
+        coefficients=viscous,
+        r_G=np.array(r_G).reshape(-1, 3),
+    )
+
+
+def coefficient_rows(viscous: Array) -> Array:
+    """Return K (..., 6, terms) filled up, a row (6 terms) a vehicle."""
+    filled = padded(viscous)
+    return filled.reshape(-1, 6 * filled.shape[-1])
+
+
+def factor_places(terms: Sequence[str]) -> NDArray[np.int64]:
+    """Return the places in FACTORS of the factors of terms, three each, filled up."""
+    places = [
+        [FACTORS.index(factor) for factor in (*BASIS_TERMS[term].factors, "one", "one")[:3]]
+        for term in terms
+    ]
+    places += [[0, 0, 0]] * (-len(places) % WIDTH)
+    return np.array(places, dtype=np.int64).flatten()
 
 
 def padded(columns: Array) -> Array:

@@ -175,17 +175,6 @@ def basis(
     return rows.T.reshape(*batch, rows.shape[0])
 
 
-def basis_numbers(nu: Sequence[float], terms: Sequence[str]) -> Array:
-    """Return the values (n_terms,) of `terms` at one velocity, faster than `basis`.
-
-    Errors as `basis_rows`; terms with eta - 1 are an error.
-    """
-    names, places = product_plan(tuple(terms))
-    factor = _factors(nu, None)
-    values = np.array([*map(factor, names), 1.0])
-    return np.asarray(np.multiply.reduce(values[places]))
-
-
 def cross_flow_speed(v: Array, w: Array) -> Array:
     """Return V = sqrt(v^2 + w^2) (C.9); arrays, or numbers in the compiled loop."""
     return np.hypot(v, w)

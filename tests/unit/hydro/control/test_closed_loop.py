@@ -14,6 +14,7 @@ import pytest
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.arrays import Array
 from auvid.hydro.control.closed_loop import ForceField, fly, limited, linear_response, performance
 from auvid.hydro.control.controllers import Schedule, Weights, design
 from auvid.hydro.control.equilibrium import (
@@ -22,6 +23,7 @@ from auvid.hydro.control.equilibrium import (
     minimum_turning_radius,
     require_reachable,
 )
+from auvid.hydro.control.observer import N
 from auvid.hydro.control.paths.paths import helix, path_of_pieces, saw_tooth
 from auvid.hydro.control.paths.trajectories import Trajectory, fly_path
 from auvid.hydro.control.plants import ControlledPlant, HybridPlant, hybrid_plant, identified_plant
@@ -29,6 +31,7 @@ from auvid.hydro.control.reference import ModeSwitch, Waiting
 from auvid.hydro.control.riccati import uncontrollable_states
 from auvid.hydro.dynamics.hybrid_vehicle import hybrid_vehicle
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.simulation.compiled_step import step
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 
 ROOT = Path(__file__).parents[4]
@@ -70,6 +73,38 @@ def central(
     return slope(lambda step: rate(chi + step, U), 12), slope(
         lambda step: rate(chi, U + step), U.shape[-1]
     )
+
+
+@pytest.mark.parametrize("plant", [HAUV, VT690], ids=["hauv", "vt690"])
+def test_the_compiled_step_moves_vehicles_as_the_equations_of_the_plant(
+    plant: ControlledPlant,
+) -> None:
+    random, b, h = np.random.default_rng(5), 4, 0.2
+    nominal = plant.viscous
+    plant = plant.with_viscous(nominal * random.uniform(0.8, 1.2, (b, *nominal.shape)))
+    chi: Array = random.normal(scale=0.3, size=(b, N))
+    chi[:, 0] += 1.2
+    U = random.uniform(
+        0.1 * plant.inputs.high, 0.9 * plant.inputs.high, (b, len(plant.inputs.names))
+    )
+    U[0, 0] = plant.inputs.low[0]
+    push, current = random.normal(scale=50.0, size=(b, 3)), random.normal(scale=0.2, size=(b, 3))
+    masses: Array = np.full(b, plant.neutral_kg)
+    masses += random.uniform(-0.5, 0.5, b) * isinstance(plant, HybridPlant)
+    for mass in (plant.neutral_kg, masses):
+
+        def rate(x: Array, mass: Array | float = mass) -> Array:
+            return plant.rate(x, U, mass_kg=mass, force_ned_N=push, current_ned_m_s=current)
+
+        k1 = rate(chi)
+        k2 = rate(chi + 0.5 * h * k1)
+        k3 = rate(chi + 0.5 * h * k2)
+        moved = chi + h / 6.0 * (k1 + 2.0 * (k2 + k3) + rate(chi + h * k3))
+        for seconds, expected in ((0.0, k1), (h, moved)):
+            out = np.empty((b, N))
+            acting, rows = plant.acting(U), plant.members(mass)
+            step(chi, acting, push, current, rows, plant.tables, seconds, out)
+            np.testing.assert_allclose(out, expected, rtol=1e-11, atol=1e-12)
 
 
 @pytest.mark.parametrize("plant", [HAUV, VT690], ids=["hauv", "vt690"])
