@@ -75,6 +75,12 @@ class LikelihoodFit(Model):
     """Stretches of legs fitted."""
     weighted_residual: float
     """RMS of all errors in parts of their predicted deviations."""
+    windows_differ: float | None = None
+    """Mean square of what windows differ by over what noise makes of it; output error."""
+    windows_agree: bool | None = None
+    """Whether noise explains that. Where it does not, the form lacks something: errors come
+    from leaving windows out, and the distance from least squares counts in the intervals.
+    """
     channels: list[ChannelNoise]
     """Per measured quantity: noise and normalised error."""
     legs: list[LegFit]

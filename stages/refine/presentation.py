@@ -90,6 +90,8 @@ def _coefficients(first: ModelCard, card: ModelCard) -> Block:
         "Intervals are the larger of those for white and for coloured errors. Constant"
         " forces that an unsteady force with a long memory can take over have wide ones."
     )
+    if card.likelihood is not None and card.likelihood.windows_agree is False:
+        note = "Intervals are by windows left out, and no smaller than those for white errors."
     return table(f"{card.title}: {card.n_bar} terms", heads, rows, note=note)
 
 
@@ -137,10 +139,21 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
             f" Limits that hold coefficients back: {names}. They lower the log-likelihood by"
             f" {fit.limits_cost:.2g}."
         )
+    if fit.windows_agree is False:
+        words += f" {disagreement(fit)}"
     blocks = [text(f"{words} {coverage_words(card.coverage_on_twins, card.method)}")]
     if fit.left_out:
         blocks.append(remark(f"{card.title}, left out: {'; '.join(fit.left_out)}."))
     return blocks
+
+
+def disagreement(fit: LikelihoodFit) -> str:
+    """Return what it means that the windows do not agree."""
+    return (
+        f"Windows differ by {fit.windows_differ:.3g} times what noise explains (mean square): the"
+        " form lacks something. Intervals come from leaving windows out, and how far a value is"
+        " from that of least squares counts as what the form lacks."
+    )
 
 
 def _channels(card: ModelCard, fit: LikelihoodFit) -> Block:

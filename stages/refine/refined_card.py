@@ -23,8 +23,9 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import ALL_AXES, LAG, Unknown
 from auvid.hydro.identification.constrained.estimates import EstimateStatus, estimate_statuses
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, moved_far
+from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
-from auvid.hydro.identification.regression.assumed_figures import total_error
+from auvid.hydro.identification.regression.assumed_figures import FORM, total_error
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import Combination
 from auvid.hydro.identification.regression.verdicts import (
@@ -196,13 +197,29 @@ def _term(
         free = float(fit.problem.physical(fit.estimate.theta)[i])
         if not fixed and abs(value - free) > CHANGED * error:
             update["free_value"] = free
-        total = total_error(error, item.assumed_shifts)
+        shifts = _shifts(item, value, fit.estimate)
+        if word not in (AT_BOUND, FROM_PRIOR):
+            update["assumed_shifts"] = shifts
         if word == IDENTIFIED and (
-            not clear_of_zero(value, error, item.assumed_shifts.values())
-            or moved_far(value, free, total)
+            not clear_of_zero(value, error, shifts.values())
+            or moved_far(value, free, total_error(error, shifts))
         ):
             update["verdict"] = WEAK
     return item.model_copy(update=update)
+
+
+def _shifts(item: TermCard, value: float, estimate: LikelihoodEstimate) -> dict[str, float]:
+    """Return what assumed figures move a coefficient by, and what its form lacks.
+
+    Where the windows do not agree, the form lacks something, and two estimators that weigh
+    the motion differently take it up differently: how far this one is from least squares
+    counts as well.
+    """
+    shifts = dict(item.assumed_shifts)
+    if not estimate.windows_agree:
+        away = abs(value - item.value) if item.value is not None else abs(value)
+        shifts[FORM] = float(np.hypot(shifts.get(FORM, 0.0), away))
+    return shifts
 
 
 def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombination:
@@ -226,11 +243,12 @@ def _inertia(
     places = dict(zip((i.name for i in fit.problem.card.inertia), fit.problem.inertia, strict=True))
     i = unknowns.index(places[item.name])
     change, error = float(fit.limited.values[i]), float(fit.estimate.standard_errors[i])
+    away = 0.0 if fit.estimate.windows_agree else item.in_vehicle_file - change - item.value
     update: dict[str, Any] = {
         "value": item.in_vehicle_file - change,
         "standard_error": error if np.isfinite(error) else 0.0,
         "change": change,
-        "verdict": _clear(change, error),
+        "verdict": _clear(change, error, away),
     }
     if fit.problem.lag:
         j = unknowns.index(Unknown(ALL_AXES, LAG))
@@ -240,7 +258,7 @@ def _inertia(
         without = change - correlation * error / lag_error * lag
         without_error = error * np.sqrt(1.0 - correlation**2)
         if 1.0 - correlation**2 < 1.0 / VIF_LIMIT or (
-            update["verdict"] == WEAK and _clear(without, without_error) == IDENTIFIED
+            update["verdict"] == WEAK and _clear(without, without_error, away) == IDENTIFIED
         ):
             update["verdict"] = INSEPARABLE
         update |= {
@@ -253,8 +271,8 @@ def _inertia(
     return item.model_copy(update={**update, "verdict": strongest(update["verdict"], method)})
 
 
-def _clear(value: float, error: float) -> TermStatus:
-    return IDENTIFIED if clear_of_zero(value, error) else WEAK
+def _clear(value: float, error: float, away: float = 0.0) -> TermStatus:
+    return IDENTIFIED if clear_of_zero(value, error, [away]) else WEAK
 
 
 def _correlation(covariance: Array, i: int, j: int) -> float:
@@ -267,6 +285,7 @@ def _likelihood(
     fit: SensorFit, estimator: str, legs: Sequence[LegRecord], left_out: Sequence[str]
 ) -> LikelihoodFit:
     estimate, noise = fit.estimate, fit.estimate.noise
+    agreement = estimate.agreement
     counts = np.zeros(len(CHANNELS), dtype=int)
     for leg in legs:
         for sensor, record in leg.sensors.items():
@@ -294,6 +313,8 @@ def _likelihood(
             "samples": int(counts.sum()),
             "windows": estimate.windows,
             "weighted_residual": estimate.weighted_residual,
+            "windows_differ": None if agreement is None else agreement.ratio,
+            "windows_agree": None if agreement is None else agreement.holds,
             "channels": channels,
             "legs": [_leg(number, leg, fit) for number, leg in enumerate(legs)],
             "force_time_s": None if noise.time_s is None else _by_axis(noise.time_s),

@@ -2,7 +2,7 @@
 
 Standard errors: the inverse of the information matrix where errors are white, as they
 are for a true model; the sandwich with long-run moments of the scores where they are
-not (White 1982; Newey and West 1987).
+not (White 1982; Newey and West 1987); windows left out where these do not agree.
 """
 
 from __future__ import annotations
@@ -14,10 +14,8 @@ import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
-    NormalEquations,
-    solve_scaled,
-)
+from auvid.hydro.identification.maximum_likelihood.agreement import Agreement, PartEquations
+from auvid.hydro.identification.maximum_likelihood.gauss_newton import solve_scaled
 from auvid.hydro.identification.maximum_likelihood.likelihood import (
     Likelihood,
     NoiseModel,
@@ -49,7 +47,8 @@ class LikelihoodEstimate:
     `word`: `converged`, or `no convergence` for the best point of the steps allowed;
     `at_bound` (k,). `leg_equations`: what each leg tells of all unknowns, theta first,
     and `prior_equations` the prior; `unknowns_at_bound`: which
-    of them are at a bound.
+    of them are at a bound. `agreement`: whether the windows agree; None where that was
+    not asked (filter error).
     """
 
     names: tuple[str, ...]
@@ -70,6 +69,12 @@ class LikelihoodEstimate:
     leg_equations: tuple[LegEquations, ...]
     prior_equations: LegEquations
     unknowns_at_bound: Mask
+    agreement: Agreement | None = None
+
+    @property
+    def windows_agree(self) -> bool:
+        """Return whether no window speaks against the others."""
+        return self.agreement is None or self.agreement.holds
 
     @property
     def standard_errors(self) -> Array:
@@ -111,11 +116,13 @@ def estimate_from(
     log_likelihood: Sequence[float],
     dropped: Sequence[DroppedWindow],
     leg_equations: Sequence[LegEquations],
+    parts: PartEquations | None = None,
 ) -> LikelihoodEstimate:
     """Return the estimate at `common` unknowns.
 
     `information` (n, n) and long-run `moment` (n, n) of the scores of all unknowns,
-    those of `common` first; `at_bound` (n,); `leg_equations` without the prior.
+    those of `common` first; `at_bound` (n,); `leg_equations` without the prior; `parts`:
+    what windows tell, to see whether they agree.
     """
     theta, biases = likelihood.split(common)
     k, g = len(theta), len(common)
@@ -124,6 +131,11 @@ def estimate_from(
     cell = np.ix_(informed, informed)
     inverse[cell] = solve_scaled(information[cell], np.eye(int(informed.sum())))
     robust[cell] = inverse[cell] @ moment[cell] @ inverse[cell]
+    prior = _prior_equations(likelihood, theta, len(information))
+    agreement = None if parts is None else parts.agreement(informed)
+    if parts is not None and agreement is not None and not agreement.holds:
+        robust = parts.left_out_covariance(informed, prior.information)
+    covariance = _larger(inverse, robust)
     errors = np.concatenate([run.errors / np.sqrt(run.variances) for run in runs])
     channel = np.concatenate([run.channel for run in runs])
     squares = np.bincount(channel, weights=errors**2, minlength=len(CHANNELS))
@@ -131,7 +143,7 @@ def estimate_from(
     return LikelihoodEstimate(
         names=likelihood.parameters.names,
         theta=theta,
-        covariance=_larger(inverse[:k, :k], robust[:k, :k]),
+        covariance=covariance[:k, :k],
         information_covariance=inverse[:k, :k],
         coefficients=likelihood.parameters.coefficients(theta),
         biases=biases,
@@ -145,8 +157,9 @@ def estimate_from(
         windows=len(likelihood.windows),
         dropped=tuple(dropped),
         leg_equations=tuple(leg_equations),
-        prior_equations=_prior_equations(likelihood, theta, len(information)),
+        prior_equations=prior,
         unknowns_at_bound=at_bound,
+        agreement=agreement,
     )
 
 
@@ -160,6 +173,7 @@ def _prior_equations(likelihood: Likelihood, theta: Array, size: int) -> LegEqua
 
 def _larger(white: Array, robust: Array) -> Array:
     """Return `robust` with variances no smaller than `white`."""
+    robust = robust + np.diag(np.where(np.diag(robust) == 0.0, np.diag(white), 0.0))
     ratio = np.sqrt(np.maximum(np.diag(white) / np.diag(robust), 1.0))
     return np.asarray(robust * np.outer(ratio, ratio))
 
@@ -190,18 +204,17 @@ def score_moment(likelihood: Likelihood, scores: Sequence[Array]) -> Array:
 
 
 def projected_scores(
-    likelihood: Likelihood, equations: NormalEquations, runs: Sequence[WindowRun]
+    likelihood: Likelihood, runs: Sequence[WindowRun], rows: Sequence[Array]
 ) -> list[Array]:
-    """Return the scores J' W e (moments, g) of each window, its start projected out."""
+    """Return the scores J' W e (moments, n) of each window.
+
+    rows: of `projected_rows`.
+    """
     out = []
-    for number, (window, run) in enumerate(zip(likelihood.windows, runs, strict=True)):
-        place = likelihood.places(window.leg)
-        g = len(place)
-        block, across = equations.local[number], equations.coupling[number][:, place]
-        rows = run.jacobian[:, :g] - run.jacobian[:, g:] @ solve_scaled(block, across)
-        own = np.zeros((len(window.t_s), g))
-        np.add.at(own, run.moment, rows * (run.errors / run.variances)[:, None])
+    for window, run, own in zip(likelihood.windows, runs, rows, strict=True):
         scores = np.zeros((len(window.t_s), likelihood.unknowns))
-        scores[:, place] = own
+        sums = np.zeros((len(window.t_s), own.shape[1]))
+        np.add.at(sums, run.moment, own * (run.errors / run.variances)[:, None])
+        scores[:, likelihood.places(window.leg)] = sums
         out.append(scores)
     return out

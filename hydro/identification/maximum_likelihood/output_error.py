@@ -16,6 +16,10 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.maximum_likelihood.agreement import (
+    part_equations,
+    projected_rows,
+)
 from auvid.hydro.identification.maximum_likelihood.estimate import (
     LegEquations,
     LikelihoodEstimate,
@@ -107,13 +111,14 @@ def fit_output_error(
             break
     assert final.equations is not None
     information, _ = final.equations.reduced()
+    rows = projected_rows(likelihood, final.equations, runs)
     return estimate_from(
         likelihood,
         common,
         runs,
         used,
         information=information,
-        moment=score_moment(likelihood, projected_scores(likelihood, final.equations, runs)),
+        moment=score_moment(likelihood, projected_scores(likelihood, runs, rows)),
         at_bound=optimum.at_bound,
         word=optimum.word,
         log_likelihood=history,
@@ -122,6 +127,7 @@ def fit_output_error(
             LegEquations(*part.normal_equations(own, part.split(common)[0]).reduced())
             for part, own in likelihood.by_leg(runs)
         ],
+        parts=part_equations(likelihood, runs, rows),
     )
 
 

@@ -192,11 +192,14 @@ def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estima
     assert noise["velocity x"] == pytest.approx(0.005, rel=0.2)
     assert noise["depth"] == pytest.approx(0.004, rel=0.2)
     assert (fit.force_time_s is None) == (estimator == "output_error")
+    # Pulses at 10 Hz are no straight lines: one window's parts say so to output error.
+    assert fit.windows_agree == (None if estimator == "filter_error" else False)
     assert warned(refined) == ""
     assert refined.section is not None
     words = str(refined.section["blocks"])
     share = {"output_error": "95 %", "filter_error": "90 %"}[estimator]
     assert f"held the truth in {share} where the truth is" in words
+    assert ("Windows differ by" in words) == (estimator == "output_error")
     assert ("filter error calls none identified" in words) == (estimator == "filter_error")
 
 
@@ -434,20 +437,38 @@ def test_an_estimated_installation_moves_the_velocity_log(twin: refine.Inputs) -
     np.testing.assert_array_equal(plain.geometry.velocity.arm_m, VEHICLE.dvl.arm_m)
 
 
-@pytest.mark.parametrize("word", ["from the prior", "at its bound", "weak"])
-def test_a_value_that_a_prior_or_a_bound_holds_has_no_shifts_of_the_data_alone(word: str) -> None:
+@pytest.mark.parametrize(
+    ("word", "agree", "verdict", "shifts"),
+    [
+        ("from the prior", True, "from the prior", {}),
+        ("at its bound", False, "at its bound", {}),
+        ("weak", True, "weak", {"thrust": 1.3}),
+        ("identified", True, "weak", {"thrust": 1.3}),
+        ("identified", False, "weak", {"thrust": 1.3, "form": 0.7}),
+    ],
+)
+def test_shifts_of_a_value_are_those_of_free_data_and_of_a_form_that_lacks_something(
+    word: str, agree: bool, verdict: str, shifts: dict[str, float]
+) -> None:
+    """A prior or a bound holds back what figures move; windows that disagree add a distance."""
     item = TermCard.model_validate(
-        {"term": "p", "unit": "N*m*s/rad", "verdict": "weak", "assumed_shifts": {"thrust": 1.3}}
+        {
+            "term": "p",
+            "unit": "N*m*s/rad",
+            "value": -1.0,
+            "verdict": "weak",
+            "assumed_shifts": {"thrust": 1.3},
+        }
     )
     one, unknown = np.array([-1.7]), Unknown("K", "p")
     fit = SimpleNamespace(
         problem=SimpleNamespace(unknowns=[unknown], physical=lambda theta: theta),
         limited=SimpleNamespace(values=one),
-        estimate=SimpleNamespace(standard_errors=np.array([0.9]), theta=one),
+        estimate=SimpleNamespace(standard_errors=np.array([0.3]), theta=one, windows_agree=agree),
     )
     fitted = refined_term("K", item, cast(SensorFit, fit), {unknown: EstimateStatus(word)})
-    assert fitted.verdict == word
-    assert fitted.assumed_shifts == ({"thrust": 1.3} if word == "weak" else {})
+    assert fitted.verdict == verdict
+    assert fitted.assumed_shifts == pytest.approx(shifts)
 
 
 @pytest.mark.parametrize(("stated_s", "warns"), [(0.05, True), (0.12, False)])

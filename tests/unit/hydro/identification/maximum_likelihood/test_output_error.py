@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from scipy.stats import t as student
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.identification.maximum_likelihood import output_error
@@ -114,6 +115,38 @@ def test_a_strong_prior_wins_and_a_weak_one_leaves_the_data_alone() -> None:
         fit = fit_output_error([leg], SWAY, start, prior=prior, sensor_sd=KNOWN_SD)
         expected = -25.0 + share * (free.theta[0] + 25.0)
         assert fit.theta[0] == pytest.approx(expected, abs=0.02 * sd)
+
+
+def test_windows_that_disagree_widen_the_errors_to_those_of_leaving_one_out() -> None:
+    """Legs with dampings of their own, as a form has them that lacks a quadratic drag."""
+    thrust = square_wave(275)
+    noise = SD * np.random.default_rng(7).standard_normal((5, 275))
+    fits = {}
+    for spread in (0.0, 0.3):
+        legs = [
+            sway_leg(simulate(DAMPING * (1.0 + spread * k), thrust, 0.1) + own, thrust)
+            for k, own in zip((-1.0, -0.5, 0.0, 0.5, 1.0), noise, strict=True)
+        ]
+        fits[spread] = fit_output_error(legs, SWAY, {"Y v": -15.0}, sensor_sd=KNOWN_SD)
+    true, wrong = fits[0.0], fits[0.3]
+    assert true.agreement is not None
+    assert wrong.agreement is not None
+    assert true.windows_agree
+    assert true.agreement.degrees == len(legs) - 1
+    assert true.agreement.ratio < 3.0  # chi-squared of 4, over 4: beyond it in 2 %
+    assert not wrong.windows_agree
+    without = np.array(
+        [
+            fit_output_error(
+                [leg for leg in legs if leg is not left], SWAY, {"Y v": -15.0}, sensor_sd=KNOWN_SD
+            ).theta[0]
+            for left in legs
+        ]
+    )
+    away = np.sqrt(0.8 * np.sum((without - wrong.theta[0]) ** 2)) * student.ppf(0.975, 4) / 1.96
+    # A step from the optimum in place of a new fit.
+    assert wrong.standard_errors[0] == pytest.approx(away, rel=0.1)
+    assert wrong.standard_errors[0] > 3.0 * np.sqrt(wrong.information_covariance[0, 0])
 
 
 @pytest.mark.parametrize(("gain", "rounds"), [(0.05, 6), (5.0, 1)])
