@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[4]
 def test_scan_finds_the_imports_that_the_parser_of_python_finds() -> None:
     for path in sorted(
         path
-        for floor in ("data_schemas", "hydro", "stages")
+        for floor in ("data_schemas", "hydro", "stages", "export", "pipeline")
         for path in (ROOT / floor).rglob("*.py")
     ):
         nodes = executed(tree_of(path.read_text(encoding="utf-8")))
