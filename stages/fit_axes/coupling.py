@@ -19,13 +19,25 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
-from auvid.hydro.identification.axes.held_out import BENT_WORTH, FIRST_CURVE, FIRST_DEAD_BAND
+from auvid.hydro.identification.axes.held_out import (
+    BENT_WORTH,
+    FIRST_CURVE,
+    FIRST_DEAD_BAND,
+    HeldOut,
+)
 from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
 from auvid.hydro.identification.axes.structure import RIGHTING, SHARE, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.fitted import CommandForces, FittedAxis, FlownAxis, HeldOutFit, Together
+from auvid.stages.fit_axes.fitted import (
+    DIVES_DIFFER,
+    CommandForces,
+    FittedAxis,
+    FlownAxis,
+    HeldOutFit,
+    Together,
+)
 from auvid.stages.fit_axes.flight import (
     FitOptions,
     LegData,
@@ -43,6 +55,9 @@ FEWEST_WINDOWS = 4
 """Windows that all axes share, below which nothing is fitted together."""
 WORTH = 0.98
 """Linear couplings are taken where they err less than this share of the fit without them."""
+LOST = 5.0
+"""Fit [%] by which a leg that was left out is flown worse than every other window, where the
+legs differ: by themselves axes differ by the Coriolis force that each leg has of its own."""
 LEAST_ERROR, LARGEST_ERROR = 0.01, 1.0
 """Shares of error beyond these count as these: as good as the measurement, or no better than
 the mean, so that an axis which nothing flies decides nothing."""
@@ -347,7 +362,10 @@ def _one_of(
     using: Mapping[str, LegData],
     legs: Mapping[str, LegData],
 ) -> FittedAxis:
-    """Return an axis of the common fit; what tells legs apart is the single fit's."""
+    """Return an axis of the common fit; how legs differ is the single fit's.
+
+    That they do is a warning where the common fit flies a leg that was left out worse.
+    """
     velocity, drive = single.equation.speed, fit.fit.drive
     lag_error, lag_free = 0.0, LAG in fit.pool.free
     if lag_free:
@@ -367,12 +385,34 @@ def _one_of(
         lag_verdict="identified" if clear else "weak" if lag_free else "assumed",
         quantities=fit.without_newtons(velocity),
         notes=tuple(words for words in single.notes if lag_words not in words),
+        warnings=tuple(
+            words
+            for words in single.warnings
+            if DIVES_DIFFER not in words or legs_lose(fit.held_out, velocity)
+        ),
         righting=fit.beside_force(velocity, RIGHTING),
         **judged(
             FlownAxis(velocity, fit.pool, fit.fit), fit.held_out, using, legs,
             rms=fit.speeds[velocity],
         ),
     )  # fmt: skip
+
+
+def legs_lose(held_out: Sequence[HeldOut], velocity: str) -> bool:
+    """Return whether a leg left out is flown worse than windows left out, by `LOST`.
+
+    >>> windows, leg = HeldOut("odd windows", {"v": 97.0}, 9), HeldOut("leg 1", {"v": 96.0}, 9)
+    >>> legs_lose([windows, leg], "v"), legs_lose([windows], "v")
+    (False, True)
+    >>> legs_lose([windows, leg, HeldOut("leg 0", {"v": 80.0}, 9)], "v")
+    True
+    """
+    percents: dict[bool, list[float]] = {True: [], False: []}
+    for item in held_out:
+        if velocity in item.percent and np.isfinite(item.percent[velocity]):
+            percents[item.what.startswith("leg ")].append(item.percent[velocity])
+    legs, windows = percents[True], percents[False]
+    return not (legs and windows) or min(legs) < min(windows) - LOST
 
 
 def fitted_shares(fit: CoupledFit) -> dict[str, tuple[float, float]]:

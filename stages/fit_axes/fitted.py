@@ -23,6 +23,8 @@ LackingVerdict = Literal[
     "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
 ]
 LagVerdict = Literal["identified", "weak", "assumed"]
+DIVES_DIFFER = "the dives differ by more than chance"
+"""Words of a warning."""
 ArmChoice = Literal["where_assumed", "file", "estimated"]
 
 

@@ -28,6 +28,7 @@ from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
+    DIVES_DIFFER,
     AxisFits,
     CommandForces,
     FittedAxis,
@@ -321,7 +322,7 @@ def _fit(
     differ = [item for item in fit.legs if item.differ]
     word = AXIS_WORDS[axis].capitalize()
     warnings = [
-        f"{word}: the dives differ by more than chance in {item.quantity} (largest over smallest"
+        f"{word}: {DIVES_DIFFER} in {item.quantity} (largest over smallest"
         f" {item.ratio:.2g}): this model is their mean."
         for item in differ
     ]

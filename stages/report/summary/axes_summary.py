@@ -94,8 +94,8 @@ def _explanation(part: PartialFigures, fits: Mapping[str, float], words: str) ->
         sentences.append(ratios)
     if part.unit_of_mass is not None:
         sentences.append(
-            "There are no newtons: all counts in the apparent inertia of"
-            f" {AXIS_WORDS[part.unit_of_mass]}."
+            "There are no newtons: damping stands over M, the apparent inertia of its own axis;"
+            f" forces and the model file count in that of {AXIS_WORDS[part.unit_of_mass]}."
         )
     return " ".join(sentences)
 

@@ -16,6 +16,7 @@ from auvid.data_schemas.records.models import (
     TermCombination,
     VelocityRange,
 )
+from auvid.data_schemas.records.partial import PartialFigures
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
@@ -49,12 +50,14 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     Damping per axis where a term in that axis's own velocity is identified.
 
     Each ± is half of the 95 % interval, by noise and those assumed figures of the vehicle
-    that stand in brackets; by noise alone where none do.
+    that stand in brackets; by noise alone where none do. Without newtons damping is that over
+    the inertia of its own axis: the ratios of inertia may be guesses.
     """
+    own = card.partial if card.partial and card.partial.unit_of_mass is not None else None
     entries = [
         CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))
         for axis, part in card.axes.items()
-        if (lines := _damping(axis, part))
+        if (lines := _damping(axis, part) if own is None else _over_own_inertia(axis, own))
     ]
     single = [(axis, item) for axis, part in card.axes.items() for item in _identified(part)]
     constant = [
@@ -130,6 +133,28 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
                 )
                 lines.append(_figure(name.replace("+ -1 ", "− "), item, units.pop()))
     return tuple(lines)
+
+
+def _over_own_inertia(axis: str, part: PartialFigures) -> tuple[str, ...]:
+    """Return identified damping over the apparent inertia of its axis."""
+    return tuple(
+        _within(
+            item.quantity,
+            item.value,
+            (item.interval_95[1] - item.interval_95[0]) / 2.0,
+            printed_unit(item.unit),
+        )
+        for item in part.without_newtons
+        if item.interval_95 is not None
+        and (item.axis, item.verdict) == (axis, IDENTIFIED)
+        and item.quantity in _over_mass(axis)
+    )
+
+
+def _over_mass(axis: str) -> tuple[str, str]:
+    """Return the names of damping over inertia of an axis: `N_r/M`, `N_r|r|/M`."""
+    velocity = VELOCITY_OF[axis]
+    return f"{axis}_{velocity}/M", f"{axis}_{velocity}|{velocity}|/M"
 
 
 def _identified(part: AxisCard) -> list[TermCard]:

@@ -24,7 +24,7 @@ from auvid.stages.fit_axes.coupling import (
     fitted_together,
     held_out_single,
 )
-from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
+from auvid.stages.fit_axes.fitted import DIVES_DIFFER, AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
@@ -201,6 +201,12 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
     using = {key: leg for key, leg in legs.items() if leg.windows.use == "training"}
     options = FitOptions(lag_s=0.08, fit_lag=False)
     singles = fit_all(legs, body(), replace(options, together="never")).fitted
+    # Legs that differ by Coriolis force are no warning where the common fit flies each.
+    differing = [replace(item, warnings=(f"{DIVES_DIFFER} in drag", "other")) for item in singles]
+    commands = CommandForces(True, {}, {})
+    options = replace(options, together="always")
+    joint, _ = fitted_together(differing, legs, body(), options, commands)
+    assert [item.warnings for item in joint[:2]] == [("other",)] * 2  # yaw has one leg
     fit = fit_coupled(
         [leg.record for leg in using.values()], "uvr", inertia=file_inertia(), free=()
     )

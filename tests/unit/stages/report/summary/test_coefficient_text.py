@@ -16,6 +16,7 @@ from auvid.data_schemas.records.models import (
     VelocityRange,
 )
 from auvid.data_schemas.records.motion import SegmentRecord
+from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.report.summary.coefficient_table import assumed_most
@@ -75,6 +76,23 @@ def test_assumed_figures_widen_the_interval_and_stand_beside_noise() -> None:
     item = term("u", -57.9, 0.7).model_copy(update={"assumed_shifts": {"thrust": 11.7}})
     (finding,) = findings(card(X=[item]))
     assert finding.figures == ("X_u = −58 ± 23 N s/m (noise ± 1, scale of the thrust curve ± 23)",)
+
+
+def test_damping_without_newtons_is_that_over_the_inertia_of_its_own_axis() -> None:
+    """Yaw in the inertia of surge has a ratio that nobody measured: -0.029 for -0.012 m^2."""
+    own = {"axis": "N", "value": -1.55, "unit": "1/rad", "interval_95": [-2.05, -1.05]}
+    figures = [
+        own | {"quantity": "N_r|r|/M", "verdict": "identified"},
+        own | {"quantity": "N_r/M", "verdict": "weak"},
+        own | {"quantity": "time constant from rest", "verdict": "identified"},
+    ]
+    part = PartialFigures(
+        unit_of_mass="X", axes={}, lacking={}, gains=[],
+        without_newtons=[MassFreeFigure.model_validate(item) for item in figures],
+    )  # fmt: skip
+    in_surge = card(N=[term("r*|r|", -0.0293, 0.005)]).model_copy(update={"partial": part})
+    (finding,) = findings(in_surge)
+    assert finding.figures == ("N_r|r|/M = −1.55 ± 0.50 1/rad",)
 
 
 def test_only_identified_coefficients_stand_there() -> None:
