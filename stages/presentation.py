@@ -186,10 +186,12 @@ def figure(
     note: str | None = None,
     headline: bool = False,
     evidence: Evidence | None = None,
+    reference: str | None = None,
 ) -> Figure:
     """Return one row of a `results` document; None replaces a number not finite.
 
-    interval: 95 %, else from the error. evidence: what meeting counted bounds shows.
+    interval: 95 %, else from the error. evidence: what meeting counted bounds shows;
+    reference: what they hold ours against.
     """
     number = float(value) if value is not None and np.isfinite(value) else None
     spread = (
@@ -212,7 +214,11 @@ def figure(
         "verdict": verdict,
         "note": note,
         "headline": headline,
-    } | ({} if evidence is None else {"evidence": evidence})
+    } | {
+        name: words
+        for name, words in (("evidence", evidence), ("reference", reference))
+        if words is not None
+    }
 
 
 def view(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Literal, get_args
 
 from pydantic import Field, model_validator
@@ -14,6 +15,14 @@ Evidence = Literal["method", "construction", "tuned", "unprinted"]
 it holds because twin and chain are inverse to one another, because a value was set for
 it, or the source prints nothing to hold ours against.
 """
+
+
+PRINTED_VALUES, TRUE_VALUES = "printed values", "true values"
+
+
+def reference_words(unprinted: Iterable[bool]) -> str:
+    """Return what rows are compared with, from whether each has no printed value."""
+    return TRUE_VALUES if all(unprinted) else PRINTED_VALUES
 
 
 class PublishedRowEntry(Model):
@@ -119,9 +128,10 @@ class PublishedTableEntry(Model):
                 allowed=get_args(Evidence),
                 remedy="Give evidence and reason to the row or to its table.",
             )
-        if (evidence == "unprinted") != (row.printed is None):
+        if (evidence == "unprinted") != (row.printed is None and row.truth is None):
             return fault(
-                "evidence is 'unprinted' where nothing is printed, and only there",
+                "evidence is 'unprinted' where nothing is printed and no truth is stated, and only"
+                " there",
                 at,
                 evidence,
             )
@@ -203,6 +213,12 @@ class PublishedValuesDocument(Model):
     """Figures of the source that the results can draw."""
     errata: list[ErratumEntry] = Field(default_factory=list)
     """Print errors of the source."""
+
+    @property
+    def reference(self) -> str:
+        """What ours are compared with: "printed values", or "true values" of a twin."""
+        rows = [row for table in self.tables for row in table.rows]
+        return reference_words(row.printed is None and row.corrected is None for row in rows)
 
     @model_validator(mode="after")
     def _errata_are_listed(self) -> PublishedValuesDocument:

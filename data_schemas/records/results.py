@@ -29,6 +29,8 @@ class ResultRow(Model):
     """Condition or reason in one sentence."""
     evidence: Evidence | None = None
     """What meeting a bound shows, of a figure that counts met bounds."""
+    reference: str | None = None
+    """What such bounds hold ours against: printed values, or true values of a twin."""
     headline: bool | None = None
     """Whether the first screen of the report shows it."""
 

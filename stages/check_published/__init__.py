@@ -103,6 +103,7 @@ def _bounds(
                     note=note,
                     headline=True,
                     evidence=kind,
+                    reference=published.reference,
                 )
             )
     return {"title": published.title, "rows": figures} if figures else None

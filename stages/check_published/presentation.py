@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from auvid.data_schemas.documents.published_values import (
+    PRINTED_VALUES,
     Evidence,
     PublishedFigureEntry,
     PublishedLineEntry,
@@ -90,8 +91,8 @@ HEADS: dict[Evidence, str] = {
 }
 """What bounds show, in heads of columns."""
 EVIDENCE_NOTE = (
-    "A bound tests the method where the method could have missed the print. It holds by"
-    " construction where the twin flew the printed value and the chain inverts the twin: what it"
+    "A bound tests the method where the method could have missed the value. It holds by"
+    " construction where the twin flew the value and the chain inverts the twin: what it"
     " shows is that the two agree. It is tuned where a value was set so that it is met."
 )
 VALUES = ("printed", "corrected", "truth", "ours")
@@ -223,10 +224,13 @@ def published_section(
         for row, check in zip(rows, checks, strict=True)
         if check.met is False
     ]
+    is_printed = published.reference == PRINTED_VALUES
     blocks: list[Block] = [
         text(
             f"Printed: {published.source}. Errors are relative to what is to be found: the print"
             " unless a column says otherwise."
+            if is_printed
+            else f"True values: {published.source}. Errors are relative to them."
         )
     ]
     if any(check.met is not None for check in checks):
@@ -255,8 +259,12 @@ def published_section(
         ]
         blocks += fold("Errata of the source", [table("Errata of the source", heads, cells)])
     return section(
-        "Printed tables beside ours",
+        "Printed tables beside ours" if is_printed else "True values beside ours",
         blocks,
         order=2,
-        look_for="Which bounds are missed; an erratum explains where the print cannot be met.",
+        look_for=(
+            "Which bounds are missed; an erratum explains where the print cannot be met."
+            if is_printed
+            else "Which bounds are missed."
+        ),
     )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from auvid.data_schemas.documents.published_values import PRINTED_VALUES
 from auvid.data_schemas.records.models import MeritRecord
 
 ALL = "all"
@@ -157,6 +158,7 @@ class Summary:
     warnings: tuple[Alert, ...]
     figures: tuple[Figure, ...] = ()
     bounds: tuple[str, ...] = ()
+    bounds_on: str = PRINTED_VALUES
     uses: tuple[Use, ...] = ()
     rule: str = ""
     log_findings: tuple[Alert, ...] = ()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.checks import log_findings
+from auvid.data_schemas.documents.published_values import reference_words
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.output import OUTPUT
@@ -59,10 +60,12 @@ def print_summary(run: Run) -> None:
     checks = bounds(run)
     if checks:
         print_checks((), [((), check) for check in checks])
-    printed = [check_of(row) for row in comparison_rows(run)]
-    if any(check.met is not None for check in printed):
+    rows = comparison_rows(run)
+    compared = [check_of(row) for row in rows]
+    if any(check.met is not None for check in compared):
+        words = reference_words(row["printed"] is row["corrected"] is None for row in rows)
         print(
-            f"\nbounds on printed values: {count_bounds(printed)}; auvid reproduce"
+            f"\nbounds on {words}: {count_bounds(compared)}; auvid reproduce"
             f" {run.campaign.name} prints them"
         )
     if not OUTPUT.quiet:

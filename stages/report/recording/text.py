@@ -46,7 +46,7 @@ def markdown(
             lines += [*([f"### {part}", ""] if len(parts) > 1 else []), *table, ""]
     if summary.bounds:
         lines += [
-            "## Compared with the printed values",
+            f"## Compared with the {summary.bounds_on}",
             *(f"- {words}" for words in summary.bounds),
             "",
         ]

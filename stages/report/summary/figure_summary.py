@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from auvid.data_schemas.documents.published_values import Evidence
+from auvid.data_schemas.documents.published_values import PRINTED_VALUES, Evidence
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.constants import NORMAL_95
@@ -74,7 +74,7 @@ def summarise_results(
 
     Of their headlines, or of all figures where there is none.
 
-    Bounds on printed values stand apart; further figures (other damping models, other
+    Bounds on printed or true values stand apart; further figures (other damping models, other
     methods) stand in the sections of their stages.
     """
     rows = [
@@ -140,6 +140,7 @@ def summarise_results(
         warnings=warnings,
         figures=tuple(_figure(part, row) for part, row in figures),
         bounds=tuple(_bound(row) for row in bounds),
+        bounds_on=_reference(bounds),
     )
 
 
@@ -151,16 +152,16 @@ def _headline(judged: int, good_of: list[tuple[str, Document]], bounds: list[Doc
     if not bounds:
         bounds_met = ""
     elif not tests:
-        bounds_met = "no bound on printed values tests the method"
+        bounds_met = f"no bound on {_reference(bounds)} tests the method"
     elif others and of == 1:
         bounds_met = f"the one bound that tests the method is {MET if met else MISSED}"
     elif others:
         count = f"all {of}" if met == of else f"{met} of {of}"
         bounds_met = f"{count} bounds that test the method are met"
     elif met == of:
-        bounds_met = "every bound on printed values is met"
+        bounds_met = f"every bound on {_reference(bounds)} is met"
     else:
-        bounds_met = f"{met} of {of} bounds on printed values met"
+        bounds_met = f"{met} of {of} bounds on {_reference(bounds)} met"
     if not judged:
         return _capitalised(bounds_met)
     count = f"{good} of {plural(judged, 'value')}"
@@ -258,6 +259,11 @@ def _tests(bounds: list[Document]) -> list[Document]:
     return [row for row in bounds if row.get("evidence", "method") == "method"]
 
 
+def _reference(bounds: list[Document]) -> str:
+    """Return what bounds hold ours against: printed values, or true ones of a twin."""
+    return str(bounds[0].get("reference", PRINTED_VALUES)) if bounds else PRINTED_VALUES
+
+
 def _counted(bounds: list[Document]) -> tuple[int, int]:
     """Return how many bounds are met, and of how many.
 
@@ -318,7 +324,8 @@ def _facts(
             for _, count in [_counted([row for row in bounds if row.get("evidence") == kind])]
             if count and kind != "method"
         ]
-        words = ", ".join(other_bounds) or f"on printed values, {plural(len(bounds), 'table')}"
+        on = f"on {_reference(bounds)}, {plural(len(bounds), 'table')}"
+        words = ", ".join(other_bounds) or on
         title = "bounds that test the method" if other_bounds else "bounds met"
         facts.append(Fact(title, f"{met} of {of}", words))
     if judged:

@@ -228,8 +228,17 @@ def test_a_bound_must_say_what_it_shows() -> None:
         row(most=0.0, printed=None, evidence="method"),
         row(most=0.0, evidence="unprinted"),
     ):
-        with pytest.raises(PipelineError, match="where nothing is printed, and only there"):
+        with pytest.raises(PipelineError, match="where nothing is printed and no truth"):
             published(wrong)
+
+
+def test_the_truth_of_a_twin_is_not_called_printed() -> None:
+    outputs = run(published(row(most_relative_error=0.04, printed=None, truth=-13.0)))
+    assert outputs.section is not None
+    assert outputs.bounds is not None
+    assert outputs.section["title"] == "True values beside ours"
+    assert "rinted" not in outputs.section["blocks"][0]["text"]
+    assert [item["reference"] for item in outputs.bounds["rows"]] == ["true values"]
 
 
 def test_a_campaign_without_printed_tables_gives_nothing():

@@ -119,6 +119,9 @@ def test_headlines_are_judged_and_bounds_stand_apart() -> None:
     assert summary.explanation == "Surge: m - X_udot 206.4 kg (203.9 to 209.0)."
     only = summarise_results({"check_published": bounds}, {}, {}, VEHICLE)
     assert (only.level, only.headline) == ("good", "Every bound on printed values is met")
+    of_twin = {**bounds, "rows": [{**bounds["rows"][0], "reference": "true values"}]}
+    twin = summarise_results({"check_published": of_twin}, {}, {}, VEHICLE)
+    assert (twin.headline, twin.bounds_on) == ("Every bound on true values is met", "true values")
     missed = {
         "check_published": {
             "title": "Printed",
