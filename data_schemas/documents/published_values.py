@@ -128,10 +128,11 @@ class PublishedTableEntry(Model):
                 allowed=get_args(Evidence),
                 remedy="Give evidence and reason to the row or to its table.",
             )
-        if (evidence == "unprinted") != (row.printed is None and row.truth is None):
+        is_stated = row.printed is not None or row.truth is not None
+        if row.printed is not None if evidence == "unprinted" else not is_stated:
             return fault(
-                "evidence is 'unprinted' where nothing is printed and no truth is stated, and only"
-                " there",
+                "evidence is 'unprinted' where nothing is printed (or method, if a truth is"
+                " stated), and only there",
                 at,
                 evidence,
             )

@@ -225,15 +225,16 @@ def test_a_bound_must_say_what_it_shows() -> None:
     with pytest.raises(PipelineError, match="evidence needs a reason"):
         published(row(most=0.0, reason=""))
     for wrong in (
-        row(most=0.0, printed=None, evidence="method"),
+        row(most=0.0, printed=None, truth=None, evidence="method"),
         row(most=0.0, evidence="unprinted"),
     ):
-        with pytest.raises(PipelineError, match="where nothing is printed and no truth"):
+        with pytest.raises(PipelineError, match="'unprinted' where nothing is printed"):
             published(wrong)
 
 
 def test_the_truth_of_a_twin_is_not_called_printed() -> None:
-    outputs = run(published(row(most_relative_error=0.04, printed=None, truth=-13.0)))
+    entry = row(most_relative_error=0.04, printed=None, truth=-13.0, evidence="method")
+    outputs = run(published(entry))
     assert outputs.section is not None
     assert outputs.bounds is not None
     assert outputs.section["title"] == "True values beside ours"
