@@ -17,6 +17,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
+from auvid.hydro.threads import at_once
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
@@ -132,8 +133,11 @@ def check_health(
     measured = [item for check in OF_RECORDS for item in check(log)]
     measured += placeholder_findings(log, absent)
     compared = _compared(real)
-    of_motion = list(compared.findings)
-    measured += [item for check in OF_VALUES for item in check(real)]
+    of_values = chain.from_iterable(check(real) for check in OF_VALUES)
+    is_long = max(table.num_rows for table in tables.values()) > LONG_ROWS
+    results = at_once(list, [*compared.parts, of_values], long=is_long)
+    of_motion = list(_once(chain(*results[:-1]), "clock_drift"))
+    measured += results[-1]
     measured, explained = by_cause(
         real, [*measured, *of_motion], lambda mended: _compared(mended).findings
     )
@@ -191,13 +195,18 @@ def with_hold_lag(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
 class _Compared:
     """What sensors and outputs say of each other; `log` as its evidence goes.
 
-    The findings come one after another, so that who has read enough may stop.
+    The parts of the findings do not depend on each other.
     """
 
     log: CheckedLog
     evidence: VelocityEvidence
     answers: dict[str, Response]
-    findings: Iterator[Finding]
+    parts: tuple[Iterable[Finding], ...]
+
+    @property
+    def findings(self) -> Iterator[Finding]:
+        """The findings one after another, so that who has read enough may stop."""
+        return _once(chain(*self.parts), "clock_drift")
 
 
 def _compared(log: CheckedLog) -> _Compared:
@@ -214,7 +223,7 @@ def _compared(log: CheckedLog) -> _Compared:
         log = log.without("velocity")  # nor is it of clocks, signs and forces
     evidence = velocity_evidence(log.in_time())
     answers, of_commands = _of_commands(log, evidence)
-    return _Compared(log, evidence, answers, chain(measured, of_commands))
+    return _Compared(log, evidence, answers, (measured, *of_commands))
 
 
 def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
@@ -229,8 +238,8 @@ def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Find
 
 def _of_commands(
     log: CheckedLog, evidence: VelocityEvidence
-) -> tuple[dict[str, Response], Iterator[Finding]]:
-    """Return how motion follows the commands, and the findings of both.
+) -> tuple[dict[str, Response], tuple[Iterable[Finding], ...]]:
+    """Return how motion follows the commands, and the findings of both in parts.
 
     Commands of another motion say nothing of this one, and those that swing at one
     frequency no more than signs, drag and weight: its other checks go without them.
@@ -243,8 +252,7 @@ def _of_commands(
         log = log.without("actuators")
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
-    others = (item for check in OF_ANSWERS for item in check(log, answers))
-    return answers, _once(chain(unrelated, moving, others), "clock_drift")
+    return answers, (unrelated, moving, *(check(log, answers) for check in OF_ANSWERS))
 
 
 def _once(findings: Iterable[Finding], name: str) -> Iterator[Finding]:
@@ -257,6 +265,8 @@ def _once(findings: Iterable[Finding], name: str) -> Iterator[Finding]:
         yield item
 
 
+LONG_ROWS = 30_000
+"""Samples of a stream from which the checks of a log are worth threads."""
 OF_RECORDS = (
     file_findings,
     rejected_findings,
