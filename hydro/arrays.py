@@ -12,6 +12,8 @@ Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Buffer = NDArray[np.uint8]
 
+LONG = 100_000
+"""Values from which a recursion is worth a compiled loop: numba takes a second."""
 AXES = ("X", "Y", "Z", "K", "M", "N")
 """Forces and moments in body axes, as SNAME names them."""
 VELOCITIES = ("u", "v", "w", "p", "q", "r")
@@ -81,9 +83,16 @@ def recursion(driven: Array, feedback: ArrayLike) -> Array:
     """
     if driven.size == 0:  # LAPACK's wrapper writes where it may not for no columns
         return driven.copy()
+    weights = np.asarray(feedback, dtype=np.float64)
+    if driven.size > LONG:
+        from auvid.hydro.compiled_bands import run_recursion
+
+        out = np.empty(driven.shape)
+        # Copies: numba compiles the loop once more for arrays that cannot be written to.
+        run_recursion(np.array(driven, order="C"), np.array(weights), out)
+        return out
     from scipy.linalg import lapack
 
-    weights = np.asarray(feedback, dtype=np.float64)
     bands = np.empty((1 + len(weights), len(driven)), order="F")
     bands[0], bands[1:] = 1.0, weights[:, None]
     values, _ = lapack.dtbtrs(bands, driven, uplo="L", diag="U")

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 MIN_SAMPLES = 5
-LONG = 20_000
-"""Samples beyond which factors of several lambdas are worked out at once, in threads."""
+LONG = 9_000
+"""Samples beyond which compiled loops factor and solve, several lambdas at once in threads."""
 LOG_STEP = 1e-3
 """Half step in log lambda of the derivative of log det; its truncation error is below
 2e-8 of the trace.
@@ -182,10 +182,18 @@ class _Reinsch:
 
     def cholesky(self, lam: float) -> Array:
         """Return the banded factor of R + lambda Q' W^-1 Q."""
-        from scipy.linalg import lapack
+        if self.stiffness.shape[1] > LONG:
+            from auvid.hydro.compiled_bands import factor_sum
 
-        factor, info = lapack.dpbtrf(self.stiffness + lam * self.roughness, lower=1, overwrite_ab=1)
-        if info:
+            factor = np.empty_like(self.stiffness)
+            is_definite = factor_sum(self.stiffness, self.roughness, lam, factor)
+        else:
+            from scipy.linalg import lapack
+
+            matrix = self.stiffness + lam * self.roughness
+            factor, info = lapack.dpbtrf(matrix, lower=1, overwrite_ab=1)
+            is_definite = not info
+        if not is_definite:
             raise DataError(
                 "the smoothing is too strong for the sample spacing",
                 value=lam,
@@ -210,9 +218,16 @@ class _Reinsch:
 
     def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
         """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""
-        from scipy.linalg import lapack
+        factor, g = self.cholesky(lam), np.asfortranarray(self.second_difference(y))
+        if len(g) > LONG:
+            from auvid.hydro.compiled_bands import solve_factored
 
-        g, _ = lapack.dpbtrs(self.cholesky(lam), self.second_difference(y), lower=1)
+            for column in g.T:
+                solve_factored(factor, column)
+        else:
+            from scipy.linalg import lapack
+
+            g, _ = lapack.dpbtrs(factor, g, lower=1)
         return y - lam * self.inverse_weight[:, None] * self.spread(g), g
 
     def trace_of_residual_maker(self, lam: float) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from auvid.hydro import arrays
 from auvid.hydro.arrays import recursion
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 
@@ -17,6 +18,16 @@ def test_a_recursion_is_scipy_s_filter(samples: int, feedback: list[float]) -> N
     np.testing.assert_allclose(
         recursion(driven, feedback), lfilter([1.0], [1.0, *feedback], driven, axis=0), rtol=1e-12
     )
+
+
+def test_a_long_recursion_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    driven = np.random.default_rng(1).normal(size=(300, 3))
+    driven.flags.writeable = False
+    for feedback in ([-0.9], [-1.8, 0.81], [-1.2, 0.5, 0.01, -0.02]):
+        short = recursion(driven, feedback)
+        with monkeypatch.context() as long:
+            long.setattr(arrays, "LONG", 0)
+            assert np.array_equal(recursion(driven, feedback), short)
 
 
 @pytest.mark.parametrize("shape", [(50, 0), (0, 3)])

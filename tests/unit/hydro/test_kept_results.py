@@ -36,6 +36,14 @@ def test_only_so_many_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert compared == [1, 2, 3, 2]
 
 
+def test_a_result_that_another_thread_drops_is_given_all_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(kept_results, "MOST_RESULTS", 0)
+    same = kept(lambda value: value)
+    assert [same(value) for value in (1, 1, 2)] == [1, 1, 2]
+
+
 def test_turned_signs_turn_the_gains_and_nothing_else() -> None:
     random = np.random.default_rng(0)
     t = np.arange(0.0, 60.0, 0.1)

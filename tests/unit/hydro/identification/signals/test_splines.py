@@ -9,6 +9,8 @@ import pytest
 from scipy.interpolate import make_smoothing_spline
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.compiled_bands import factor_sum
+from auvid.hydro.identification.signals import splines
 from auvid.hydro.identification.signals.splines import (
     cutoff_from_lambda,
     derivative,
@@ -21,6 +23,24 @@ def noisy_sine(n: int, seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.nd
     rng = np.random.default_rng(seed)
     t = np.sort(rng.uniform(0.0, 10.0, n))
     return t, np.sin(t) + noise * rng.standard_normal(n)
+
+
+@pytest.mark.parametrize("n", [5, 6, 300])
+def test_a_long_series_has_the_same_bits(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiled loops in threads give what LAPACK does."""
+    t, y = noisy_sine(n, seed=n)
+    both = np.column_stack([y, 2.0 * y + t])
+    fits = []
+    for long in (n, 0):
+        monkeypatch.setattr(splines, "LONG", long)
+        fits += [smoothing_spline(t, both), smoothing_spline(t, both, shared=True)]
+    for short, compiled in zip(fits[:2], fits[2:], strict=True):
+        for order in (0, 1):
+            assert np.array_equal(short.evaluate(t, order), compiled.evaluate(t, order))
+        assert np.array_equal(short.lambda_, compiled.lambda_)
+        assert np.array_equal(short.edf, compiled.edf)
+    bands = np.zeros((3, 4), order="F")
+    assert not factor_sum(bands, bands, 1.0, np.empty_like(bands))
 
 
 @pytest.mark.parametrize("lam", [1e-6, 1e-2, 1.0, 50.0])
