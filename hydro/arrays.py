@@ -85,7 +85,7 @@ def recursion(driven: Array, feedback: ArrayLike) -> Array:
         return driven.copy()
     weights = np.asarray(feedback, dtype=np.float64)
     if driven.size > LONG:
-        from auvid.hydro.compiled_bands import run_recursion
+        from auvid.hydro.long_series.compiled_bands import run_recursion
 
         out = np.empty(driven.shape)
         # Copies: numba compiles the loop once more for arrays that cannot be written to.

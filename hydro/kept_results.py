@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from hashlib import sha256
-from threading import Lock
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -30,21 +30,19 @@ def kept(compare: Callable[Taken, Result]) -> Callable[Taken, Result]:
     Nobody may change a result that is returned.
     """
     results: OrderedDict[bytes, Result] = OrderedDict()
-    lock = Lock()
+    missing = object()
 
     @wraps(compare)
     def once(*args: Taken.args, **named: Taken.kwargs) -> Result:
         key = contents([*args, *sorted(named.items())])
-        with lock:
-            if key in results:
-                results.move_to_end(key)
-                return results[key]
-        result = compare(*args, **named)
-        with lock:
-            results[key] = result
+        result: Any = results.get(key, missing)
+        if result is missing:
+            result = results[key] = compare(*args, **named)
+        with suppress(KeyError):  # another thread dropped it
+            results.move_to_end(key)
             if len(results) > MOST_RESULTS:
                 results.popitem(last=False)
-        return result
+        return result  # type: ignore[no-any-return]
 
     return once
 

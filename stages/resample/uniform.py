@@ -26,7 +26,7 @@ from auvid.hydro.identification.signals.splines import (
     lambda_from_cutoff,
     smoothing_spline,
 )
-from auvid.hydro.threads import at_once
+from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,

@@ -52,7 +52,7 @@ from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.hydro.identification.signals.lost_motion import lost_motion
-from auvid.hydro.threads import at_once
+from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
     ACCELEROMETER,

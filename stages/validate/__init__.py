@@ -41,7 +41,7 @@ from auvid.hydro.identification.constrained.equations import (
 from auvid.hydro.identification.regression.error_measures import ErrorSums, MiddleErrors
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.information import inflation
-from auvid.hydro.threads import at_once
+from auvid.hydro.long_series.threads import at_once
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.columns import (
     ACCELERATION,

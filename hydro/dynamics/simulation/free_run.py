@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.simulation.plant_constants import Tables, padded, plan
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.hydro.threads import THREADS, at_once
+from auvid.hydro.long_series.threads import THREADS, at_once
 
 SPEED_LIMIT, RATE_LIMIT = 10.0, 10.0
 """Speeds [m/s] and rates [rad/s] beyond which a run has diverged: no vehicle of ours

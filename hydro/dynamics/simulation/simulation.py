@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.simulation.plant_constants import Tables, plant_tables
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import eta_ratio, needs_propeller_speed
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
-from auvid.hydro.threads import THREADS, at_once
+from auvid.hydro.long_series.threads import THREADS, at_once
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from auvid.hydro.identification.maximum_likelihood.parameters import (
 )
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, LegRecord
 from auvid.hydro.identification.maximum_likelihood.windows import Window, actuator_inputs
-from auvid.hydro.threads import THREADS, at_once
+from auvid.hydro.long_series.threads import THREADS, at_once
 
 BIASES = 6
 """Biases of a leg: accelerometer x y z [m/s^2], gyro x y z [rad/s], in sensor axes."""

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from auvid.hydro.threads import at_once
+from auvid.hydro.long_series.threads import at_once
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -183,7 +183,7 @@ class _Reinsch:
     def cholesky(self, lam: float) -> Array:
         """Return the banded factor of R + lambda Q' W^-1 Q."""
         if self.stiffness.shape[1] > LONG:
-            from auvid.hydro.compiled_bands import factor_sum
+            from auvid.hydro.long_series.compiled_bands import factor_sum
 
             factor = np.empty_like(self.stiffness)
             is_definite = factor_sum(self.stiffness, self.roughness, lam, factor)
@@ -220,7 +220,7 @@ class _Reinsch:
         """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""
         factor, g = self.cholesky(lam), np.asfortranarray(self.second_difference(y))
         if len(g) > LONG:
-            from auvid.hydro.compiled_bands import solve_factored
+            from auvid.hydro.long_series.compiled_bands import solve_factored
 
             for column in g.T:
                 solve_factored(factor, column)

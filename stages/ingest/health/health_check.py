@@ -17,7 +17,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
-from auvid.hydro.threads import at_once
+from auvid.hydro.long_series.threads import at_once
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings

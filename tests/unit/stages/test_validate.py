@@ -16,9 +16,9 @@ import pytest
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.tables import matrix
-from auvid.hydro import threads
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.long_series import threads
 from auvid.stages import synthesise, validate
 from auvid.stages.base import Collection, collection
 from auvid.stages.columns import VELOCITY, force_columns

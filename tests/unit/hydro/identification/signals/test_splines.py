@@ -9,7 +9,6 @@ import pytest
 from scipy.interpolate import make_smoothing_spline
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.compiled_bands import factor_sum
 from auvid.hydro.identification.signals import splines
 from auvid.hydro.identification.signals.splines import (
     cutoff_from_lambda,
@@ -17,6 +16,7 @@ from auvid.hydro.identification.signals.splines import (
     lambda_from_cutoff,
     smoothing_spline,
 )
+from auvid.hydro.long_series.compiled_bands import factor_sum
 
 
 def noisy_sine(n: int, seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:

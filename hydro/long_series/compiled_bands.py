@@ -12,9 +12,9 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from auvid.hydro.arrays import Array
-
+Array = NDArray[np.float64]
 F = TypeVar("F", bound=Callable[..., Any])
 
 

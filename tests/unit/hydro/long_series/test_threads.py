@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from auvid.hydro import threads
+from auvid.hydro.long_series import threads
 
 
 def test_items_are_worked_on_at_once_and_come_in_their_order(

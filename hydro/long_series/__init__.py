@@ -1,0 +1,1 @@
+"""Work on long series: in threads, and in compiled loops."""
