@@ -252,6 +252,15 @@ def _replaced(key: str, declared: Iterable[Field[Any]]) -> str | None:
     )
 
 
+KINDS_IN_WORDS = {
+    "float": "a number",
+    "int": "an integer",
+    "str": "text",
+    "bool": "true or false",
+    "tuple": "a list",
+    "Mapping": "a mapping",
+    "None": "null",
+}
 TYPES = {float: "a number", int: "an integer", str: "text", list: "a list", Mapping: "a mapping"}
 
 
@@ -289,13 +298,19 @@ def _finite(value: object) -> bool:
     return isinstance(value, float) and math.isfinite(value)
 
 
+def _in_words(annotation: str) -> str:
+    """Return what a parameter takes, as a user calls it."""
+    kinds = [part.partition("[")[0].strip() for part in annotation.split(" | ")]
+    return " or ".join(KINDS_IN_WORDS.get(kind, kind) for kind in kinds)
+
+
 def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
     meta = item.metadata
     annotation = str(item.type)
     if value is None:
         if "None" in annotation:
             return None
-        raise CampaignError("needs a value", file=file, field=path, allowed=annotation)
+        raise CampaignError("needs a value", file=file, field=path, allowed=_in_words(annotation))
     if "bool" in annotation or isinstance(value, bool):
         fits = "bool" in annotation and isinstance(value, bool)
     elif isinstance(value, int | float):
@@ -311,7 +326,16 @@ def _check_param(item: Field[Any], value: Any, path: str, file: object) -> Any:
         )
         value = tuple(value) if fits and isinstance(value, list) else value
     if not fits:
-        raise CampaignError("wrong type", file=file, field=path, value=value, allowed=annotation)
+        text_for_number = isinstance(value, str) and annotation.startswith(("float", "int"))
+        remedy = f"Write the number alone, its unit is {meta['unit']}." if text_for_number else None
+        raise CampaignError(
+            "wrong type",
+            file=file,
+            field=path,
+            value=value,
+            allowed=_in_words(annotation),
+            remedy=remedy,
+        )
     if meta.get("allowed") is not None and value not in meta["allowed"]:
         remedy = nearest(value, map(str, meta["allowed"]))
         raise CampaignError(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import inspect
 import itertools
+import re
 import textwrap
 import types
 from collections.abc import Callable, Iterator, Mapping
@@ -39,6 +40,7 @@ from auvid.data_schemas.errors import (
 )
 from auvid.data_schemas.units import convertible, factor_and_offset
 
+NEARLY_A_NUMBER = re.compile(r"[+-]?\d+(\.\d*)?[eE][+-]?\d+")
 OPEN = "fill in"
 """Begins the words in place of a number that no log tells."""
 QUANTITY_REMEDY = "Every number needs value, unit and source."
@@ -211,11 +213,22 @@ def _array(value: object) -> npt.NDArray[np.float64]:
                 remedy = "No log tells it: write the numbers in place of these words."
             elif "," in value:
                 remedy = "Write a decimal point, without quotes: 14.0."
+            elif NEARLY_A_NUMBER.fullmatch(value):
+                remedy = "YAML takes an exponent after a point and with a sign: 1.0e+3."
         raise Faults(SchemaError("not numbers", field="value", value=value, remedy=remedy))
     array = array.astype(np.float64)
     if not np.all(np.isfinite(array)):
         raise Faults(SchemaError("not finite", field="value", value=value))
     return array
+
+
+def _shape_in_words(shape: tuple[int, ...]) -> str:
+    """Return `one number`, `a list of 3 numbers`, `a list of lists of 3 numbers`."""
+    counts = [f"{count} " if count > 0 else "" for count in shape]
+    if not counts:
+        return "one number"
+    rows = "".join(f"{count}lists of " for count in counts[:-1])
+    return f"a list of {rows}{counts[-1]}numbers"
 
 
 @dataclass(frozen=True)
@@ -239,7 +252,12 @@ class Unit:
             want not in (-1, have) for want, have in zip(self.shape, value.shape, strict=True)
         ):
             raise Faults(
-                SchemaError("wrong shape", field="value", value=value.shape, allowed=self.shape)
+                SchemaError(
+                    "wrong shape",
+                    field="value",
+                    value=quantity.value,
+                    allowed=_shape_in_words(self.shape),
+                )
             )
         if not convertible(quantity.unit, self.unit):
             raise Faults(
@@ -341,6 +359,8 @@ def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
     elif code in ("extra_forbidden", "invalid_key"):
         known = _model(_annotation(kind, place[:-1]), Model).model_fields
         remedy = nearest(str(place[-1]), known) or f"Known keys: {', '.join(known)}."
+        if isinstance(place[-1], int):
+            remedy = "A number is no key: write a decimal point, 14.0 and not 14,0."
         yield SchemaError("unknown key", field=field, remedy=remedy)
     elif code == "missing":
         owner = _model(_annotation(kind, place[:-1]), Model)
@@ -357,7 +377,9 @@ def _faults(kind: type[Model], error: ErrorDetails) -> Iterator[PipelineError]:
         yield SchemaError("not finite", field=field, value=value)
     else:
         allowed_type = TYPE_NAMES.get(code, error["msg"])
-        yield SchemaError("wrong type", field=field, value=value, allowed=allowed_type)
+        quotes = code == "string_type" and isinstance(value, bool | int | float)
+        text = "YAML reads it as no text: write it in quotes." if quotes else None
+        yield SchemaError("wrong type", field=field, value=value, allowed=allowed_type, remedy=text)
 
 
 def dotted(place: Path) -> str:

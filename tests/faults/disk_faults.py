@@ -323,6 +323,7 @@ def main() -> None:
     options.add_argument("--record", type=Path, help="file of the cases tried; those are left out")
     options.add_argument("--seconds", type=float, default=float("inf"), help="stop after these")
     chosen = options.parse_args()
+    chosen.record = chosen.record and chosen.record.absolute()  # runs change the folder
     with tempfile.TemporaryDirectory(prefix="auvid_disk_") as name:
         folder = Path(name)
         make = example_case if chosen.example else toy_case

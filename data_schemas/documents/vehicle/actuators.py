@@ -96,6 +96,10 @@ class ThrustCurveEntry(Model):
     @model_validator(mode="after")
     def _curve(self) -> ThrustCurveEntry:
         pulses = self.pulse_width.array
+        for key, low, high, unit in (("voltage", 1, 1000, " V"), ("voltage_exponent", 0, 3, "")):
+            value = getattr(self, key).si
+            if not low <= value <= high:
+                raise Faults(fault("out of range", key, value, allowed=f"{low} to {high}{unit}"))
         if self.polynomial is None:
             require(self, "force")
             ascending(self.pulse_width, self.force or self.pulse_width, "pulse_width")

@@ -213,7 +213,7 @@ def test_an_unstable_model_is_refused_unless_told() -> None:
             lambda c: c["trajectories"]["helix"]["flights"]["undisturbed"].update(
                 force={"constant": {"value": [1, 2], "unit": "N", "source": "t"}}
             ),
-            r"undisturbed\.force\.constant\.value.*wrong shape.*allowed: 3",
+            r"undisturbed\.force\.constant\.value.*wrong shape.*a list of 3 numbers",
         ),
         (lambda c: c["trajectories"]["helix"]["path"].pop("turns"), r"path\.turns.*missing key"),
         (lambda c: c["trajectories"]["helix"].update(kind="helic"), r"unknown value.*'helix'"),

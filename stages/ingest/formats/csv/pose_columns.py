@@ -53,6 +53,18 @@ FRAMES: Mapping[str, tuple[World, Body]] = {
 """Word of a column map -> world and body axes of a pose or a quaternion."""
 
 
+ORDERS = {
+    "x, y, z, w and not w, x, y, z": (3, 0, 1, 2),
+    "w, x, y, z and not x, y, z, w": (1, 2, 3, 0),
+    "w, z, y, x and not w, x, y, z": (0, 3, 2, 1),
+}
+"""Order of the file, and the place in what is read of the right w, x, y, z."""
+ON_ITS_BACK, UPRIGHT, MOSTLY = 0.02, 0.7, 0.95
+"""Share of the time on its back, cosine of the tilt of an upright vehicle, and how long it is
+upright in the right order.
+"""
+
+
 def turned_together(stream: str, field: str) -> bool:
     """Return whether a field is turned with its group, not by itself."""
     return stream == "pose" or field in EXTRA_FIELDS.get(stream, {})
@@ -87,6 +99,27 @@ def in_own_axes(stream: str, fields: Fields, frame: str) -> Fields:
     if stream == "pose":
         rest |= named(POSITION, in_ned(_columns(fields, POSITION), world))
     return rest
+
+
+def right_order(fields: Fields) -> str:
+    """Return in which order a quaternion keeps the vehicle upright; empty if as it is.
+
+    Another order is right where this one has the vehicle on its back.
+    """
+    if not set(QUATERNION) <= set(fields):
+        return ""
+    q = _columns(fields, QUATERNION)
+    if np.mean(_upright(q) < 0.0) > ON_ITS_BACK:
+        for words, order in ORDERS.items():
+            if np.mean(_upright(q[:, order]) > UPRIGHT) > MOSTLY:
+                return words
+    return ""
+
+
+def _upright(quaternion: Array) -> Array:
+    """Return the cosine (n,) of the angle between down of the body and of the world."""
+    square = quaternion * quaternion
+    return np.asarray(1.0 - 2.0 * (square[:, 1] + square[:, 2]) / square.sum(axis=1))
 
 
 def velocity_in_body_axes(fields: Fields, frame: str, attitude: Fields | None) -> Fields:

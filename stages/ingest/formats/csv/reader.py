@@ -50,7 +50,9 @@ from auvid.stages.ingest.formats.csv.column_map import (
 from auvid.stages.ingest.formats.csv.column_proposal import proposed_map
 from auvid.stages.ingest.formats.csv.pose_columns import (
     WORLD_VELOCITY,
+    Fields,
     in_own_axes,
+    right_order,
     velocity_in_body_axes,
 )
 from auvid.stages.ingest.formats.csv.tolerant_lines import (
@@ -396,6 +398,19 @@ def _of_day(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray:
     )
 
 
+def _check_order(stream: str, fields: Fields) -> None:
+    """Raise `CampaignError` where the parts of a quaternion stand in another order."""
+    order = right_order(fields)
+    if order:
+        raise CampaignError(
+            f"with the quaternion as it is mapped the vehicle lies on its back; taken for {order},"
+            " it is upright",
+            field=f"columns of stream {stream}",
+            remedy="Correct the columns of the quaternion: q_w is its scalar part. Of a vehicle"
+            " that does lie on its back map angles (phi_rad, theta_rad, psi_rad).",
+        )
+
+
 def _streams(
     table: pa.Table,
     columns: Sequence[MappedColumn],
@@ -436,6 +451,8 @@ def _streams(
         chosen: dict[str, npt.NDArray[Any]] = {"time_us": time_us, **fields}
         if not kept.all():
             chosen = {name: values[kept] for name, values in chosen.items()}
+        if not any(item.stream == "imu" for item in columns):  # else the gyro tells
+            _check_order(stream, chosen)
         chosen = in_own_axes(stream, chosen, frame)
         messages[stream] = Messages(stream, chosen, rows if kept.all() else rows[kept])
     velocity = messages.get("velocity")

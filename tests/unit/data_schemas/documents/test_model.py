@@ -33,11 +33,27 @@ def changed(value: Any, *path: str) -> dict[str, Any]:
     [
         (changed(1, "titel"), ["'titel'", "unknown key", "Did you mean 'title'?"]),
         (changed(1, "qqqq"), ["'qqqq'", "unknown key", "Known keys: name, title"]),
-        (changed(3, "title"), ["'title'", "wrong type", "found 3", "allowed: string"]),
+        (changed(3, "title"), ["'title'", "wrong type", "found 3", "string. YAML", "quotes"]),
         (changed({}, "rigid_body", "mass"), ["'rigid_body.mass.value'", "missing key", "source"]),
         (changed("kg", "rigid_body", "mass", "value"), ["rigid_body.mass.value", "not numbers"]),
         (changed(True, "rigid_body", "mass", "value"), ["rigid_body.mass.value", "not numbers"]),
         (changed("fill in a, b", "rigid_body", "mass", "value"), ["No log tells it: write"]),
+        (changed("1e3", "rigid_body", "mass", "value"), ["not numbers", "a sign: 1.0e+3"]),
+        (changed({"value": 14, 0: None}, "rigid_body", "mass"), ["14.0 and not 14,0"]),
+        (changed([14.0], "rigid_body", "mass", "value"), ["found [14.0]; allowed: one number"]),
+        (
+            changed(1.0, "rigid_body", "centre_of_buoyancy", "value"),
+            ["wrong shape; found 1.0; allowed: a list of 3 numbers"],
+        ),
+        (changed([1.0], "rigid_body", "inertia", "value"), ["a list of 3 lists of 3 numbers"]),
+        (
+            changed("mV", "actuators", "thrusters", "thrust_curve", "voltage", "unit"),
+            ["thrust_curve.voltage'", "out of range; found 0.0", "1 to 1000 V"],
+        ),
+        (
+            changed(11, "actuators", "thrusters", "thrust_curve", "voltage_exponent", "value"),
+            ["out of range; found 11.0; allowed: 0 to 3"],
+        ),
         (changed([[1], 2], "rigid_body", "mass", "value"), ["not numbers"]),
         (changed(5, "rigid_body"), ["'rigid_body'", "not a mapping"]),
         (changed(16, "sensors", "depth", "barometer_instance"), ["found 16", "allowed: 0 to 15"]),

@@ -104,6 +104,20 @@ def test_parts_and_mixed_frames_are_refused_together() -> None:
         read(columns_of("enu"), mixed)
 
 
+@pytest.mark.parametrize("stream", ["pose", "attitude"])
+@pytest.mark.parametrize("order", ["xyzw", "wzyx"])
+def test_parts_of_a_quaternion_in_another_order_are_named(stream: str, order: str) -> None:
+    place = PLACE if stream == "pose" else []
+    wrong = [(f"q{a}", stream, f"q_{b}", "1") for a, b in zip("wxyz", order, strict=True)]
+    with pytest.raises(PipelineError, match=rf"stream {stream}.*on its back; taken for .*q_w is"):
+        read(columns_of("ned"), [*place, *wrong])
+    gyro = [("roll", "imu", f"gyro_{axis}_rad_s", "rad/s") for axis in "xyz"]
+    assert stream in read(columns_of("ned"), [*place, *wrong, *gyro]).messages  # the check tells
+    upside_down = columns_of("ned") | {"qx": RUN.t_s**0, "qw": 0.1 * np.sin(RUN.t_s)}
+    right = [(f"q{part}", stream, f"q_{part}", "1") for part in "wxyz"]
+    assert stream in read(upside_down, [*place, *right]).messages
+
+
 def test_times_of_day_pass_midnight_and_clocks_are_shifted() -> None:
     seconds = [86_395.0 + 0.5 * row for row in range(20)]
     text = [f"{int(s // 3600) % 24:02d}:{int(s // 60) % 60:02d}:{s % 60:04.1f}" for s in seconds]
