@@ -180,6 +180,15 @@ class CapabilityRecord(Model):
     """Why not."""
 
 
+class AnswerRecord(Model):
+    """How one motion follows the outputs."""
+
+    lag_s: float
+    """By how much it comes later."""
+    explained: float
+    """Share of it that the outputs explain."""
+
+
 class UnseenRecord(Model):
     """A figure that a log cannot show, so that a wrong one passes."""
 
@@ -239,6 +248,8 @@ class HealthRecord(Model):
     """What can be done with the log."""
     unseen: list[UnseenRecord]
     """What nothing in the log tells: a wrong figure passes."""
+    answers: dict[str, AnswerRecord] = Field(default_factory=dict)
+    """How motion follows the outputs, per axis that they explain."""
     excitation: dict[str, ExcitationRecord]
     """Motion per axis: u v w p q r."""
     notes: list[str]

@@ -13,6 +13,7 @@ from auvid.data_schemas.checks import accepted_findings, checks, standing_findin
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.campaigns.campaign import Campaign, inside
 from auvid.pipeline.campaigns.yaml_files import load_yaml
+from auvid.pipeline.commands.check.log_clocks import log_clocks
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.usability import IDLE, NO_FORCE, NO_STATE, PASSIVE
 from auvid.stages.ingest.health.vehicle import NEEDED
@@ -54,11 +55,12 @@ def refusal(
 
 
 def _stopped(campaign: Campaign, health: Mapping[str, Document], method: str) -> DataError | None:
+    late = log_clocks(health)
     stopping = [
         (log, item)
         for log, document in health.items()
         for accepted in (accepted_findings(campaign.document, log),)
-        for item in standing_findings(document, accepted)
+        for item in (*standing_findings(document, accepted), *late.get(log, ()))
         if checks()[item["id"]].stops
         and item["id"] not in accepted
         and not (method == "kinematic" and item["id"].startswith(ACCELEROMETER))

@@ -31,7 +31,7 @@ from auvid.stages.ingest.health.actuation.responses import (
 )
 from auvid.stages.ingest.health.actuation.single_outputs import single_output_findings
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
-from auvid.stages.ingest.health.agreement.beam_velocity import beam_findings, ground_findings
+from auvid.stages.ingest.health.agreement.exchanged_columns import exchanged_columns
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
 from auvid.stages.ingest.health.agreement.inertial_lag import with_inertial_lag
@@ -47,11 +47,15 @@ from auvid.stages.ingest.health.agreement.sources import (
     depth_findings,
     velocity_findings,
 )
-from auvid.stages.ingest.health.agreement.velocity_axes import (
+from auvid.stages.ingest.health.agreement.velocity.beam_velocity import (
+    beam_findings,
+    ground_findings,
+)
+from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     velocity_evidence,
 )
-from auvid.stages.ingest.health.agreement.velocity_samples import outlier_findings
+from auvid.stages.ingest.health.agreement.velocity.velocity_samples import outlier_findings
 from auvid.stages.ingest.health.causes import by_cause
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
@@ -156,6 +160,10 @@ def check_health(
         "verdict": verdict(uses, findings),
         "capabilities": uses,
         "unseen": unseen(compared.log, compared.evidence, compared.answers),
+        "answers": {
+            axis: {"lag_s": float(answer.lag_s), "explained": float(answer.explained)}
+            for axis, answer in compared.answers.items()
+        },
         "excitation": excited,
         "notes": list(info.notes),
     }
@@ -211,7 +219,11 @@ class _Compared:
 
 def _compared(log: CheckedLog) -> _Compared:
     """Compare the sensors of a log with each other and with its outputs."""
-    measured = [item for check in OF_SENSORS for item in check(log)]
+    measured = list(exchanged_columns(log))
+    for item in measured:  # they say nothing of the others
+        log = log.without(item["stream"])
+        log = log.without("velocity") if item["stream"] == "depth" else log.without("imu")
+    measured += [item for check in OF_SENSORS for item in check(log)]
     if any(item["id"] in OF_GRAVITY for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
     elif not any(item["id"] in OF_TURNS for item in measured):

@@ -28,7 +28,7 @@ from auvid.stages.ingest.health.finding import (
     limit,
     listed,
 )
-from auvid.stages.ingest.rejection import IMPOSSIBLE, USUAL_UNITS
+from auvid.stages.ingest.rejection import BACKWARD, IMPOSSIBLE, REPEATED, USUAL_UNITS
 from auvid.stages.number_format import percent, significant
 
 CLOCK_NOTE = re.compile(r"clock (goes back|leaps|of the log was set)")
@@ -44,6 +44,17 @@ OF_NONE = (
     "A number that stands for none (-999, -32.768) is left out; name its text under missing in the"
     " column map. Else check the unit."
 )
+OF_REASON: Mapping[tuple[str, ...], str] = {
+    (IMPOSSIBLE,): OF_NONE,
+    (BACKWARD,): (
+        "Rows stand there twice, or in another order than they were measured: sort the table by its"
+        " time and leave out what it has twice."
+    ),
+    (REPEATED,): (
+        "Rows stand there twice, or their time is cut off: leave out what the table has twice, or"
+        " export the time with all its digits."
+    ),
+}
 MOTION = {
     "imu": GYRO,
     "attitude": ATTITUDE,
@@ -131,8 +142,9 @@ def file_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def rejected_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield rejected samples, per stream, with the reasons."""
+    """Yield rejected samples with the reasons, those of one table together."""
     rows = log.dropped.to_pylist()
+    alike: dict[tuple[str, tuple[str, ...], str], list[tuple[int, float, str, str]]] = {}
     for stream in STREAMS:
         lost = [row for row in rows if row["stream"] == stream]
         count = sum(row["count"] for row in lost)
@@ -140,14 +152,20 @@ def rejected_findings(log: CheckedLog) -> Iterator[Finding]:
         share = count / total if total else 0.0
         if share > limit("rejected_samples"):
             name = "most_rejected" if share > limit("most_rejected") else "rejected_samples"
-            reasons = ", ".join(f"{row['reason']}: {row['count']}" for row in lost)
-            yield finding(
-                name,
-                f"{percent(share)} of the samples of {stream} cannot be used ({reasons}).",
-                stream=stream,
-                value=share,
-                remedy=OF_NONE if {row["reason"] for row in lost} == {IMPOSSIBLE} else "",
-            )
+            source = log.source(stream) if stream in log.info.streams else stream
+            words = ", ".join(f"{row['reason']}: {row['count']}" for row in lost)
+            key = name, tuple(sorted({row["reason"] for row in lost})), source
+            alike.setdefault(key, []).append((count, share, words, stream))
+    for (name, reasons, _), streams in alike.items():
+        _, share, words, _ = max(streams)
+        yield finding(
+            name,
+            f"{percent(share)} of the samples of {listed([item[-1] for item in streams])}"
+            f" cannot be used ({words}).",
+            stream=streams[0][-1] if len(streams) == 1 else None,
+            value=share,
+            remedy=OF_REASON.get(reasons, ""),
+        )
 
 
 def impossible_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     pushes,
 )
 from auvid.stages.ingest.health.agreement.motion import depth_answers
-from auvid.stages.ingest.health.agreement.velocity_axes import SURE_ODDS, VelocityEvidence
+from auvid.stages.ingest.health.agreement.velocity.velocity_axes import SURE_ODDS, VelocityEvidence
 from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
 from auvid.stages.number_format import percent
 

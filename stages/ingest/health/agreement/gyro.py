@@ -98,10 +98,10 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
     if of_angles:
         yield from of_angles
         return
-    if not _agrees(agreement):
+    if not agrees(agreement):
         for other, item in _turned(log, angles):
             again = rate_agreement(t_s, other, *gyro)
-            if again is not None and _agrees(again):
+            if again is not None and agrees(again):
                 yield item
                 return
     unit = list(_unit(log, agreement))
@@ -132,7 +132,7 @@ def _other_order(
     if other is None or other[1] > LEFT_BY_ORDER or other[2] < SURE_ORDER:
         return
     again = rate_agreement(t_s, in_order(angles, other[0]), *gyro)
-    if again is None or not _agrees(again):
+    if again is None or not agrees(again):
         return
     words = ", ".join(ORDER_WORDS[axis] for axis in other[0])
     yield finding(
@@ -150,7 +150,7 @@ def _late_angles(
     agreement: RateAgreement, t_s: Array, angles: Array, gyro: tuple[Array, Array]
 ) -> Iterator[Finding]:
     """Yield angles that are late, or early, while others are in time."""
-    moved, least = _moved(agreement), limit("gyro_lag")
+    moved, least = moved_axes(agreement), limit("gyro_lag")
     if not any(abs(agreement.lags_s[axis]) > least for axis in moved):
         return
     for axes in ((2,), (0, 1), (0,), (1,)):
@@ -161,7 +161,7 @@ def _late_angles(
         other = angles.copy()
         other[:, axes] = angles_at(t_s - lag, t_s, angles)[:, axes]
         again = rate_agreement(t_s, other, *gyro)
-        if again is None or not _agrees(again) or np.abs(again.lags_s[moved]).max() > 0.5 * least:
+        if again is None or not agrees(again) or np.abs(again.lags_s[moved]).max() > 0.5 * least:
             continue
         names = listed([RATES[axis] for axis in axes])
         others = [RATES[axis] for axis in range(3) if axis not in axes]
@@ -189,7 +189,7 @@ def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Itera
     """
     if np.abs(angles).max() > LARGEST_GRADIANS:
         return
-    moved = _moved(agreement)
+    moved = moved_axes(agreement)
     leaps = np.abs(np.diff(angles[:, 2])) / (2.0 * math.pi)
     for turn, words, unit in (
         (GRADIANS, "gradians, declared as degrees", "grad"),
@@ -229,16 +229,16 @@ def _all_jumps(begins: Array) -> str:
     return f" Jumps at {times}{more} s."
 
 
-def _moved(agreement: RateAgreement) -> list[int]:
+def moved_axes(agreement: RateAgreement) -> list[int]:
     """Return the axes about which attitude or gyro turns enough to be compared."""
     gyro = np.abs(np.nan_to_num(agreement.scale)) * agreement.std
     size = np.maximum(agreement.std, gyro)
     return [axis for axis in range(3) if size[axis] >= SMALLEST_TURN_RAD_S]
 
 
-def _agrees(agreement: RateAgreement) -> bool:
+def agrees(agreement: RateAgreement) -> bool:
     """Return whether the gyro turns as the attitude in every axis that moves."""
-    moved = _moved(agreement)
+    moved = moved_axes(agreement)
     return bool(moved) and all(
         agreement.correlation[axis, axis] > SAME_TURN
         and abs(agreement.scale[axis] - 1.0) < limit("gyro_scale")
@@ -330,7 +330,7 @@ def _attitude_unit(text: str, unit: str, fields: tuple[str, ...] = ATTITUDE) -> 
 
 def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
     """Yield one finding where gyro and attitude differ by the scale of a known unit."""
-    moved = _moved(agreement)
+    moved = moved_axes(agreement)
     if not moved or any(agreement.correlation[axis, axis] < SAME_TURN for axis in moved):
         return
     scale = float(np.median(agreement.scale[moved]))
@@ -366,7 +366,7 @@ def _axes(agreement: RateAgreement, slowly: Callable[[], Array]) -> Iterator[Fin
 
     slowly: returns the correlations (3,) of turns over .4 s.
     """
-    in_gyro = _moved(agreement)  # an attitude in rad taken for degrees hardly moves
+    in_gyro = moved_axes(agreement)  # an attitude in rad taken for degrees hardly moves
     moved = [
         axis
         for axis in range(3)

@@ -13,7 +13,7 @@ from auvid.stages.columns import (
     ATTITUDE,
     GYRO,
 )
-from auvid.stages.ingest.health.agreement.velocity_arm import clear_arm, inertial_motion
+from auvid.stages.ingest.health.agreement.velocity.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
 SURE_ODDS, SURE_BY_DEPTH = 30.0, 10.0

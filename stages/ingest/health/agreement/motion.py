@@ -42,8 +42,8 @@ from auvid.stages.ingest.health.actuation.push_answers import (
 )
 from auvid.stages.ingest.health.actuation.responses import late_outputs
 from auvid.stages.ingest.health.agreement.tilt import tilt_findings
-from auvid.stages.ingest.health.agreement.velocity_arm import wrong_arm
-from auvid.stages.ingest.health.agreement.velocity_axes import (
+from auvid.stages.ingest.health.agreement.velocity.velocity_arm import wrong_arm
+from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     heading_findings,
     late_velocity,

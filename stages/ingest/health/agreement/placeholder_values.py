@@ -11,7 +11,7 @@ from auvid.data_schemas.tables import column
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.identification.checks.placeholders import FEWEST_ROWS, placeholder
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY
-from auvid.stages.ingest.health.agreement.velocity_samples import lost_zeros, short_zeros
+from auvid.stages.ingest.health.agreement.velocity.velocity_samples import lost_zeros, short_zeros
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent, significant
 

@@ -271,6 +271,12 @@ def _half_metres(log: Log) -> None:
     log.streams["depth"]["depth_m"] = np.round(depth_m / 0.1) * 0.1
 
 
+@spoils("columns_exchanged")
+def _gravity_for_yaw(log: Log) -> None:
+    imu = log.streams["imu"]
+    imu["gyro_z_rad_s"], imu["accel_z_m_s2"] = imu["accel_z_m_s2"], imu["gyro_z_rad_s"]
+
+
 @spoils("gyro_lag")
 def _late(log: Log) -> None:
     log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 200_000
@@ -791,7 +797,7 @@ def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
 
 def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
     of_poses = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
-    of_poses |= {"commands_mixed"}
+    of_poses |= {"commands_mixed", "run_clock"}  # which is of several logs
     assert set(SPOIL) | {"command_lag"} | of_poses == set(checks())  # test_pose_motion.py
 
 
@@ -861,6 +867,34 @@ def test_all_stretches_of_zeros_of_a_velocity_are_named() -> None:
     for start in (10.0, 30.0):
         at("velocity", start, start + 4.0, u_m_s=0.1, v_m_s=0.1, w_m_s=0.1)(log)
     assert "from 10.0 s on, and others from 30.0 s on" in log.finding("stuck_sensor")["text"]
+
+
+def test_an_angle_and_its_rate_and_depth_and_heave_are_named_where_they_are_exchanged() -> None:
+    log = sound()
+    attitude, imu = log.streams["attitude"], log.streams["imu"]
+    t_s, t_imu = log.t_s("attitude"), log.t_s("imu")
+    attitude["psi_rad"], imu["gyro_z_rad_s"] = (
+        np.interp(t_s, t_imu, imu["gyro_z_rad_s"]),
+        np.interp(t_imu, t_s, attitude["psi_rad"]),
+    )
+    assert "psi_rad (ATTITUDE) and gyro_z_rad_s (IMU)" in log.finding("columns_exchanged")["text"]
+    log = sound()
+    heave, t = log.streams["velocity"]["w_m_s"], log.t_s("velocity")
+    depth_m, t_depth = log.streams["depth"]["depth_m"], log.t_s("depth")
+    log.streams["velocity"]["w_m_s"] = np.interp(t, t_depth, depth_m)
+    log.streams["depth"]["depth_m"] = np.interp(t_depth, t, heave)
+    (item,) = [item for item in log.health()["findings"] if checks()[item["id"]].stops]
+    assert (item["id"], item["fields"]) == ("columns_exchanged", ["depth_m", "w_m_s"])
+
+
+def test_rejected_rows_of_one_table_are_one_finding() -> None:
+    log = sound()
+    for stream in ("imu", "attitude", "depth"):
+        log.info["streams"][stream] = {"source": "dive.csv"}
+        rejecting(stream, 40, "time stamp out of order")(log)
+    item = log.finding("rejected_samples")
+    assert "of imu, attitude and depth cannot" in item["text"] or "attitude, imu" in item["text"]
+    assert "sort the table by its time" in item["remedy"]
 
 
 def test_every_jump_of_the_attitude_has_its_time() -> None:

@@ -747,6 +747,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "output_dead",
         "output 2",
     ),
+    "depth and heave exchanged": (
+        exchanged("depth_m", "w_m_s"),
+        "columns_exchanged",
+        "the depth rate follows heave",
+    ),
     "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
     "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
     "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),

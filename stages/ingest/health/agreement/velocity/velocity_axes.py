@@ -17,7 +17,7 @@ from auvid.hydro.identification.checks.velocity_answer import (
 )
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR
-from auvid.stages.ingest.health.agreement.velocity_arm import clear_arm, inertial_motion
+from auvid.stages.ingest.health.agreement.velocity.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,

@@ -13,7 +13,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.motion_checks import angles_at, heave_of_columns
 from auvid.hydro.identification.checks.velocity_answer import odds_of_velocities
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
-from auvid.stages.ingest.health.agreement.velocity_arm import inertial_motion
+from auvid.stages.ingest.health.agreement.velocity.velocity_arm import inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.number_format import percent
 

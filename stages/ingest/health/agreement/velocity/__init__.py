@@ -1,0 +1,1 @@
+"""Checks of the velocity against the other sensors."""
