@@ -32,7 +32,6 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
-from auvid.stages.fit_axes.beside_damping import interval_95, righting_and_surge, unit_of
 from auvid.stages.fit_axes.filling import FilledAxis
 from auvid.stages.fit_axes.fitted import (
     AxisFits,
@@ -40,7 +39,13 @@ from auvid.stages.fit_axes.fitted import (
     Lacking,
     Together,
 )
-from auvid.stages.fit_axes.scaling import ScaledAxes, fitted_vehicle
+from auvid.stages.fit_axes.scaling import (
+    ScaledAxes,
+    fitted_vehicle,
+    interval_95,
+    righting_and_surge,
+    unit_of,
+)
 from auvid.stages.fit_axes.thrusters import share_of
 from auvid.stages.page.first_screen import AXIS_WORDS
 

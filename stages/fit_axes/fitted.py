@@ -284,6 +284,8 @@ class AxisFits:
     markers: Markers | None = None
     thrusters: tuple[ThrusterRatio, ...] = ()
     """How strong each is against those like it."""
+    late_s: Mapping[str, float] = field(default_factory=dict)
+    """Leg -> how late its commands were stamped, which the fits have moved."""
 
     @property
     def inertia_shares(self) -> dict[str, tuple[float, float]]:

@@ -26,6 +26,7 @@ from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages.fit_axes.clocks import late_commands, on_one_clock
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
     DIVES_DIFFER,
@@ -65,12 +66,14 @@ def fit_all(
     options: FitOptions,
     *,
     strengths: tuple[ThrusterRatio, ...] | None = None,
+    late_s: Mapping[str, float] | None = None,
 ) -> AxisFits:
     """Return the fits of all axes that the training legs give, with held-out fits.
 
     Validation legs, where there are any, are flown by a fit that does not use them; then
     windows and legs are left out in turn too. strengths: of thrusters, where forces have
-    them already; None to find them, and to fit once more where one is weak.
+    them already; None to find them, and to fit once more where one is weak. late_s: of
+    commands on another clock that are moved already; None to find and to move them.
     """
     as_logged = legs
     first = next(iter(legs.values())).windows
@@ -102,10 +105,17 @@ def fit_all(
                 doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
+    if late_s is None:
+        late_s = late_commands(tried, legs)
+        if late_s:
+            return fit_all(on_one_clock(as_logged, late_s), vehicle, options, late_s=late_s)
     if strengths is None:
         strengths = ratios_of(tried, legs, vehicle, options)
         if any(item.is_weak for item in strengths):
-            return fit_all(as_strong(as_logged, strengths), vehicle, options, strengths=strengths)
+            return fit_all(
+                as_strong(as_logged, strengths), vehicle, options,
+                strengths=strengths, late_s=late_s,
+            )  # fmt: skip
     shared = shared_lag(fitted)
     if options.fit_lag and shared is not None:
         late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
@@ -129,6 +139,7 @@ def fit_all(
         legs=tuple(legs),
         together=together,
         thrusters=strengths,
+        late_s=late_s,
     )
 
 

@@ -13,6 +13,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.judgement import STRAIGHT
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
+from auvid.stages.fit_axes.clocks import clock_words
 from auvid.stages.fit_axes.fitted import AxisFits, AxisMotion, FittedAxis, Together
 from auvid.stages.fit_axes.markers import markers_words
 from auvid.stages.fit_axes.thrusters import share_of, untold_words, weak_words
@@ -70,6 +71,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     warnings = [words for item in fits.fitted for words in item.warnings]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
     blocks += [remark(words, "warning") for words in weak_words(fits.thrusters)]
+    blocks += [remark(words, "warning") for words in clock_words(fits.late_s)]
     blocks += _fit_tables(fits)
     if fits.lacking:
         rows = [

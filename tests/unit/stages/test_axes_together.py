@@ -18,6 +18,7 @@ from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
+from auvid.stages.fit_axes.clocks import clock_words
 from auvid.stages.fit_axes.coupling import (
     filed_inertia,
     fitted_shares,
@@ -88,6 +89,7 @@ def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
     return fit_all(legs, body(), FitOptions(lag_s=0.08, fit_lag=False))
 
 
+ONE_BY_ONE = FitOptions(lag_s=0.08, fit_lag=False, together="never")
 SWAY_BY_TURNING, TURN_BY_SWAY = -0.2, 1.5
 """v' has so much of r [m/s per rad], r' so much of v [rad/(m s)]: a hull longer behind."""
 
@@ -215,6 +217,18 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
     counts = {item.what: item.windows for item in by_itself}
     blocks = fit.held_out[:2]
     assert [counts[item.what] for item in blocks] == [item.windows for item in blocks]
+
+
+def test_commands_of_a_leg_on_another_clock_are_moved_and_named() -> None:
+    legs = dict(legs_of(file_inertia(), coriolis=False))
+    assert fits(False).late_s == {}
+    record = legs["leg_1"].record
+    late = {axis: np.interp(record.t_s - 0.4, record.t_s, f) for axis, f in record.force.items()}
+    legs["leg_1"] = replace(legs["leg_1"], record=replace(record, force=late))
+    fitted = fit_all(legs, body(), replace(ONE_BY_ONE, axes=("X",)))
+    assert fitted.late_s == {"leg_1": pytest.approx(0.4, abs=0.03)}
+    assert fitted.fitted[0].equation.value("force") == pytest.approx(TRUTH["u"][2], rel=0.03)
+    assert clock_words(fitted.late_s)[0] in str(fit_section(fitted, card_of(fitted)))
 
 
 def test_a_pull_on_an_axis_that_does_not_join_gives_the_others_their_inertia() -> None:

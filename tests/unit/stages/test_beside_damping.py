@@ -12,9 +12,8 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.single_axis import SURGE
 from auvid.hydro.identification.axes.structure import RIGHTING
-from auvid.stages.fit_axes.beside_damping import righting_and_surge
 from auvid.stages.fit_axes.fitted import AxisFits, FittedAxis
-from auvid.stages.fit_axes.scaling import scaled
+from auvid.stages.fit_axes.scaling import righting_and_surge, scaled
 from tests.support.motions import shipped_vehicle
 from tests.unit.stages.test_fit_axes import fits
 
