@@ -10,7 +10,9 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import WINDOW_S, integrals, windows
 from auvid.hydro.identification.checks.response import peak_of_parabola
+from auvid.hydro.identification.checks.robust_gains import fitted_gains
 from auvid.hydro.identification.checks.signal_checks import (
     FEWEST,
     LONGEST_INTERVAL_S,
@@ -26,6 +28,8 @@ LARGEST_AXIS_LAG_S = 1.0
 OTHER_ORDERS = ("ZXY", "XYZ", "XZY", "YXZ", "YZX")
 """Orders of turns about the axes of the body, beside the yaw, pitch, roll of ZYX."""
 ORDER_WINDOW_S = 1.0
+STEEPEST_RAD = 1.2
+"""Largest pitch at which a heading is compared by itself."""
 SMALLEST_JUMP_RAD, JUMP_SPREADS = 0.1, 5.0
 """A jump of the attitude: more than this, and than so many times what 90 % of the
 intervals disagree by.
@@ -201,6 +205,46 @@ def other_order(
         left[order] = max(float(np.median(np.linalg.norm(sums, axis=1))), 1e-9)
     best = min(OTHER_ORDERS, key=lambda order: left[order])
     return best, left[best] / left["ZYX"], count * float(np.log(left["ZYX"] / left[best]))
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """By how much a heading swings with itself, as of a compass beside iron.
+
+    `angle` [rad] of the sine of the heading, its standard deviation `sd`; `explained`:
+    share of what heading and gyro differ by; `turned` [rad], the range of the heading.
+    """
+
+    angle: float
+    sd: float
+    explained: float
+    turned: float
+
+
+@kept
+def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation | None:
+    """Return how a heading deviates with itself against the gyro.
+
+    Change of heading less the gyro's = A (sin psi)' + B (cos psi)' + C gyro + D, over
+    windows of 2 s. None for too few, and for a vehicle that stands on end.
+    """
+    if np.abs(euler[:, 1]).max() > STEEPEST_RAD:
+        return None
+    width = 2.0 * WINDOW_S
+    phi, theta = (np.interp(t_gyro, t_s, euler[:, column]) for column in (0, 1))
+    rate = (gyro[:, 1] * np.sin(phi) + gyro[:, 2] * np.cos(phi)) / np.cos(theta)
+    at = windows(max(t_s[0], t_gyro[0]), min(t_s[-1], t_gyro[-1]), t_s, t_gyro, width_s=width)
+    if at.size < FEWEST:
+        return None
+    heading = np.unwrap(euler[:, 2])
+    first, last = (np.interp(side, t_s, heading) for side in (at, at + width))
+    turned = integrals(t_gyro, rate[:, None], at, width)[:, 0]
+    swings = [np.sin(last) - np.sin(first), np.cos(last) - np.cos(first), turned]
+    gains = fitted_gains(last - first - turned, np.column_stack(swings))
+    if gains is None:
+        return None
+    angle, sd = float(np.hypot(*gains.gain[:2])), float(gains.sd[:2].max())
+    return Deviation(angle, sd, gains.explained, float(np.ptp(heading)))
 
 
 def _turns(

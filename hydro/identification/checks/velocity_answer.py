@@ -23,6 +23,8 @@ from auvid.hydro.identification.checks.motion_checks import (
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
 from auvid.hydro.kept_results import kept
 
+LARGEST_LACK = 0.6
+"""Part of an axis of the velocity that may lack, or be too much."""
 NORMAL_SPREAD = 1.4826
 """Standard deviation of a normal distribution over its median deviation."""
 
@@ -154,6 +156,55 @@ def log_odds(changes: Array, pulled: Array) -> Array:
     moving = (own > 0.0) & (left > 0.0)
     ratio = np.divide(own, left, out=np.ones_like(own), where=moving)
     return np.asarray(changes.shape[-2] * np.maximum(np.log(ratio), 0.0).sum(axis=-1))
+
+
+@dataclass(frozen=True)
+class AxisScales:
+    """Scale of surge and sway (2,) by themselves, a turn beside them.
+
+    `sd` (2,) of their inverse, `explained` (2,): share of the changes of each axis.
+    """
+
+    scale: Array
+    sd: Array
+    explained: Array
+
+
+@kept
+def axis_scales(
+    imu: tuple[Array, Array, Array],
+    attitude: tuple[Array, Array],
+    velocity: tuple[Array, Array],
+    *,
+    gravity: float,
+) -> AxisScales | None:
+    """Return the scales of surge and sway by the accelerometer.
+
+    None for too few windows. Each axis of the velocity turns into the others as the
+    vehicle does, so that all follow from all changes.
+    """
+    (t_imu, gyro, force), (t_attitude, euler), (t, speed) = imu, attitude, velocity
+    clocks = t_imu, t_attitude, t
+    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    parts = [changes_of(t_imu, gyro, t, speed * axis, at) for axis in np.eye(3)]
+    change = np.sum(parts, axis=0)
+    turned = np.column_stack([-change[:, 1], change[:, 0]])
+    design = np.stack([parts[0][:, :2], parts[1][:, :2], turned], axis=2)
+    rest, change = (change - pulled)[:, :2], change[:, :2]
+    rest, change, design = (part - np.median(part, axis=0) for part in (rest, change, design))
+    spread = np.maximum(NORMAL_SPREAD * np.median(np.abs(rest), axis=0), 1e-9)
+    gains = fitted_gains(
+        (rest / spread).ravel(), (design / spread[None, :, None]).reshape(-1, design.shape[2])
+    )
+    if gains is None or np.abs(gains.gain[:2]).max() > LARGEST_LACK:
+        return None
+    left = rest - design @ gains.gain
+    size = np.maximum(np.median(np.abs(change), axis=0), 1e-9)
+    explained = 1.0 - (np.median(np.abs(left), axis=0) / size) ** 2
+    return AxisScales(1.0 / (1.0 - gains.gain[:2]), gains.sd[:2], explained)
 
 
 @dataclass(frozen=True)

@@ -474,6 +474,27 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
                 f" {significant(rate * (1.0 - share))} Hz."
             )
             yield finding("held_samples", text, stream=stream, value=share)
+        elif stream == "velocity":
+            yield from _held_columns(log, names, moving)
+
+
+def _held_columns(log: CheckedLog, names: tuple[str, ...], moving: Array) -> Iterator[Finding]:
+    """Yield single axes of the velocity that repeat while the others do not."""
+    shares = {
+        name: same.share
+        for name, same in zip(names, map(repeats, moving.T[..., None]), strict=True)
+        if limit("held_samples") < same.share < 1.0 and same.leap > MIN_STEP_RATIO
+    }
+    if 0 < len(shares) < len(names):
+        parts = [f"{name} in {percent(share)} of the samples" for name, share in shares.items()]
+        yield finding(
+            "held_samples",
+            f"Single axes of the velocity ({log.source('velocity')}) repeat the value before:"
+            f" {listed(parts)}; the others bring new ones.",
+            stream="velocity",
+            value=max(shares.values()),
+            fields=tuple(shares),
+        )
 
 
 def _other_runs(t_s: Array, values: Array, but: int, longest_s: float) -> str:

@@ -13,6 +13,7 @@ from auvid.hydro.identification.checks.rate_agreement import (
     RateAgreement,
     attitude_jumps,
     axis_lag,
+    deviation,
     in_order,
     other_order,
     rate_agreement,
@@ -74,6 +75,10 @@ LEFT_BY_ORDER, SURE_ORDER = 0.8, 40.0
 """What another order of turns may leave of what ZYX leaves, and its least log likelihood:
 clean logs with 2 degrees of roll and pitch have at most 20.
 """
+LEAST_OF_DEVIATION, CLEAR = 0.6, 4.0
+"""Share of what heading and gyro differ by that a deviation explains, and in how many of its
+standard deviations it is clear.
+"""
 ORDER_WORDS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
 """Where the gyro itself is wrong, turns that it does not show are no jumps of the
@@ -107,6 +112,8 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
     unit = list(_unit(log, agreement))
     wrong = unit or list(_axes(agreement, lambda: _over_longer_times(t_s, angles, gyro)))
     yield from wrong
+    if not wrong:
+        yield from _deviation(t_s, angles, gyro)
     if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
         text = (
             f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
@@ -179,6 +186,24 @@ def _late_angles(
             " it back, or take an angle that is not filtered.",
         )
         return
+
+
+def _deviation(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterator[Finding]:
+    """Yield a heading that deviates with itself, as of a compass beside iron."""
+    swing = deviation(t_s, angles, *gyro)
+    if swing is None or swing.turned < math.pi or swing.explained < LEAST_OF_DEVIATION:
+        return
+    size, sd = math.degrees(swing.angle), math.degrees(swing.sd)
+    if size - CLEAR * sd < limit("heading_deviation"):
+        return
+    yield finding(
+        "heading_deviation",
+        f"The heading swings by {size:.0f} +- {2.0 * sd:.0f} degrees to either side as it turns"
+        " round, by the gyro, as that of a compass beside iron or a magnet does.",
+        stream="attitude",
+        value=size,
+        fields=(ATTITUDE[2],),
+    )
 
 
 def _gradians(log: CheckedLog, agreement: RateAgreement, angles: Array) -> Iterator[Finding]:
@@ -296,6 +321,19 @@ def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
                 fields=tuple(name for i in axes for name in (GYRO[i], ATTITUDE[i])),
             ),
         )
+    parts = quaternion_of_euler(angles) * [1.0, -1.0, -1.0, -1.0]
+    yield (
+        euler_of_quaternion(parts),
+        finding(
+            "gyro_axes",
+            f"{used} is that of the earth in axes of the body: the other way round (the"
+            " quaternion's x, y and z with the other sign) it turns as the gyro does.",
+            stream="attitude",
+            value=1.0,
+            fields=ATTITUDE,
+            remedy="Turn the sign of the columns of qx, qy and qz, or transpose the rotation.",
+        ),
+    )
     for words, order in QUATERNION_ORDERS.items():
         parts = quaternion_of_euler(angles)[:, order]
         yield (

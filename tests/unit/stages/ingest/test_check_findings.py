@@ -277,6 +277,17 @@ def _gravity_for_yaw(log: Log) -> None:
     imu["gyro_z_rad_s"], imu["accel_z_m_s2"] = imu["accel_z_m_s2"], imu["gyro_z_rad_s"]
 
 
+@spoils("heading_deviation")
+def _compass_beside_iron(log: Log) -> None:
+    """A vehicle that turns round and round, whose compass swings by 15 degrees."""
+    turning, attitude, imu = 0.3, log.streams["attitude"], log.streams["imu"]
+    down = rotation_body_to_ned(euler(log.t_s("imu")))[:, 2]
+    for name, part in zip(RATE_COLUMNS, down.T, strict=True):
+        imu[name] = imu[name] + turning * part
+    heading = attitude["psi_rad"] + turning * log.t_s("attitude")
+    attitude["psi_rad"] = heading + np.radians(15.0) * np.sin(heading)
+
+
 @spoils("gyro_lag")
 def _late(log: Log) -> None:
     log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 200_000
@@ -1366,6 +1377,18 @@ def test_a_velocity_that_accelerometer_or_track_shows_is_not_listed_as_unseen() 
     assert turn in names
     assert f"{scale} of the velocity" in names
     assert f"{scale} of the velocity (below" not in names
+
+
+def test_single_axes_of_the_velocity_of_another_scale_or_held_are_named() -> None:
+    log = sound()
+    log.streams["velocity"]["v_m_s"] = 0.7 * log.streams["velocity"]["v_m_s"]
+    (item,) = [item for item in log.health()["findings"] if item["id"] == "scale_off"]
+    assert item["text"].startswith("Sway of the velocity (VELOCITY) is 0.7"), item["text"]
+    log = sound()
+    sway = log.streams["velocity"]["v_m_s"]
+    log.streams["velocity"]["v_m_s"] = sway[np.arange(sway.size) // 4 * 4]
+    item = log.finding("held_samples")
+    assert item["fields"] == ["v_m_s"]
 
 
 @pytest.mark.parametrize("factor", [1.15, 1.0 / 1.15])

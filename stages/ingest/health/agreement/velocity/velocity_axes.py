@@ -12,10 +12,12 @@ from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.answers import PlanarTurn, track_turn
 from auvid.hydro.identification.checks.velocity_answer import (
     ArmOffset,
+    AxisScales,
     VelocityAnswer,
+    axis_scales,
     velocity_answer,
 )
-from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_FIXES, OF_POSES, POSITION, SPEEDS
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import (
@@ -40,6 +42,8 @@ CLEAR_TURN = 3.0
 """Standard deviations beyond the limit at which a turn counts: the worst of 27 sound legs
 is 5.4 +- 1.25 degrees.
 """
+SURE_AXIS = 0.9
+"""Least share of the changes of surge and sway each that tells their scales apart."""
 BETTER_MIRRORED = 0.3
 """By how much more of a track a mirrored one must explain."""
 MIRRORS = {
@@ -61,6 +65,7 @@ class VelocityEvidence:
 
     answer: VelocityAnswer | None = None
     arm: ArmOffset | None = None
+    scales: AxisScales | None = None
     track: PlanarTurn | None = None
     mirrored: PlanarTurn | None = None
 
@@ -91,14 +96,15 @@ def velocity_evidence(log: CheckedLog) -> VelocityEvidence:
         velocity = log.t_s("velocity"), log.body_velocity()
         track = track_turn(times, position, *poses, *velocity)
         mirrored = track_turn(times, position[:, [1, 0, 2]], *poses, *velocity)
-    answer, arm = _accelerometer(log)
-    return VelocityEvidence(answer, arm, track, mirrored)
+    return VelocityEvidence(*_accelerometer(log), track, mirrored)
 
 
-def _accelerometer(log: CheckedLog) -> tuple[VelocityAnswer | None, ArmOffset | None]:
+def _accelerometer(
+    log: CheckedLog,
+) -> tuple[VelocityAnswer | None, ArmOffset | None, AxisScales | None]:
     motion = inertial_motion(log)
     if motion is None:
-        return None, None
+        return None, None, None
     t_velocity, speed = motion.velocity
     arm = motion.arm()
     if arm is not None and clear_arm(arm).any():
@@ -106,7 +112,8 @@ def _accelerometer(log: CheckedLog) -> tuple[VelocityAnswer | None, ArmOffset | 
     answer = velocity_answer(
         motion.imu, motion.attitude, (t_velocity, speed), gravity=STANDARD_GRAVITY, lags_s=LAGS_S
     )
-    return answer, arm
+    scales = axis_scales(motion.imu, motion.attitude, (t_velocity, speed), gravity=STANDARD_GRAVITY)
+    return answer, arm, scales
 
 
 def _of_the_heading(log: CheckedLog) -> bool:
@@ -190,6 +197,10 @@ def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
 
 def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
     """Yield a velocity that is too large or small against accelerometer or track."""
+    single = list(_single_scales(log, evidence.scales))
+    if single:
+        yield from single
+        return
     if evidence.of_accelerometer is not None:
         turn = evidence.of_accelerometer
         bounds = turn.scale, turn.scale / turn.explained
@@ -199,6 +210,28 @@ def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
         words = f"the track ({log.source('position')}) shows"
         bounds = 1.0 / turn.scale, turn.explained / turn.scale
         yield from _scale(log, turn, bounds, words)
+
+
+def _single_scales(log: CheckedLog, scales: AxisScales | None) -> Iterator[Finding]:
+    """Yield surge or sway of another scale than the other one, by the accelerometer."""
+    if scales is None or scales.explained.min() < SURE_AXIS:
+        return
+    off = 1.0 - 1.0 / scales.scale
+    difference = abs(float(off[0] - off[1])) - CLEAR * float(np.hypot(*scales.sd))
+    clear = np.abs(off) - CLEAR * scales.sd - (1.0 - scales.explained) > limit("scale_off")
+    if difference < limit("scale_off"):
+        return
+    for axis in np.flatnonzero(clear).tolist():
+        scale = float(scales.scale[axis])
+        yield finding(
+            "scale_off",
+            f"{SPEEDS[axis].capitalize()} of the velocity ({log.source('velocity')}) is"
+            f" {scale:.2f} +- {2.0 * scale * float(scales.sd[axis]):.2f} times what the"
+            " accelerometer adds up to, and the other axis is not.",
+            stream="velocity",
+            value=scale - 1.0,
+            fields=(LINEAR_VELOCITY[axis],),
+        )
 
 
 def _scale(

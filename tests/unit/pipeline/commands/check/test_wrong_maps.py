@@ -434,6 +434,15 @@ def order_zxy(case: Case) -> None:
         values[column] = angle
 
 
+def inverse_attitude(case: Case) -> None:
+    """The rotation goes from the earth to the body."""
+    entries = [case.values(name) for name in ANGLES]
+    angles = np.column_stack([values[column] for values, column in reversed(entries)])
+    turned = Rotation.from_euler("ZYX", angles, degrees=True).inv().as_euler("ZYX", degrees=True)
+    for (values, column), angle in zip(entries, turned.T[::-1], strict=True):
+        values[column] = angle
+
+
 def in_millivolts(case: Case) -> None:
     values = case.files["run.csv"]
     values["battery"] = 15_900.0 - 8.0 * values["time_s"]
@@ -752,6 +761,16 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "columns_exchanged",
         "the depth rate follows heave",
     ),
+    "attitude of the earth in axes of the body": (
+        inverse_attitude,
+        "gyro_axes",
+        "of the earth in axes of the body",
+    ),
+    "compass beside iron": (
+        data(lambda psi: psi + 15.0 * np.sin(np.radians(psi)), "psi_rad"),
+        "heading_deviation",
+        "swings by 15",
+    ),
     "surge mapped to sway as well": (taken_twice(*SPEED[:2]), "columns_alike", "u_m_s and v_m_s"),
     "outputs frozen halfway": (stopped(*PULSES), "outputs_frozen", "No output changes"),
     "velocity 6 s late": (late(6.0, *SPEED), "velocity_lag", "velocity comes"),
@@ -890,6 +909,7 @@ NOT_STOPPING = (
     "tilt_offset",
     "arm_off",
     "values_coarse",
+    "heading_deviation",
     "velocity_zero",
 )
 
