@@ -69,6 +69,16 @@ def _attitude(log: CheckedLog) -> Iterator[Unseen]:
             "smoothing of roll and pitch (means of a second)",
             "the vehicle hardly rolls or pitches",
         )
+    if log.has("imu", "attitude"):
+        yield (
+            f"a heading that drifts by less than {math.degrees(limit('gyro_bias')):.1f} degrees/s",
+            "the bias of a gyro looks the same; the heading at one place, or a track, tells it",
+        )
+    if log.has("depth", "velocity"):
+        yield (
+            f"a depth that drifts by less than {limit('velocity_zero'):g} m/s",
+            "heave of the velocity log may read so much at rest",
+        )
     if log.has("depth"):
         yield (
             "zero of the depth",
@@ -122,7 +132,7 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         )
     if not log.has("battery"):
         yield (
-            "a thrust that sags in the course of the log",
+            "a thrust that sags, or outputs of another scale, in the course of the log",
             "it looks like a drag that grows; a voltage in the log and voltage_exponent in the"
             " vehicle file tell it",
         )
