@@ -32,6 +32,7 @@ from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.fitted import (
     DIVES_DIFFER,
+    DRAG_AHEAD,
     CommandForces,
     FittedAxis,
     FlownAxis,
@@ -364,7 +365,8 @@ def _one_of(
 ) -> FittedAxis:
     """Return an axis of the common fit; how legs differ is the single fit's.
 
-    That they do is a warning where the common fit flies a leg that was left out worse.
+    That they do is a warning where the common fit flies a leg that was left out worse; that
+    drag ahead is another than back, where it errs by more than half of the single fit.
     """
     velocity, drive = single.equation.speed, fit.fit.drive
     lag_error, lag_free = 0.0, LAG in fit.pool.free
@@ -388,7 +390,8 @@ def _one_of(
         warnings=tuple(
             words
             for words in single.warnings
-            if DIVES_DIFFER not in words or legs_lose(fit.held_out, velocity)
+            if (DIVES_DIFFER not in words or legs_lose(fit.held_out, velocity))
+            and (DRAG_AHEAD not in words or not halves_error(fit.held_out, single))
         ),
         righting=fit.beside_force(velocity, RIGHTING),
         **judged(
@@ -413,6 +416,17 @@ def legs_lose(held_out: Sequence[HeldOut], velocity: str) -> bool:
             percents[item.what.startswith("leg ")].append(item.percent[velocity])
     legs, windows = percents[True], percents[False]
     return not (legs and windows) or min(legs) < min(windows) - LOST
+
+
+def halves_error(held_out: Sequence[HeldOut], single: FittedAxis) -> bool:
+    """Return whether a common fit errs by less than half of one axis by itself.
+
+    Drag that differed ahead and back would be in its error, too.
+    """
+    velocity = single.equation.speed
+    percents = [item.percent[velocity] for item in held_out if velocity in item.percent]
+    worst = min((value for value in percents if np.isfinite(value)), default=-np.inf)
+    return 100.0 - worst < 0.5 * (100.0 - (single.held_out_percent or 0.0))
 
 
 def fitted_shares(fit: CoupledFit) -> dict[str, tuple[float, float]]:

@@ -23,8 +23,8 @@ LackingVerdict = Literal[
     "not observable", "not excited", "not commanded", "left out", "wrong sign", "not predicted"
 ]
 LagVerdict = Literal["identified", "weak", "assumed"]
-DIVES_DIFFER = "the dives differ by more than chance"
-"""Words of a warning."""
+DIVES_DIFFER, DRAG_AHEAD = "the dives differ by more than chance", "drag ahead is"
+"""Words of warnings by fits of single axes."""
 ArmChoice = Literal["where_assumed", "file", "estimated"]
 
 

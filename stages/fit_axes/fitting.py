@@ -30,6 +30,7 @@ from auvid.stages.fit_axes.clocks import late_commands, on_one_clock
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
     DIVES_DIFFER,
+    DRAG_AHEAD,
     AxisFits,
     CommandForces,
     FittedAxis,
@@ -339,7 +340,7 @@ def _fit(
     ]
     if fit.sides is not None and fit.sides.differ:
         warnings.append(
-            f"{word}: drag ahead is {fit.sides.ratio:.2g} times that back"
+            f"{word}: {DRAG_AHEAD} {fit.sides.ratio:.2g} times that back"
             f" ({fit.sides.low:.2g} to {fit.sides.high:.2g}): a tether, or a hull that is not alike"
             " both ways."
         )

@@ -25,7 +25,7 @@ from auvid.stages.fit_axes.coupling import (
     fitted_together,
     held_out_single,
 )
-from auvid.stages.fit_axes.fitted import DIVES_DIFFER, AxisFits, CommandForces
+from auvid.stages.fit_axes.fitted import DIVES_DIFFER, DRAG_AHEAD, AxisFits, CommandForces
 from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
@@ -205,6 +205,7 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
     singles = fit_all(legs, body(), replace(options, together="never")).fitted
     # Legs that differ by Coriolis force are no warning where the common fit flies each.
     differing = [replace(item, warnings=(f"{DIVES_DIFFER} in drag", "other")) for item in singles]
+    differing[1] = replace(differing[1], warnings=(f"Sway: {DRAG_AHEAD} 4", "other"))
     commands = CommandForces(True, {}, {})
     options = replace(options, together="always")
     joint, _ = fitted_together(differing, legs, body(), options, commands)
