@@ -31,13 +31,14 @@ found, and where the form is true none is lost by either but 2 % of one form (00
 def terms_to_try(axis: str, terms: Collection[str]) -> tuple[str, ...]:
     """Return the terms that an axis of a form may lack.
 
-    Damping of its own velocity, linear and quadratic; the other one of x and x|x| that it
-    has of any velocity; linear terms that the symmetry of port and starboard allows.
+    Damping of its own velocity, linear and quadratic; the other one of x and x|x|, and of
+    x and u x (lift grows with speed), that it has of any velocity; linear terms that the
+    symmetry of port and starboard allows.
 
     >>> terms_to_try("K", ["p*|p|"])
     ('p', 'v', 'r')
-    >>> terms_to_try("X", ["u", "w", "q"])
-    ('u*|u|', 'w*|w|', 'q*|q|')
+    >>> terms_to_try("Y", ["v", "u*r"])
+    ('v*|v|', 'u*v', 'r', 'p')
     """
     own = OWN_VELOCITY[axis]
     quadratic = {x: f"{x}*|{x}|" for x in VELOCITIES}
@@ -45,6 +46,9 @@ def terms_to_try(axis: str, terms: Collection[str]) -> tuple[str, ...]:
     for x in VELOCITIES:
         tried += [x] if quadratic[x] in terms else []
         tried += [quadratic[x]] if x in terms else []
+        lift = f"u*{x}"
+        tried += [lift] if x in terms and x != "u" else []
+        tried += [x] if lift in terms and x != "u" else []
     tried += [x for x in VELOCITIES if allows(axis, x, (PORT_STARBOARD,))]
     return tuple(term for term in dict.fromkeys(tried) if term not in terms)
 

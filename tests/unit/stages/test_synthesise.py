@@ -1021,6 +1021,7 @@ def test_what_a_form_lacks_widens_the_coefficients_that_stand_for_it() -> None:
     """Linear and quadratic drag; Prestero has the quadratic part, Diagonal the linear one."""
     nu = rich_motion(60.0, seed=5, ahead=False).nu
     force = nu * (np.abs(nu) * -np.array([60.0, 90.0, 100.0, 9.0, 9.0, 9.0]) - 5.0)
+    force[:, 1] -= 60.0 * nu[:, 0] * nu[:, 1]
     force += 0.5 * np.random.default_rng(5).standard_normal(force.shape)
     outputs = run({"one": (nu, force, None)}, models=("prestero", "diagonal", "fossen"))
     surge = {name: card.axes["X"] for name, card in outputs.model_card.items()}
@@ -1029,6 +1030,8 @@ def test_what_a_form_lacks_widens_the_coefficients_that_stand_for_it() -> None:
         "diagonal": ["u*|u|"],
         "fossen": [],
     }
+    sway = outputs.model_card["diagonal"].axes["Y"].lacking
+    assert set(sway) == {"v*|v|", "u*v"}, "lift grows with speed"
     (drag,) = (item for item in surge["prestero"].terms if item.term == "u*|u|")
     (slope,) = surge["diagonal"].terms
     assert drag.value is not None
