@@ -22,6 +22,18 @@ LIMIT = Path("/sys/fs/cgroup/memory.max")
 USED = Path("/sys/fs/cgroup/memory.current")
 DETAIL = Path("/sys/fs/cgroup/memory.stat")
 OWN_PAGES = Path("/proc/self/statm")
+M_ARENA_MAX = -8
+"""Number of this option in glibc's malloc.h."""
+
+
+def use_one_heap() -> None:
+    """Let the threads of this process share one heap of glibc, before they begin.
+
+    Each would keep one of its own, with what it has freed: 130 MB for a leg of an hour.
+    """
+    options = getattr(ctypes.CDLL(None), "mallopt", None) if os.name == "posix" else None
+    if options is not None:  # glibc
+        options(M_ARENA_MAX, 1)
 
 
 def give_back() -> None:

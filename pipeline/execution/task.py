@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.pipeline.execution.memory import give_back
+from auvid.pipeline.execution.memory import give_back, use_one_heap
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.artefacts import in_pieces
@@ -67,6 +67,7 @@ class Outcome:
 
 def execute(task: Task) -> Outcome:
     """Run one item to its end; all but interruptions is an outcome."""
+    use_one_heap()
     try:
         return Outcome(task.item, record=_run(task))
     except PipelineError as fault:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
 import resource
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.execution import memory
+from auvid.pipeline.execution.task import Task, execute
 from auvid.stages.registry import KINDS
 
 VEHICLES = {"rov": Path(__file__).resolve().parents[4] / "vehicles" / "bluerov2_heavy.yaml"}
@@ -96,3 +100,12 @@ def test_what_is_freed_goes_back_to_the_system() -> None:
     memory.give_back()
     assert resident_bytes() < before - 80e6
     assert kept[0] == 1.0
+
+
+def test_threads_of_a_task_share_one_heap_of_glibc(monkeypatch: pytest.MonkeyPatch) -> None:
+    options: list[tuple[int, int]] = []
+    library = SimpleNamespace(mallopt=lambda *option: options.append(option))
+    monkeypatch.setattr(ctypes, "CDLL", lambda _: library)
+    outcome = execute(cast(Task, SimpleNamespace(item="leg")))
+    assert outcome.item == "leg"
+    assert options == [(-8, 1)]  # M_ARENA_MAX of malloc.h
