@@ -250,7 +250,32 @@ def _choice(
                 f"; {cards[other].title} replaces it: sound, and nearer to the validation legs in"
                 " force and in free runs"
             )
-    return name, words
+    return name, words + _better_flown(place[name], better, cards)
+
+
+def _better_flown(
+    taken: MeritRecord, others: Sequence[MeritRecord], cards: Mapping[str, ModelCard]
+) -> str:
+    """Return in words which model to simulate with, where it is not the one taken.
+
+    Where the free runs of the one taken err more than a plain guess: the sound one
+    whose runs err least, and less than that. Empty for none.
+    """
+    own = taken.axes[ALL].free_run
+    flown = [
+        (ratio, item)
+        for item in others
+        if (ratio := item.axes[ALL].free_run) is not None and not item.faults
+    ]
+    if own is None or own <= 1.0 or not flown:
+        return ""
+    ratio, best = min(flown, key=lambda pair: pair[0])
+    if ratio >= 1.0:
+        return ""
+    return (
+        f"; {cards[best.name].title} is the one to simulate with: its free runs err {ratio:.2f}"
+        f" times as much as the guess of no change or no motion, these {own:.2f}"
+    )
 
 
 def _worse_on_validation(other: MeritRecord, taken: MeritRecord) -> str:

@@ -118,6 +118,12 @@ def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
     assert next(m for m in record.models if m.name == "coe").axes["X"].left_out == pytest.approx(
         0.2
     )
+    assert "to simulate with" not in record.rule
+    flown = rows("coe", (0.3,) * 9) + rows("prestero", (0.1,) * 9)[:1]
+    words = "; Prestero is the one to simulate with: its free runs err 0.50 times"
+    assert words in ranked(run, flown).rule
+    near = rows("coe", (0.15,) * 9) + rows("prestero", (0.1,) * 9)[:1]
+    assert "to simulate with" not in ranked(run, near).rule
 
 
 @pytest.mark.parametrize(
