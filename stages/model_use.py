@@ -28,6 +28,7 @@ from auvid.hydro.identification.regression.verdicts import (
     MAY_IDENTIFY,
     NOT_EXCITED,
     SHORT_OF,
+    UNDER_UNSTEADY_FORCE,
     WEAK,
     clear_of_zero,
 )
@@ -241,7 +242,11 @@ def ratio_words(part: PartialFigures) -> str:
 
 
 def coverage_words(shares: Mapping[str, float], method: str) -> str:
-    """Return how often a method's intervals held the truth: true model -> share."""
+    """Return how often a method's intervals held the truth: true model -> share.
+
+    >>> coverage_words({"linear": 0.99}, "least squares")[-66:]
+    " an unsteady force as large as the manoeuvres' own they held 17 %."
+    """
     parts = [
         f"{100.0 * share:.0f} % where the truth is {model_named(name).title}"
         for name, share in shares.items()
@@ -249,6 +254,11 @@ def coverage_words(shares: Mapping[str, float], method: str) -> str:
     may = method in MAY_IDENTIFY
     which = "identified coefficients" if may else "coefficients of four standard errors and more"
     end = "."
+    if method in UNDER_UNSTEADY_FORCE:
+        end = (
+            "; under an unsteady force as large as the manoeuvres' own they held"
+            f" {100.0 * UNDER_UNSTEADY_FORCE[method]:.0f} %."
+        )
     if not may:
         why = f"{SHORT_OF[method]}, so that " if method in SHORT_OF else ""
         end = f"; {why}{method} calls none identified."
