@@ -10,7 +10,7 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.motion_checks import depth_gains
 from auvid.hydro.identification.checks.rate_agreement import RateAgreement, rate_agreement
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, RATES
 from auvid.stages.ingest.health.agreement.gyro import agrees
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.number_format import percent
@@ -69,7 +69,7 @@ def _alike(agreement: RateAgreement, axis: int) -> bool:
 
 
 def _of_depth(log: CheckedLog) -> Iterator[Finding]:
-    """Yield a depth that is exchanged with an axis of the velocity."""
+    """Yield a depth that is exchanged with heave of the velocity."""
     t_s, depth = log.t_s("depth"), log.column("depth", "depth_m")
     t_velocity, velocity = log.t_s("velocity"), log.values("velocity", LINEAR_VELOCITY)
     attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
@@ -78,16 +78,14 @@ def _of_depth(log: CheckedLog) -> Iterator[Finding]:
         return
     if own.explained > UNEXPLAINED and abs(float(own.gain[2]) - 1.0) < FITTING:
         return
-    for axis, name in enumerate(LINEAR_VELOCITY):
-        other: Array = velocity.copy()
-        other[:, axis] = np.interp(t_velocity, t_s, depth)
-        again = depth_gains(t_velocity, velocity[:, axis], *attitude, t_velocity, other)
-        if again is None or again.explained < EXPLAINED:
-            continue
-        if abs(float(again.gain[2]) - 1.0) < GAIN_PART:
-            share = f"the depth rate follows heave ({percent(again.explained)} explained)"
-            yield _exchanged(log, "depth", "depth_m", "velocity", name, SPEEDS[axis], share)
-            return
+    other: Array = velocity.copy()
+    other[:, 2] = np.interp(t_velocity, t_s, depth)
+    again = depth_gains(t_velocity, velocity[:, 2], *attitude, t_velocity, other)
+    if again is None or again.explained < EXPLAINED:
+        return
+    if abs(float(again.gain[2]) - 1.0) < GAIN_PART:
+        share = f"the depth rate follows heave ({percent(again.explained)} explained)"
+        yield _exchanged(log, "depth", "depth_m", "velocity", LINEAR_VELOCITY[2], "heave", share)
 
 
 def _exchanged(

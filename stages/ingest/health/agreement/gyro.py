@@ -75,9 +75,9 @@ LEFT_BY_ORDER, SURE_ORDER = 0.8, 40.0
 """What another order of turns may leave of what ZYX leaves, and its least log likelihood:
 clean logs with 2 degrees of roll and pitch have at most 20.
 """
-LEAST_OF_DEVIATION, CLEAR = 0.6, 4.0
-"""Share of what heading and gyro differ by that a deviation explains, and in how many of its
-standard deviations it is clear.
+LEAST_OF_DEVIATION, LARGEST_DEVIATION_DEG, CLEAR = 0.8, 40.0, 4.0
+"""Share of what heading and gyro differ by that a deviation explains, how large one is, and in
+how many of its standard deviations it is clear: a gyro of 2 Hz makes one of 74 degrees.
 """
 ORDER_WORDS = {"X": "roll", "Y": "pitch", "Z": "yaw"}
 GYRO_WRONG = ("gyro_sign", "gyro_axes", "gyro_scale")
@@ -194,7 +194,7 @@ def _deviation(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterator
     if swing is None or swing.turned < math.pi or swing.explained < LEAST_OF_DEVIATION:
         return
     size, sd = math.degrees(swing.angle), math.degrees(swing.sd)
-    if size - CLEAR * sd < limit("heading_deviation"):
+    if size - CLEAR * sd < limit("heading_deviation") or size > LARGEST_DEVIATION_DEG:
         return
     yield finding(
         "heading_deviation",
