@@ -121,7 +121,8 @@ class Run:
     ) -> int:
         """Bring these stages up to date and return how many items had to run.
 
-        `after` is called with the folder still locked, where any item had to run.
+        `after` is called with the folder still locked, also where no item had to run: an
+        earlier run may have been killed before it.
         Raises `StageFault` (all faults of a stage together), or `InternalFault`.
         """
         for stage in stages:
@@ -132,7 +133,7 @@ class Run:
                 count = sum(
                     self._stage(stage, engine, progress or Silent(), force) for stage in stages
                 )
-                if count and after is not None:
+                if after is not None:
                     after(self)
                 return count
             finally:

@@ -77,7 +77,7 @@ def execute(
     """Bring stages of a run up to date and return how many items had to run.
 
     Stages behind ingest run only if the findings of the logs let them: `DataError`.
-    A run that makes its report again is entered into the history of the campaign.
+    A run with a report is entered into the history of the campaign, unless it is there.
     `engine`: closed at the end; None works here, one item after another. `quiet`: no
     progress is printed.
     """

@@ -397,6 +397,16 @@ def test_linked_folder_of_a_stage_is_refused_before_anything_is_written(
     assert not (runs / "toy" / "decode").exists()
 
 
+def test_a_run_that_was_killed_before_its_end_is_ended_by_the_next(
+    campaign: Path, runs: Path
+) -> None:
+    ended: list[Run] = []
+    run = open_run(campaign, runs)
+    run.execute(run.graph.stages, Serial())
+    assert run.execute(run.graph.stages, Serial(), after=ended.append) == 0
+    assert ended == [run]
+
+
 def test_files_of_others_in_the_folder_of_a_stage_stay(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
     (runs / "toy" / "spread" / "notes.md").write_text("mine")
