@@ -33,7 +33,6 @@ from auvid.hydro.identification.checks.outputs.output_gains import (
 )
 from auvid.stages.columns import ATTITUDE, GYRO, RATES, SPEEDS
 from auvid.stages.ingest.health.actuation.push_answers import (
-    CLEAR,
     RIGHTED,
     SMALLEST_MOTION,
     answers_backward,
@@ -44,6 +43,8 @@ from auvid.stages.number_format import percent
 
 ORDER_WINDOW_S, LEAST_ORDER_WINDOWS, ANSWERS_S = 0.5, 100, (0.0, 0.1, 0.2, 0.3)
 LEAST_ALLOCATION = 1e-6
+CLEARLY_DEAD = 3.0
+"""Standard deviations by which an output without effect stays below the limit."""
 LEAST_FOLLOWED = 0.3
 """Share of some axis that the outputs must explain to tell which of them does nothing."""
 SURE_CHANGE, RISE_OF_CHANGE = 30.0, 0.14
@@ -136,8 +137,8 @@ def _without_effect(gains: OutputGains | None, outputs: tuple[int, ...]) -> Iter
     if gains is None or gains.explained < LEAST_FOLLOWED or np.count_nonzero(gains.acts) < 3:
         return
     usual = float(np.median(gains.gain[gains.acts]))
-    dead = gains.acts & (gains.gain + CLEAR * gains.sd < limit("output_dead") * usual)
-    places = np.flatnonzero(dead & (gains.gain + CLEAR * gains.sd > -usual)).tolist()
+    dead = gains.acts & (gains.gain + CLEARLY_DEAD * gains.sd < limit("output_dead") * usual)
+    places = np.flatnonzero(dead & (gains.gain + CLEARLY_DEAD * gains.sd > -usual)).tolist()
     if not places or len(places) > np.count_nonzero(gains.acts) // 2:
         return
     parts = [

@@ -752,7 +752,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "angles of the order yaw, roll, pitch": (order_zxy, "attitude_order", "yaw, roll, pitch"),
     "heave 0.12 m/s too much": (data(lambda w: w + 0.12, "w_m_s"), "velocity_zero", "+0.12"),
     "an output that logs another signal": (
-        data(lambda p: 1500.0 + 200.0 * np.sign(np.sin(np.arange(p.size))), PULSES[1]),
+        data(lambda p: 1500.0 + 200.0 * np.sin(np.arange(p.size) / 50.0), PULSES[1]),
         "output_dead",
         "output 2",
     ),
