@@ -9,6 +9,7 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.velocity_answer import drift_of
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import force_odds, push_lags
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
@@ -67,7 +68,12 @@ def drift_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield outputs whose force acts at another time in each half of the log."""
     if not log.has("actuators"):
         return
-    start, end = log.t_s("actuators")[[0, -1]]
+    acting = activity(log)
+    times = log.t_s("actuators")
+    times = times if acting is None else times[acting]  # a rest tells no lag, and looks certain
+    if times.size < 2:
+        return
+    start, end = times[[0, -1]]
     middle = 0.5 * (start + end)
     parts = [_odds_by_axis(log.between(*span)) for span in ((start, middle), (middle, end))]
     axes = [axis for axis in SPEEDS if all(axis in part for part in parts)]

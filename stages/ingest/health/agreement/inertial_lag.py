@@ -8,6 +8,7 @@ import numpy as np
 
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.inertial_lag import InertialLag, inertial_lag
+from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.stages.columns import (
     ACCELEROMETER,
     ATTITUDE,
@@ -39,6 +40,16 @@ def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
             " attitude, gyro and velocity, which agree with each other and with the depth."
         )
         return _read_later(log, ACCELEROMETER, -lag), [_late(text, lag, ACCELEROMETER)]
+    times = {name: log.t_s(name) for name in log.tables}
+    times["attitude"] = times["attitude"] - lag
+    later_s = _after_gyro(log)
+    if abs(lag - later_s) < 0.5 * abs(lag):  # a filter of the angles, not of the gyro
+        text = (
+            f"The attitude ({log.source('attitude')}) comes {abs(later_s):.2f} s"
+            f" {AFTER[later_s > 0.0]} the gyro, and {abs(lag):.2f} s {AFTER[lag > 0.0]}"
+            " accelerometer and velocity, by gravity."
+        )
+        return replace(log, _times=times), [_late(text, lag, ATTITUDE)]
     text = (
         f"Attitude ({log.source('attitude')}) and gyro ({log.source('imu')}) both come"
         f" {abs(lag):.2f} s {AFTER[lag > 0.0]} accelerometer and velocity, by gravity"
@@ -48,10 +59,15 @@ def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
         text += " another."
     else:
         text += f"; or the accelerometer comes so much {AFTER[lag < 0.0]} them."
-    times = {name: log.t_s(name) for name in log.tables}
-    times["attitude"] = times["attitude"] - lag
     mended = _read_later(replace(log, _times=times), GYRO, lag)
     return mended, [_late(text, lag, (*ATTITUDE, *GYRO))]
+
+
+def _after_gyro(log: CheckedLog) -> float:
+    """Return how late the attitude shows what the gyro shows [s], or 0."""
+    gyro = log.t_s("imu"), log.values("imu", GYRO)
+    agreement = rate_agreement(log.t_s("attitude"), log.values("attitude", ATTITUDE), *gyro)
+    return 0.0 if agreement is None else -agreement.lag_s
 
 
 def _lag(log: CheckedLog) -> InertialLag | None:

@@ -25,6 +25,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.stages.ingest.health.actuation import force_clocks
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -864,6 +865,36 @@ def test_a_heading_that_is_late_by_itself_is_named_with_its_own_lag() -> None:
     assert item["text"].startswith("Yaw of the attitude comes 0.7"), item["text"]
     assert "roll and pitch are in time" in item["text"]
     assert item["fields"] == ["psi_rad"]
+
+
+def test_an_attitude_behind_a_filter_is_late_without_its_gyro() -> None:
+    log = sound()
+    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 120_000
+    late = log.finding("inertial_lag")
+    assert late["fields"] == ["phi_rad", "theta_rad", "psi_rad"]
+    assert "0.12 s after the gyro" in late["text"]
+
+
+def test_halves_of_a_drift_of_outputs_are_those_of_the_time_that_they_act(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    log, halves = sound(), list[tuple[float, float]]()
+    drive(log, RIGHT_ORDER)
+    t_s = log.t_s("actuators")
+    for name, values in log.streams["actuators"].items():
+        if name.startswith("pwm"):
+            log.streams["actuators"][name] = np.where(t_s < 0.4 * t_s[-1], 1500.0, values)
+    rest_s, cut_out = 0.4 * t_s[-1], CheckedLog.between
+
+    def between(self: CheckedLog, start_s: float, end_s: float) -> CheckedLog:
+        halves.append((start_s, end_s))
+        return cut_out(self, start_s, end_s)
+
+    monkeypatch.setattr(CheckedLog, "between", between)
+    monkeypatch.setattr(force_clocks, "push_lags", lambda *_, **__: [])
+    log.health()
+    assert halves[0][0] == pytest.approx(rest_s, abs=1.0)
+    assert halves[0][1] == pytest.approx(0.5 * (rest_s + t_s[-1]), abs=2.0)
 
 
 def test_all_stretches_of_zeros_of_a_velocity_are_named() -> None:
