@@ -26,6 +26,12 @@ THREADS = _thread_count()
 """The processors that this process may use, or NUMBA_NUM_THREADS of the environment."""
 
 
+def share_among(processes: int) -> None:
+    """Leave the other processors to the other processes that work at once."""
+    global THREADS
+    THREADS = max(1, THREADS // processes)
+
+
 def at_once(
     work: Callable[[Item], Result], items: Iterable[Item], *, long: bool = True
 ) -> list[Result]:

@@ -76,7 +76,8 @@ class Processes:
             self._pool = ProcessPoolExecutor(
                 self.workers,
                 mp_context=_context(),
-                initializer=_end_with_parent,
+                initializer=_begin_worker,
+                initargs=(self.workers,),
             )
         with _interrupts_held_back():
             self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
@@ -117,6 +118,13 @@ def _start_server(preload: Sequence[str]) -> None:
 
         with _interrupts_held_back():
             ensure_running()
+
+
+def _begin_worker(workers: int) -> None:
+    from auvid.hydro.long_series.threads import share_among
+
+    share_among(workers)
+    _end_with_parent()
 
 
 def _end_with_parent() -> None:

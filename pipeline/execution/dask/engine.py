@@ -136,10 +136,13 @@ class Dask:
             if name.partition(".")[0] == "distributed":
                 logging.getLogger(name).setLevel(logging.CRITICAL)
         if self._scheduler is None:
+            from auvid.hydro.long_series.threads import THREADS
+
             self._scratch = tempfile.TemporaryDirectory(prefix="auvid-dask-")
             self._cluster = dask.LocalCluster(
                 n_workers=self.workers,
                 threads_per_worker=1,
+                env={"NUMBA_NUM_THREADS": str(max(1, THREADS // self.workers))},
                 memory_limit=_bytes(self._memory),
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",

@@ -29,3 +29,10 @@ def test_the_environment_says_how_many_threads(monkeypatch: pytest.MonkeyPatch) 
     assert threads._thread_count() == 3
     monkeypatch.delenv("NUMBA_NUM_THREADS")
     assert threads._thread_count() >= 1
+
+
+def test_processes_share_the_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    for processors, processes, left in ((5, 2, 2), (2, 3, 1)):
+        monkeypatch.setattr(threads, "THREADS", processors)
+        threads.share_among(processes)
+        assert left == threads.THREADS

@@ -18,6 +18,7 @@ import pyarrow as pa
 import pytest
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
+from auvid.hydro.long_series.threads import THREADS
 from auvid.pipeline.commands.run.run_summary import warnings
 from auvid.pipeline.execution import runner
 from auvid.pipeline.execution.engines import Processes, Serial, make_engine
@@ -198,8 +199,14 @@ def test_processes_give_the_same_bytes(
     monkeypatch.syspath_prepend(ROOT)  # the workers unpickle the toy stages of tests.support
     run_all(open_run(campaign, runs, cut={"parts": 3}))
     run = open_run(campaign, tmp_path / "other", cut={"parts": 3})
-    run.execute(run.graph.stages, Processes(2))
+    engine = Processes(2)
+    monkeypatch.setattr(engine, "close", lambda: None)
+    run.execute(run.graph.stages, engine)
     assert contents(tmp_path / "other") == contents(runs)
+    assert engine._pool is not None
+    threads = "__import__('auvid.hydro.long_series.threads', fromlist=['THREADS']).THREADS"
+    assert engine._pool.submit(eval, threads).result() == max(1, THREADS // 2)
+    Processes.close(engine)
     (campaign / "b.log").write_bytes(b"CRASH")
     crashing = open_run(campaign, tmp_path / "other")
     with pytest.raises(InternalFault, match=r"decode, log 'b': ZeroDivisionError: toy crash"):
