@@ -134,8 +134,8 @@ def test_roll_and_pitch_are_not_excited(runs: dict[str, Path]) -> None:
 def test_own_damping_is_identified_once_the_dive_moves_and_stays(runs: dict[str, Path]) -> None:
     """The first 45 s hover. With the turns of 90 to 130 s damping changes by less than 20 %.
 
-    One turn of the 90 s of the demo carries the damping of yaw, and one of the 40 s after
-    them doubts that of sway by a third: there they are weak.
+    One turn of the 90 s of the demo carries the damping of yaw, and sway drifts by 2 cm/s, which
+    drag that grows with the way ahead explains as well: there they are weak.
     """
     hover = symmetric_card(runs, {"train": slice(0, 45 * 50)})
     longer = symmetric_card(runs, {"train": slice(None), "check": slice(None)})
@@ -144,7 +144,7 @@ def test_own_damping_is_identified_once_the_dive_moves_and_stays(runs: dict[str,
         assert verdict_of(hover, axis, term) in ("not excited", "weak")
     for axis, term in (("X", "u"), ("Y", "v"), ("Z", "w"), ("N", "r")):
         verdict = coefficient(demo, axis, term)["verdict"]
-        assert verdict == ("weak" if axis == "N" else "identified")
+        assert verdict == ("weak" if axis in "YN" else "identified")
         assert verdict_of(longer, axis, term) == ("weak" if axis == "Y" else "identified")
         value = coefficient(demo, axis, term)["value"]
         assert value == pytest.approx(longer.predictor[axis][term], rel=0.2)
