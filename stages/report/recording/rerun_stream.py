@@ -58,13 +58,16 @@ class Recording:
         self._sink = rr.binary_stream(recording=self.stream) if path is None else None
         if path is not None:
             self.stream.save(path)
+        # Rerun joins what comes within some time into a chunk: flushed, both have one each.
         self.stream.send_recording_name(str(visible(title)))
+        self.stream.flush()
         if properties:
             plain: dict[str, Any] = {
                 name: str(visible(value)) if isinstance(value, str) else value
                 for name, value in properties.items()
             }
             self.stream.send_property("auvid", rr.AnyValues(**plain))
+            self.stream.flush()
 
     def finish(self, blueprint: Any) -> bytes:
         """End the recording with its blueprint; give what is in memory."""
