@@ -57,6 +57,26 @@ def test_figures_of_the_demo_are_those_of_the_golden_tables() -> None:
         assert [float(figure) for figure in row] == pytest.approx(golden[name], abs=0.00051), (
             name
         )  # printed to three decimals
+    assert planned_figures() == pytest.approx(golden_surge_damping(identified), abs=0.051)
+
+
+def planned_figures() -> list[float]:
+    """Identified coefficients, surge damping and its error by noise, as the plan of dives has
+    them of the demo's training leg.
+    """
+    row = re.search(
+        r"\| 0 to 90 s \| (\d+) \| −([\d.]+) ± ([\d.]+) \|", documents()["docs/planning.md"]
+    )
+    assert row is not None
+    return [float(row[1]), -float(row[2]), float(row[3])]
+
+
+def golden_surge_damping(identified: Counter[str]) -> list[float]:
+    """The same by the golden table."""
+    for row in golden_rows("coefficients"):
+        if (row["stage"], row["of"], row["quantity"]) == ("synthesise", "symmetric", "X u"):
+            return [float(identified["symmetric"]), float(row["value"]), float(row["scale"])]
+    raise AssertionError("the golden table has no surge damping")
 
 
 def test_own_csv_campaign_runs_as_described(
