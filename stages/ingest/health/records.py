@@ -12,6 +12,8 @@ import numpy as np
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.signal_checks import (
+    ClockStatistics,
+    Repeats,
     clock_statistics,
     flat_top,
     hold_period_s,
@@ -80,6 +82,10 @@ TIME_UNITS = (
     (1e-6, "it is in s, declared as us", "s"),
 )
 """Factor of the rates under the right unit, what is wrong, and the right unit."""
+SAME_STEP, MOSTLY_REGULAR, NEARLY = 0.25, 0.8, 0.96
+"""Steps so near the median are one step; a clock of which so much are that has losses, and is
+not slow; a sensor of 5 Hz comes a little slower.
+"""
 MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
@@ -94,6 +100,8 @@ UNSIGNED_LOW = 0.2
 """Part of its usual size that a motion without signs falls below."""
 USUAL_RUNS = 5
 """A run of repeats is none of a column's usual ones if it is so many times as long."""
+MOSTLY_AT_REST = 0.7
+"""Part of the zeros of an axis in which the others are zero as well, where it rests."""
 MIN_LIVE_SAMPLES = 20
 MIN_CLIPPED_RAD_S = 1.0
 MOST_SPANS = 8
@@ -301,7 +309,8 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
             if period is not None and LONGEST_HOLD_S > period > 1.0 / limit("low_actuator_rate"):
                 text = f"{rate}, and its values change every {period:g} s only: they are held."
                 yield finding("low_actuator_rate", text, stream=stream, value=1.0 / period)
-        if stream in ("imu", "attitude", "velocity") and clock.rate_hz < limit("low_rate"):
+        sampled_hz = _sampled_hz(log.t_s(stream), clock)
+        if stream in ("imu", "attitude", "velocity") and sampled_hz < NEARLY * limit("low_rate"):
             yield finding("low_rate", f"{rate}.", stream=stream, value=clock.rate_hz)
         if stream in STEADY and clock.relative_jitter > limit("irregular_rate"):
             text = (
@@ -309,6 +318,12 @@ def rate_findings(log: CheckedLog) -> Iterator[Finding]:
                 f" {significant(clock.relative_jitter)} times their median."
             )
             yield finding("irregular_rate", text, stream=stream, value=clock.relative_jitter)
+
+
+def _sampled_hz(t_s: Array, clock: ClockStatistics) -> float:
+    """Return the rate of a clock: of its usual step where the others are losses."""
+    regular = np.abs(np.diff(t_s) / clock.step_s - 1.0) < SAME_STEP
+    return max(clock.rate_hz, 1.0 / clock.step_s if np.mean(regular) > MOSTLY_REGULAR else 0.0)
 
 
 def sample_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -516,6 +531,15 @@ def _rests(velocity: Array, first: int, last: int) -> bool:
     return zero and bool(np.abs(ends).max() <= slow_speed(velocity))
 
 
+def _rests_in(velocity: Array, index: int, same: Repeats) -> bool:
+    """Return whether an axis is zero while all of the velocity (n, 3) mostly rests."""
+    run = slice(same.run_start, same.run_start + same.run_count)
+    at_rest = np.flatnonzero(~velocity[run].any(axis=1)) + same.run_start
+    if velocity[run, index].any() or at_rest.size < MOSTLY_AT_REST * same.run_count:
+        return False
+    return _rests(velocity, int(at_rest[0]), int(at_rest[-1]))
+
+
 def _stuck_columns(
     log: CheckedLog, stream: str, names: tuple[str, ...], still: list[int]
 ) -> Iterator[Finding]:
@@ -532,6 +556,8 @@ def _stuck_columns(
             or same.run_count < MIN_LIVE_SAMPLES
             or same.leap <= MIN_STEP_RATIO
         ):
+            continue
+        if stream == "velocity" and _rests_in(log.values(stream, names), index, same):
             continue
         # A column that is held again and again, or cut off at zero, repeats by design.
         rest = repeats(np.delete(column, slice(same.run_start, last), axis=0))

@@ -911,6 +911,28 @@ def test_all_stretches_of_zeros_of_a_velocity_are_named() -> None:
     assert "from 10.0 s on, and others from 30.0 s on" in log.finding("stuck_sensor")["text"]
 
 
+def test_a_vehicle_that_rests_at_a_dock_and_circles_then_is_not_stuck_or_carried() -> None:
+    """Zeros of its velocity log are true; what it turns by afterwards is no bias of the gyro."""
+    log = sound()
+    start = np.clip((log.t_s("velocity") - 6.0) / 10.0, 0.0, 1.0)
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = log.streams["velocity"][name] * start
+    log.streams["velocity"]["w_m_s"][: np.argmax(start > 0.0) + 4] = 0.0  # below its threshold
+    for number in range(1, 9):
+        at("actuators", 0.0, 7.0, **{f"pwm_{number}_us": 1500.0})(log)
+    circling = np.where(log.t_s("imu") < 6.0, 0.0, 0.7)
+    log.streams["imu"]["gyro_z_rad_s"] = log.streams["imu"]["gyro_z_rad_s"] * 0.1 + circling
+    assert not {"stuck_sensor", "moved_by_hand"} & set(log.ids())
+
+
+def test_a_regular_clock_with_losses_is_not_slow() -> None:
+    log = sound()
+    slower("imu", 5)(log)
+    log.keep("imu", np.arange(log.t_s("imu").size) % 17 > 1)
+    assert log.health()["streams"]["imu"]["rate_hz"] < 4.8
+    assert "low_rate" not in log.ids()
+
+
 def test_an_angle_and_its_rate_and_depth_and_heave_are_named_where_they_are_exchanged() -> None:
     log = sound()
     attitude, imu = log.streams["attitude"], log.streams["imu"]
