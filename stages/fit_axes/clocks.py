@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,59 +12,159 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.windows import windows_of
-from auvid.stages.fit_axes.fitted import FittedAxis, FlownAxis
+from auvid.stages.fit_axes.fitted import FittedAxis, FlownAxis, LegClock
 from auvid.stages.fit_axes.flight import LegData, idle
 
 SHIFTS_S = np.arange(-1.0, 1.01, 0.1)
 """Shifts of the commands that are tried."""
 LEAST_LATE_S, WORTH = 0.15, 0.9
 """A clock is another one from so much on, where the error falls to this share by it."""
+OF_A_MEDIAN = 1.25
+"""Error of a median over that of a mean, of normal errors."""
+MOST_PASSES = 3
+"""Fits that moved commands give tell the rest of a shift better."""
 
 
-def late_commands(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, float]:
-    """Return how late [s] commands of legs are stamped, of those on another clock.
+class ShiftErrors(NamedTuple):
+    """Errors of an axis on a leg: sum of their sizes (shifts,), squares (w, shifts), samples (w,)."""
+
+    size: Array
+    squares: Array
+    samples: Array
+
+
+@dataclass(frozen=True)
+class LegShift:
+    """Where the error of a leg is least, its standard error, and log of the error by shift."""
+
+    best_s: float
+    error_s: float
+    curve: Array
+
+
+def late_commands(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, LegClock]:
+    """Return how late commands of legs are stamped, of those on another clock.
 
     The fits of all legs fly each leg by commands that are moved in time; the lag of the
     actuators moves all legs alike, so that a leg counts against the median of all, or of two
     against the one that is nearer to none. Newtons have checks of their own.
     """
-    if len(legs) < 2 or not all(leg.windows.normalised for leg in legs.values()):
-        return {}
-    curves = {}
-    for key, leg in legs.items():
-        flown = [i.flown for i in tried if i.flown is not None and not idle(leg.record, i.axis)]
-        errors = [_errors(item, leg.record) for item in flown]
-        parts = [np.log(part) for part in errors if part is not None]
-        if parts:
-            curves[key] = np.mean(parts, axis=0)
-    best = {key: _least_at(curve) for key, curve in curves.items()}
-    if len(best) < 2:
-        return {}
-    shifts = np.array(list(best.values()))
-    middle = float(np.median(shifts)) if len(best) > 2 else float(min(shifts, key=abs))
+    shifts = _shifts(tried, legs)
     out = {}
-    for key, shift in best.items():
-        here, there = (float(np.interp(at, SHIFTS_S, curves[key])) for at in (shift, middle))
-        if abs(shift - middle) >= LEAST_LATE_S and here - there < np.log(WORTH):
-            out[key] = shift - middle
+    for key, clock in _against_others(shifts).items():
+        own = shifts[key]
+        here, there = (
+            float(np.interp(at, SHIFTS_S, own.curve))
+            for at in (own.best_s, own.best_s - clock.late_s)
+        )
+        if abs(clock.late_s) >= LEAST_LATE_S and here - there < np.log(WORTH):
+            out[key] = clock
     return out
 
 
-def on_one_clock(legs: Mapping[str, LegData], late_s: Mapping[str, float]) -> Mapping[str, LegData]:
+def corrected(
+    clocks: Mapping[str, LegClock], tried: Sequence[FittedAxis], legs: Mapping[str, LegData]
+) -> dict[str, LegClock]:
+    """Return clocks with the rest of their shifts, as fits of moved commands show it.
+
+    legs: moved by `clocks`. None where what is left lies within its error.
+    """
+    rest = _against_others(_shifts(tried, legs))
+    if all(abs(rest[key].late_s) <= rest[key].error_s for key in clocks if key in rest):
+        return {}
+    return {
+        key: LegClock(clock.late_s + rest[key].late_s, rest[key].error_s) if key in rest else clock
+        for key, clock in clocks.items()
+    }
+
+
+def _shifts(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, LegShift]:
+    """Return where each leg is flown best, over all axes; none in newtons, or of one leg."""
+    if len(legs) < 2 or not all(leg.windows.normalised for leg in legs.values()):
+        return {}
+    out = {}
+    for key, leg in legs.items():
+        flown = [i.flown for i in tried if i.flown is not None and not idle(leg.record, i.axis)]
+        axes = [part for item in flown if (part := _errors(item, leg.record)) is not None]
+        if axes:
+            out[key] = _least(axes)
+    return out
+
+
+def _against_others(shifts: Mapping[str, LegShift]) -> dict[str, LegClock]:
+    """Return the shift of each leg against the others; none of a single leg.
+
+    >>> legs = {str(n): LegShift(late, 0.02, SHIFTS_S) for n, late in enumerate((0.0, 0.0, 0.4))}
+    >>> _against_others(legs)["2"].error_s.__round__(3)
+    0.025
+    """
+    if len(shifts) < 2:
+        return {}
+    every = list(shifts.values())
+    if len(every) > 2:
+        middle = float(np.median([item.best_s for item in every]))
+        mean = float(np.linalg.norm([item.error_s for item in every])) / len(every)
+        error = OF_A_MEDIAN * mean
+    else:
+        nearer = min(every, key=lambda item: abs(item.best_s))
+        middle, error = nearer.best_s, nearer.error_s
+    return {
+        key: LegClock(item.best_s - middle, float(np.hypot(item.error_s, error)))
+        for key, item in shifts.items()
+    }
+
+
+def _least(axes: Sequence[ShiftErrors]) -> LegShift:
+    """Return where the errors of all axes are least, by their squares, each over its least.
+
+    The error of the shift leaves windows out in turn.
+    """
+    curve = np.mean([np.log(own.size / own.samples.sum()) for own in axes], axis=0)
+    squares = [own.squares.sum(axis=0) for own in axes]
+    least = [float(total.min()) for total in squares]
+
+    def best(totals: Sequence[Array]) -> float:
+        shares = [own / of for own, of in zip(totals, least, strict=True)]
+        return _least_at(np.sum(shares, axis=0))
+
+    moved = [
+        best([*squares[:place], squares[place] - window, *squares[place + 1 :]])
+        for place, own in enumerate(axes)
+        for window in own.squares
+    ]
+    spread = float(np.sqrt((len(moved) - 1) * np.var(moved))) if len(moved) > 1 else np.inf
+    return LegShift(best(squares), spread, np.asarray(curve))
+
+
+def on_one_clock(
+    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock]
+) -> Mapping[str, LegData]:
     """Return legs whose commands are moved to the clock of their motion."""
     return {
-        key: replace(leg, record=_moved(leg.record, late_s[key])) if key in late_s else leg
+        key: replace(leg, record=_moved(leg.record, clocks[key].late_s)) if key in clocks else leg
         for key, leg in legs.items()
     }
 
 
-def clock_words(late_s: Mapping[str, float]) -> list[str]:
+def clock_doubts(
+    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock]
+) -> dict[str, dict[str, AxisRecord]]:
+    """Return legs on one clock with that of each moved by one deviation."""
+    return {
+        f"clock of {key}": {key: _moved(legs[key].record, clock.error_s)}
+        for key, clock in clocks.items()
+        if np.isfinite(clock.error_s)
+    }
+
+
+def clock_words(clocks: Mapping[str, LegClock]) -> list[str]:
     """Return a sentence on each leg whose commands are on another clock."""
     return [
-        f"Leg {leg}: its commands are stamped {abs(shift):.2f} s too"
-        f" {'late' if shift > 0.0 else 'early'} for its motion, as against the other legs (two"
-        " clocks); the fits have them moved by that."
-        for leg, shift in late_s.items()
+        f"Leg {leg}: its commands are stamped {abs(clock.late_s):.2f} s"
+        + (f" (standard error {clock.error_s:.2g})" if np.isfinite(clock.error_s) else "")
+        + f" too {'late' if clock.late_s > 0.0 else 'early'} for its motion, as against the other"
+        " legs (two clocks); the fits have them moved by that, and its error is in the intervals."
+        for leg, clock in clocks.items()
     ]
 
 
@@ -78,13 +179,13 @@ def _moved(record: AxisRecord, late_s: float) -> AxisRecord:
     return replace(record, force=force, thrusters=thrusters)
 
 
-def _errors(flown: FlownAxis, record: AxisRecord) -> Array | None:
-    """Return the mean error of an axis on a leg, by shift; None without windows."""
+def _errors(flown: FlownAxis, record: AxisRecord) -> ShiftErrors | None:
+    """Return errors of an axis on a leg, by shift; None without windows."""
     structure = flown.pool.structure
     windows = windows_of([record], structure.velocities)
     if not windows or len(structure.velocities) > 1 or set(structure.inputs) - set(record.force):
         return None
-    out = []
+    sizes, squares = [], []
     for shift in SHIFTS_S:
         pool = make_pool(
             structure, [_moved(record, float(shift))], windows,
@@ -95,9 +196,11 @@ def _errors(flown: FlownAxis, record: AxisRecord) -> Array | None:
         for window in windows:
             start = np.append(data.start[window.first], np.zeros(1))
             states = motion(pool, rows, flown.theta, window, start)[:, :, 0]
-            errors.append(np.abs(states - data.channels[window.nodes]).ravel())
-        out.append(float(np.nanmean(np.concatenate(errors))))
-    return np.array(out)
+            errors.append(states - data.channels[window.nodes])
+        sizes.append(np.nansum([np.nansum(np.abs(item)) for item in errors]))
+        squares.append([np.nansum(item**2) for item in errors])
+    count = np.array([np.isfinite(item).sum() for item in errors])
+    return ShiftErrors(np.array(sizes), np.array(squares).T, count)
 
 
 def _least_at(curve: Array) -> float:

@@ -42,6 +42,7 @@ from auvid.stages.fit_axes.fitted import (
 from auvid.stages.fit_axes.flight import (
     FitOptions,
     LegData,
+    doubts_of,
     held_out_fits,
     judged,
 )
@@ -234,6 +235,7 @@ def _common_fit(
             restoring=any(item.righting is not None for item in joining),
             first=first,
             leave_out=judge,
+            doubtful=doubts_of(using) if judge else (),
         )
 
     first = {item.equation.speed: item.equation.values[:4].tolist() for item in joining}

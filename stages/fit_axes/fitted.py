@@ -244,6 +244,14 @@ class Together:
 
 
 @dataclass(frozen=True)
+class LegClock:
+    """How late [s] commands of a leg are stamped against the others, with its error."""
+
+    late_s: float
+    error_s: float
+
+
+@dataclass(frozen=True)
 class Markers:
     """Arm of markers or velocity log (`sensor`) by file and legs.
 
@@ -284,7 +292,7 @@ class AxisFits:
     markers: Markers | None = None
     thrusters: tuple[ThrusterRatio, ...] = ()
     """How strong each is against those like it."""
-    late_s: Mapping[str, float] = field(default_factory=dict)
+    clocks: Mapping[str, LegClock] = field(default_factory=dict)
     """Leg -> how late its commands were stamped, which the fits have moved."""
 
     @property

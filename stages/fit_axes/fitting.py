@@ -14,7 +14,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
-from auvid.hydro.identification.axes.record import SHARE_SD, AxisRecord, is_idle
+from auvid.hydro.identification.axes.record import AxisRecord, is_idle
 from auvid.hydro.identification.axes.single_axis import (
     LAG_FLOOR_S,
     SURGE,
@@ -26,7 +26,13 @@ from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
-from auvid.stages.fit_axes.clocks import late_commands, on_one_clock
+from auvid.stages.fit_axes.clocks import (
+    MOST_PASSES,
+    clock_doubts,
+    corrected,
+    late_commands,
+    on_one_clock,
+)
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.fitted import (
     DIVES_DIFFER,
@@ -37,16 +43,19 @@ from auvid.stages.fit_axes.fitted import (
     FlownAxis,
     Lacking,
     LackingVerdict,
+    LegClock,
+    Markers,
 )
 from auvid.stages.fit_axes.flight import (
     FitOptions,
     LegData,
+    doubts_of,
     idle,
     judged,
     pushed,
 )
 from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
-from auvid.stages.fit_axes.markers import at_origin, doubted, markers_of
+from auvid.stages.fit_axes.markers import arm_doubts, at_origin, doubted, markers_of
 from auvid.stages.fit_axes.thrusters import as_strong, ratios_of
 from auvid.stages.model_use import TILTS, axes_listed
 from auvid.stages.number_format import SIMULATED_PERCENT, fit_in_percent
@@ -67,23 +76,24 @@ def fit_all(
     options: FitOptions,
     *,
     strengths: tuple[ThrusterRatio, ...] | None = None,
-    late_s: Mapping[str, float] | None = None,
+    clocks: Mapping[str, LegClock] | None = None,
+    passes: int = 1,
 ) -> AxisFits:
     """Return the fits of all axes that the training legs give, with held-out fits.
 
     Validation legs, where there are any, are flown by a fit that does not use them; then
     windows and legs are left out in turn too. strengths: of thrusters, where forces have
-    them already; None to find them, and to fit once more where one is weak. late_s: of
-    commands on another clock that are moved already; None to find and to move them.
+    them already; None to find them, and to fit once more where one is weak. clocks: of
+    commands that are moved; None to find those on another clock. passes: fits so far.
     """
-    as_logged = legs
-    first = next(iter(legs.values())).windows
+    as_logged, first = legs, next(iter(legs.values())).windows
     _check_units(legs)
+    legs = on_one_clock(legs, clocks or {})
     markers = markers_of(legs, vehicle, place=options.marker_arm)
     if markers is not None and markers.used and markers.departs:
         legs = at_origin(legs, markers.sensor, markers.departure)
     hull, moved = hull_speeds(legs, vehicle, lag_s=options.lag_s), legs
-    legs = hull.levelled(moved)
+    legs = _with_doubts(hull.levelled(moved), hull, markers, clocks)
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs
@@ -106,22 +116,27 @@ def fit_all(
                 doubtful |= {} if refused is None else {axis: refused}
             else:
                 lacking.append(refused)
-    if late_s is None:
-        late_s = late_commands(tried, legs)
-        if late_s:
-            return fit_all(on_one_clock(as_logged, late_s), vehicle, options, late_s=late_s)
+    if clocks is None:
+        clocks = late_commands(tried, legs)
+        if clocks:
+            return fit_all(as_logged, vehicle, options, clocks=clocks, passes=2)
+    elif clocks and strengths is None and passes < MOST_PASSES:
+        better = corrected(clocks, tried, legs)
+        if better:
+            return fit_all(as_logged, vehicle, options, clocks=better, passes=passes + 1)
     if strengths is None:
         strengths = ratios_of(tried, legs, vehicle, options)
         if any(item.is_weak for item in strengths):
             return fit_all(
                 as_strong(as_logged, strengths), vehicle, options,
-                strengths=strengths, late_s=late_s,
+                strengths=strengths, clocks=clocks, passes=passes,
             )  # fmt: skip
     shared = shared_lag(fitted)
     if options.fit_lag and shared is not None:
         late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
         hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
-        fitted, legs = _with_shared_lag(fitted, legs, hull.levelled(moved), vehicle, late, hull)
+        levelled = _with_doubts(hull.levelled(moved), hull, markers, clocks)
+        fitted, legs = _with_shared_lag(fitted, legs, levelled, vehicle, late, hull)
     commands = CommandForces(first.normalised, dict(first.full_force.items()), dict(ties.items()))
     every, together = fitted_together(fitted, legs, vehicle, options, commands)
     lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
@@ -140,8 +155,24 @@ def fit_all(
         legs=tuple(legs),
         together=together,
         thrusters=strengths,
-        late_s=late_s,
+        clocks=clocks,
     )
+
+
+def _with_doubts(
+    legs: Mapping[str, LegData],
+    hull: HullSpeeds,
+    markers: Markers | None,
+    clocks: Mapping[str, LegClock] | None,
+) -> dict[str, LegData]:
+    """Return legs with what their records rest on one deviation off."""
+    doubts = {
+        **hull.doubts(legs), **arm_doubts(legs, markers), **clock_doubts(legs, clocks or {})
+    }  # fmt: skip
+    return {
+        key: replace(leg, doubts={name: own[key] for name, own in doubts.items() if key in own})
+        for key, leg in legs.items()
+    }
 
 
 def _using(legs: Mapping[str, LegData], axis: str) -> dict[str, LegData]:
@@ -288,7 +319,7 @@ def turned_round(
     turned = {
         key: replace(leg, record=replace(
             leg.record, force={**leg.record.force, axis: -leg.record.force[axis]}
-        ))
+        ), doubts={})
         for key, leg in using.items()
     }  # fmt: skip
     fit = _single(axis, turned, vehicle, replace(options, fit_lag=False), HullSpeeds())
@@ -314,7 +345,7 @@ def _single(
         hull=np.array([apparent_inertia(vehicle, name) for name in AXES]),
         drive=ForceDrive(lag_s=options.lag_s),
         speed_share=hull.share,
-        doubtful_depth=[SHARE_SD * hull.travels[key] for key in using if key in hull.travels],
+        doubtful=doubts_of(using),
         surge=options.surge_in_heave,
         try_lag=options.fit_lag,
         lag_sd_s=options.lag_sd_s,

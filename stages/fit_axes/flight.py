@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -41,10 +41,14 @@ from auvid.stages.page.first_screen import AXIS_WORDS
 
 @dataclass(frozen=True)
 class LegData:
-    """The record of a leg, and how it was made."""
+    """The record of a leg, and how it was made.
+
+    doubts: figure that the record rests on -> the record with it one deviation off.
+    """
 
     record: AxisRecord
     windows: AxisWindowsRecord
+    doubts: Mapping[str, AxisRecord] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,12 @@ class FitOptions:
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
     marker_arm: ArmChoice = "where_assumed"
+
+
+def doubts_of(using: Mapping[str, LegData]) -> list[list[AxisRecord]]:
+    """Return the records with one figure one deviation off, for each that they rest on."""
+    figures = dict.fromkeys(name for leg in using.values() for name in leg.doubts)
+    return [[leg.doubts.get(name, leg.record) for leg in using.values()] for name in figures]
 
 
 def motions_of(flown: FlownAxis, using: Mapping[str, LegData]) -> dict[str, AxisMotion]:

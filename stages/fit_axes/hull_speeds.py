@@ -9,7 +9,13 @@ import numpy as np
 
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.axes.record import climb, unmeasured, without_climb
+from auvid.hydro.identification.axes.record import (
+    SHARE_SD,
+    AxisRecord,
+    climb,
+    unmeasured,
+    without_climb,
+)
 from auvid.hydro.identification.axes.single_axis import refusal, speed_share
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.flight import LegData, idle
@@ -34,6 +40,15 @@ class HullSpeeds:
             else leg
             for key, leg in legs.items()
         }
+
+    def doubts(self, legs: Mapping[str, LegData]) -> dict[str, dict[str, AxisRecord]]:
+        """Return legs as `levelled`, whose depth has one deviation of a climb."""
+        off = {
+            key: without_climb(leg.record, self.travels[key], SHARE_SD)
+            for key, leg in legs.items()
+            if key in self.travels
+        }
+        return {"climb": off} if off else {}
 
 
 def hull_speeds(legs: Mapping[str, LegData], vehicle: Vehicle, *, lag_s: float) -> HullSpeeds:

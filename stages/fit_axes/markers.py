@@ -10,6 +10,7 @@ import numpy as np
 from auvid.data_schemas.records.motion import InstallationFigure
 from auvid.hydro.arrays import VELOCITIES, Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.windows import stretches
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.identification.signals.installation import CERTAIN, departure_verdict
@@ -85,6 +86,27 @@ def at_origin(legs: Mapping[str, LegData], sensor: str, departure: Array) -> dic
             own = {name: rate[name] - moved[:, at] for at, name in enumerate(VELOCITIES[:3])}
             leg = replace(leg, record=replace(leg.record, rate={**rate, **own}))
         out[key] = leg
+    return out
+
+
+def arm_doubts(
+    legs: Mapping[str, LegData], markers: Markers | None
+) -> dict[str, dict[str, AxisRecord]]:
+    """Return legs with each component of an arm that they show one deviation off.
+
+    Of one that departs it is the standard error; what is not applied counts in full. A
+    component that nothing turns about moves nothing.
+    """
+    if markers is None or not markers.used:
+        return {}
+    out = {}
+    for place, item in enumerate(markers.figures):
+        if item.standard_error is None:
+            continue
+        applied = item.verdict == "departs"
+        sd = item.standard_error if applied else np.hypot(item.standard_error, item.departure)
+        moved = at_origin(legs, markers.sensor, sd * np.eye(3)[place])
+        out[item.name] = {key: leg.record for key, leg in moved.items()}
     return out
 
 

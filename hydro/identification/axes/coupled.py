@@ -32,6 +32,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     PoolFit,
     fit_pool,
     make_pool,
+    with_doubts,
 )
 from auvid.hydro.identification.axes.quantities import (
     FitQuantity,
@@ -160,6 +161,7 @@ def fit_coupled(
     window_s: float = WINDOW_S,
     free_inertia: Sequence[str] = (),
     first: Mapping[str, Sequence[float]] | None = None,
+    doubtful: Sequence[Sequence[AxisRecord]] = (),
 ) -> CoupledFit:
     """Fit several axes to the windows that they share, in all legs.
 
@@ -171,7 +173,8 @@ def fit_coupled(
     allows, between the velocities that are fitted (the noise of measured ones would enter).
     free: parameters of the drive that are fitted. restoring: roll and pitch by angles of
     their own. free_inertia: velocities whose c has no prior. first: velocity -> a, b, c, d
-    to start from, as the fits of single axes give them. Raises `DataError` without shared windows.
+    to start from, as the fits of single axes give them. doubtful: as `fit_axis` has it. Raises
+    `DataError` without shared windows.
     """
     pool = coupled_pool(
         records, velocities, inertia=inertia, numerators=numerators, relative_sd=relative_sd,
@@ -179,7 +182,7 @@ def fit_coupled(
         constant_sd=constant_sd, restoring=restoring, loss=loss, window_s=window_s,
         free_inertia=free_inertia,
     )  # fmt: skip
-    fit = fit_pool(pool, _start(pool, first or {}))
+    fit = with_doubts(pool, fit_pool(pool, _start(pool, first or {})), doubtful)
     held_out: tuple[HeldOut, ...] = ()
     if leave_out:
         begin = fit.values[: len(pool.structure.terms)]

@@ -6,7 +6,8 @@ size of the errors of a channel; colour: how many samples count as one. A window
 unknowns are x(0), s(0) and a constant with a prior around 0.
 
 Covariance: windows are left out in turn (jackknife of clusters, CR3: Bell and McCaffrey
-2002), by one step from the optimum each.
+2002), by one step from the optimum each. What the records rest on and has an error itself
+(a clock, an arm) adds the change that one deviation of it makes.
 """
 
 from __future__ import annotations
@@ -339,7 +340,17 @@ class PoolWork:
         node, channel = np.nonzero(np.isfinite(measured))
         scale = sigma[channel]
         error = (states[node, channel, 0] - measured[node, channel]) / scale
-        return error, states[node, channel, 1:] / scale[:, None], channel
+        jacobian = states[node, channel, 1:] / scale[:, None]
+        k = len(self.pool.structure.velocities)
+        jacobian[:, jacobian.shape[1] - k + np.flatnonzero(self.pool.constant_sd == 0.0)] = 0.0
+        return error, jacobian, channel
+
+    def loss(self, error: Array) -> tuple[Array, Array, Array]:
+        """Return rho(e), rho'(e) / e and rho''(e)."""
+        if self.pool.loss == "squares":
+            return 0.5 * error**2, np.ones_like(error), np.ones_like(error)
+        root = np.sqrt(1.0 + error**2)
+        return root - 1.0, 1.0 / root, root**-3.0
 
     def evaluate(self, common: Array, local: Array, sigma: Array, colour: Array) -> Evaluation:
         """Return the objective at some unknowns, and its normal equations.
@@ -383,13 +394,8 @@ class PoolWork:
         """
         pool, k = self.pool, len(self.pool.structure.velocities)
         error, jacobian, channel = self.errors(common, local, number, sigma)
-        root = np.sqrt(1.0 + error**2)
-        if pool.loss == "soft_l1":
-            cost, weight, bend = root - 1.0, 1.0 / root, root**-3.0
-        else:
-            cost, weight, bend = 0.5 * error**2, np.ones_like(error), np.ones_like(error)
+        cost, weight, bend = self.loss(error)
         at = jacobian.shape[1] - k + np.arange(k)
-        jacobian[:, at[pool.constant_sd == 0.0]] = 0.0
         scaled = jacobian / colour[channel][:, None]
         right = -(scaled.T @ (weight * error))
         normal = scaled.T @ (jacobian * (bend if curvature else weight)[:, None])
@@ -466,6 +472,39 @@ def _covariances(
     out[1][cell] = solve_scaled(full, np.eye(free.size))
     out[2][cell] = solve_scaled(data, np.eye(free.size))
     return out[0], out[1], np.diag(out[2])
+
+
+def with_doubts(pool: Pool, fit: PoolFit, doubtful: Sequence[Sequence[AxisRecord]]) -> PoolFit:
+    """Return a fit whose covariance has the errors of what its records rest on.
+
+    doubtful: for each such figure, the records with it one deviation off. Errors e' of
+    these move the estimate by -H^-1 J' rho'' (e' - e).
+    """
+    g, count = len(fit.values), len(pool.structure.terms)
+    works = [PoolWork(with_records(pool, own), count) for own in (pool.records, *doubtful)]
+    sizes = fit.values, fit.local
+    free, pulls = np.flatnonzero(~fit.at_bound), np.zeros((g, len(doubtful)))
+    full = np.diag(works[0].prior(fit.values)[1])
+    for number in range(len(pool.windows) if doubtful else 0):
+        _, normal, _ = works[0].window(*sizes, number, fit.sigma, fit.colour, curvature=True)
+        error, jacobian, channel = works[0].errors(*sizes, number, fit.sigma)
+        moved = [work.errors(*sizes, number, fit.sigma)[0] - error for work in works[1:]]
+        bend = works[0].loss(error)[2] / fit.colour[channel]
+        right = -(jacobian.T @ (bend[:, None] * np.column_stack(moved)))
+        solved = solve_scaled(normal[g:, g:], np.column_stack([normal[g:, :g], right[g:]]))
+        full = full + normal[:g, :g] - normal[:g, g:] @ solved[:, :g]
+        pulls = pulls + right[:g] - normal[:g, g:] @ solved[:, g:]
+    cell, changes = np.ix_(free, free), np.zeros((g, len(doubtful)))
+    changes[free] = solve_scaled(full[cell], pulls[free])
+    return replace(fit, covariance=fit.covariance + changes @ changes.T)
+
+
+def with_records(pool: Pool, records: Sequence[AxisRecord]) -> Pool:
+    """Return a pool with other records, of the same windows."""
+    return make_pool(
+        pool.structure, records, pool.windows, constant_sd=pool.constant_sd, drive=pool.drive,
+        free=pool.free, extra=pool.extra, loss=pool.loss,
+    )  # fmt: skip
 
 
 def wider(full: Array, parts: Sequence[Array]) -> Array:

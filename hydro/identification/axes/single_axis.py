@@ -53,6 +53,7 @@ from auvid.hydro.identification.axes.pooled_fit import (
     PoolFit,
     fit_pool,
     make_pool,
+    with_doubts,
 )
 from auvid.hydro.identification.axes.quantities import (
     WIDEST,
@@ -223,7 +224,7 @@ def fit_axis(
     surge: bool = False,
     hull: Array | None = None,
     speed_share: float = 1.0,
-    doubtful_depth: Sequence[Array] = (),
+    doubtful: Sequence[Sequence[AxisRecord]] = (),
     try_lag: bool = True,
     lag_sd_s: float = 0.0,
     try_shape: bool = False,
@@ -236,10 +237,10 @@ def fit_axis(
     the force ahead in heave, under a prior around 0. hull (6,): apparent inertia, by which
     yaw and heave in newtons have what a hull does whose speeds nobody measures
     (`record`), by `speed_share` of those that forces give; depth without its climb is
-    the caller's, doubtful_depth (n,) [m] of each record one deviation of it. try_lag: whether
-    the lag is fitted where the data determine it; lag_sd_s: deviation of one that is not.
-    try_shape: the same of dead band and curve of commands. Raises `DataError` with the
-    reason where an axis is refused.
+    the caller's. doubtful: the records with one figure that they rest on one deviation off,
+    each. try_lag: whether the lag is fitted where the data determine it; lag_sd_s: deviation
+    of one that is not. try_shape: the same of dead band and curve of commands. Raises
+    `DataError` with the reason where an axis is refused.
     """
     reason = refusal(records, axis)
     if reason:
@@ -269,7 +270,7 @@ def fit_axis(
             if legs_flown_better(*legs_apart):
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
-    fit = _widened(pool, fit, lag.deviation_s, doubtful_depth)
+    fit = with_doubts(pool, _with_lag_error(pool, fit, lag.deviation_s), doubtful)
     lag_known = lag.determined or not try_lag
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
@@ -393,37 +394,22 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
     return float(best.x)
 
 
-def _widened(pool: Pool, fit: PoolFit, lag_sd_s: float, depth: Sequence[Array]) -> PoolFit:
-    """Return a fit with one deviation of lag and depth in its covariance.
+def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
+    """Return a fit with one deviation of its lag in its covariance.
 
-    Each is the change of the estimate where the assumed figure is one deviation off.
+    It is the change of the estimate where the lag is that much longer.
     """
-    others = []
-    if lag_sd_s > 0.0:
-        drive = changed(fit.drive, {LAG: fit.drive.lag_s + lag_sd_s})
-        free = tuple(name for name in pool.free if name != LAG)
-        others.append(replace(pool, drive=drive, free=free))
-    if depth:
-        records = tuple(without_climb(r, x, 1.0) for r, x in zip(pool.records, depth, strict=True))
-        others.append(_with_records(pool, records))
-    covariance = fit.covariance
-    for other in others:
-        moved = fit_pool(other, fit.values[: len(pool.structure.terms)])
-        kept = [fit.names.index(name) for name in moved.names]
-        change = np.zeros(len(fit.values))
-        change[kept] = moved.values - fit.values[kept]
-        if LAG in fit.names and LAG not in moved.names:
-            change[fit.names.index(LAG)] = lag_sd_s
-        covariance = covariance + np.outer(change, change)
-    return replace(fit, covariance=covariance)
-
-
-def _with_records(pool: Pool, records: Sequence[AxisRecord]) -> Pool:
-    """Return a pool with other records, of the same windows."""
-    return make_pool(
-        pool.structure, records, pool.windows, constant_sd=pool.constant_sd, drive=pool.drive,
-        free=pool.free, extra=pool.extra, loss=pool.loss,
-    )  # fmt: skip
+    if lag_sd_s <= 0.0:
+        return fit
+    drive = changed(fit.drive, {LAG: fit.drive.lag_s + lag_sd_s})
+    other = replace(pool, drive=drive, free=tuple(name for name in pool.free if name != LAG))
+    moved = fit_pool(other, fit.values[: len(pool.structure.terms)])
+    kept = [fit.names.index(name) for name in moved.names]
+    change = np.zeros(len(fit.values))
+    change[kept] = moved.values - fit.values[kept]
+    if LAG in fit.names:
+        change[fit.names.index(LAG)] = lag_sd_s
+    return replace(fit, covariance=fit.covariance + np.outer(change, change))
 
 
 def _with_lag(

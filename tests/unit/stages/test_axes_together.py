@@ -18,14 +18,19 @@ from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
-from auvid.stages.fit_axes.clocks import clock_words
+from auvid.stages.fit_axes.clocks import MOST_PASSES, clock_words
 from auvid.stages.fit_axes.coupling import (
     filed_inertia,
     fitted_shares,
     fitted_together,
     held_out_single,
 )
-from auvid.stages.fit_axes.fitted import DIVES_DIFFER, DRAG_AHEAD, AxisFits, CommandForces
+from auvid.stages.fit_axes.fitted import (
+    DIVES_DIFFER,
+    DRAG_AHEAD,
+    AxisFits,
+    CommandForces,
+)
 from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section
@@ -222,14 +227,20 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
 
 def test_commands_of_a_leg_on_another_clock_are_moved_and_named() -> None:
     legs = dict(legs_of(file_inertia(), coriolis=False))
-    assert fits(False).late_s == {}
+    assert fits(False).clocks == {}
     record = legs["leg_1"].record
     late = {axis: np.interp(record.t_s - 0.4, record.t_s, f) for axis, f in record.force.items()}
     legs["leg_1"] = replace(legs["leg_1"], record=replace(record, force=late))
-    fitted = fit_all(legs, body(), replace(ONE_BY_ONE, axes=("X",)))
-    assert fitted.late_s == {"leg_1": pytest.approx(0.4, abs=0.03)}
+    options = replace(ONE_BY_ONE, axes=("X",))
+    fitted = fit_all(legs, body(), options)
+    clock = fitted.clocks["leg_1"]
+    assert clock.late_s == pytest.approx(0.4, abs=min(0.01, 4.0 * clock.error_s))
     assert fitted.fitted[0].equation.value("force") == pytest.approx(TRUTH["u"][2], rel=0.03)
-    assert clock_words(fitted.late_s)[0] in str(fit_section(fitted, card_of(fitted)))
+    assert clock_words(fitted.clocks)[0] in str(fit_section(fitted, card_of(fitted)))
+    # The error of the clock is in that of the model.
+    unsure = {"leg_1": replace(clock, error_s=0.1)}
+    doubtful = fit_all(legs, body(), options, clocks=unsure, passes=MOST_PASSES).fitted[0]
+    assert doubtful.equation.error("force") > 1.2 * fitted.fitted[0].equation.error("force")
 
 
 def test_a_pull_on_an_axis_that_does_not_join_gives_the_others_their_inertia() -> None:

@@ -14,7 +14,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
-from auvid.stages.fit_axes.markers import at_origin, markers_of, markers_words
+from auvid.stages.fit_axes.markers import arm_doubts, at_origin, markers_of, markers_words
 from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
 from tests.unit.stages.test_axes_together import TRUTH, body, file_inertia, legs_of
 
@@ -59,6 +59,13 @@ def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:
     assert fits.fitted[0].equation.value("v*|v|") == pytest.approx(TRUTH["v"][1], rel=0.1)
     assert fits.markers is not None
     assert "corrected" in markers_words(fits.markers)
+    legs = off_origin(ARM)
+    sd = fits.markers.figures[0].standard_error
+    assert sd is not None
+    doubts = arm_doubts(legs, fits.markers)
+    assert set(doubts) == {"arm forward", "arm right"}  # nothing turns about the third
+    record, moved = legs["leg_1"].record, doubts["arm forward"]["leg_1"]
+    assert moved.rate["v"] - record.rate["v"] == pytest.approx(-sd * record.rate["r"])
 
 
 def test_markers_at_their_place_leave_verdicts_alone() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -417,6 +418,21 @@ def test_a_coefficient_that_one_window_tells_has_the_errors_of_few() -> None:
     assert one == pytest.approx(widened_by(1) / widened_by(5), rel=0.02)
     # What no window tells, its prior alone, has no shares: all count alike.
     assert wider(np.eye(2), [np.diag([0.1, 0.0])] * 6) == pytest.approx([1.0, 1.0])
+
+
+def test_what_records_rest_on_is_in_the_errors() -> None:
+    """One deviation of a clock moves the estimate as a fit to such records does."""
+    legs = [axis_leg(2, YAW), axis_leg(3, YAW)]
+    late = np.interp(legs[0].t_s + 0.01, legs[0].t_s, legs[0].force["N"])
+    other = [replace(legs[0], force={**legs[0].force, "N": late}), legs[1]]
+    drive, loss = ForceDrive(lag_s=0.08), cast("Loss", "squares")
+    sure, moved = (
+        fit_axis(own, "N", drive=drive, try_lag=False, loss=loss) for own in (legs, other)
+    )
+    unsure = fit_axis(legs, "N", drive=drive, try_lag=False, loss=loss, doubtful=[other])
+    assert unsure.values == pytest.approx(sure.values)
+    added = np.sqrt(np.diag(unsure.covariance - sure.covariance))
+    assert added == pytest.approx(np.abs(moved.values - sure.values), rel=0.1, abs=1e-4)
 
 
 def test_three_windows_are_flown_in_turn_by_the_other_two() -> None:
