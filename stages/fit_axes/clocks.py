@@ -26,7 +26,7 @@ MOST_PASSES = 3
 
 
 class ShiftErrors(NamedTuple):
-    """Errors of an axis on a leg: sum of their sizes (shifts,), squares (w, shifts), samples (w,)."""
+    """Errors of an axis on a leg: sums of sizes (shifts,) and squares (w, shifts), samples (w,)."""
 
     size: Array
     squares: Array
@@ -35,7 +35,7 @@ class ShiftErrors(NamedTuple):
 
 @dataclass(frozen=True)
 class LegShift:
-    """Where the error of a leg is least, its standard error, and log of the error by shift."""
+    """Where the error of a leg is least, its standard error, and its logarithm by shift."""
 
     best_s: float
     error_s: float
