@@ -94,7 +94,7 @@ def _shifts(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[st
 def _against_others(shifts: Mapping[str, LegShift]) -> dict[str, LegClock]:
     """Return the shift of each leg against the others; none of a single leg.
 
-    >>> legs = {str(n): LegShift(late, 0.02, SHIFTS_S) for n, late in enumerate((0.0, 0.0, 0.4))}
+    >>> legs = {str(n): LegShift(late, 0.02, SHIFTS_S) for n, late in enumerate([0.0, 0.0, 0.4])}
     >>> _against_others(legs)["2"].error_s.__round__(3)
     0.025
     """
