@@ -26,7 +26,10 @@ MOST_PASSES = 3
 
 
 class ShiftErrors(NamedTuple):
-    """Errors of an axis on a leg: sums of sizes (shifts,) and squares (w, shifts), samples (w,)."""
+    """Errors of an axis on a leg, by shift.
+
+    Sums of sizes (shifts,), of squares by window (w, shifts), and samples (w,).
+    """
 
     size: Array
     squares: Array
@@ -35,7 +38,7 @@ class ShiftErrors(NamedTuple):
 
 @dataclass(frozen=True)
 class LegShift:
-    """Where the error of a leg is least, its standard error, and its logarithm by shift."""
+    """Shift of least error of a leg, its standard error, log of the error by shift."""
 
     best_s: float
     error_s: float
@@ -79,7 +82,7 @@ def corrected(
 
 
 def _shifts(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, LegShift]:
-    """Return where each leg is flown best, over all axes; none in newtons, or of one leg."""
+    """Return where each leg is flown best; none in newtons, or of one leg."""
     if len(legs) < 2 or not all(leg.windows.normalised for leg in legs.values()):
         return {}
     out = {}
@@ -115,7 +118,7 @@ def _against_others(shifts: Mapping[str, LegShift]) -> dict[str, LegClock]:
 
 
 def _least(axes: Sequence[ShiftErrors]) -> LegShift:
-    """Return where the errors of all axes are least, by their squares, each over its least.
+    """Return where the squares of the errors are least, of each axis over its least.
 
     The error of the shift leaves windows out in turn.
     """

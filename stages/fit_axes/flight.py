@@ -77,7 +77,7 @@ class FitOptions:
 
 
 def doubts_of(using: Mapping[str, LegData]) -> list[list[AxisRecord]]:
-    """Return the records with one figure one deviation off, for each that they rest on."""
+    """Return the records with a figure that they rest on one deviation off, each."""
     figures = dict.fromkeys(name for leg in using.values() for name in leg.doubts)
     return [[leg.doubts.get(name, leg.record) for leg in using.values()] for name in figures]
 
