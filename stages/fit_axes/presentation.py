@@ -23,6 +23,7 @@ from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.presentation import (
     Block,
     degrees,
+    fold,
     panel,
     plot,
     remark,
@@ -234,7 +235,8 @@ def _free_of_newtons(card: ModelCard) -> list[Block]:
     ]
     heads = ["axis", "figure", "value", "from", "to", "unit", "verdict"]
     note = "95 % intervals. These hold whatever the thrust in newtons is."
-    blocks = [table("What needs no newtons", heads, rows, note=note)]
+    # The first screen has them, too: here they are for the page's tables in full.
+    blocks = fold("What needs no newtons", [table("", heads, rows, note=note)])
     if part.unit_of_mass is not None:
         blocks.append(
             remark(

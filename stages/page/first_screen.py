@@ -64,11 +64,13 @@ class Alert(str):
 
         >>> Alert("The arm of the log departs by +0.23 m (of 0): " + 30 * "see ").brief
         'The arm of the log departs by +0.23 m'
+        >>> Alert("rov: dive 00000001.BIN departs in sensor: lag by 7; other: " + 30 * "a ").brief
+        'rov: dive 00000001.BIN departs in sensor: lag by 7'
         """
         words = self.replace("+-", "±").strip()
         if len(words) > MOST_LETTERS:
             words = re.sub(r" \([^)]*\)", "", words)
-        for mark in (". ", ": ", "; "):
+        for mark in (". ", "; ", ": "):
             end = words.find(mark, LEAST_LETTERS)
             if len(words) > MOST_LETTERS and 0 < end <= MOST_LETTERS:
                 words = words[:end]

@@ -10,6 +10,7 @@ from typing import Any
 
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands.history.run_history import (
+    HELD_OUT,
     Entry,
     best,
     changes,
@@ -26,7 +27,7 @@ from auvid.pipeline.output import answer, note
 from auvid.pipeline.store.atomic_files import write_atomically, write_output
 from auvid.pipeline.terminal import path_from_here, plain, table
 from auvid.stages import report
-from auvid.stages.number_format import fixed, significant, with_unit
+from auvid.stages.number_format import fit_in_percent, fixed, significant, with_unit
 from auvid.stages.presentation import Block, section, text
 from auvid.stages.presentation import table as table_block
 
@@ -78,7 +79,14 @@ def _print_list(entries: Sequence[Entry]) -> None:
         elif determined[1]:
             figures = ("{} of {}".format(*determined),)
         else:
-            figures = (f"{len(entry.figures)} in all",)
+            percents = [
+                f"{name.removeprefix(f'{HELD_OUT}: ')} {fit_in_percent(item['value'])}"
+                for name, item in entry.figures.items()
+                if item.get("of") == HELD_OUT
+            ]
+            figures = (
+                f"held out: {', '.join(percents)}" if percents else f"{len(entry.figures)} in all",
+            )
         changed = "; ".join(changes(before, entry))
         rows.append((entry.number, entry.finished_utc, *figures, changed))
     table(("run", "finished (UTC)", *columns, "changed since the run before"), rows)

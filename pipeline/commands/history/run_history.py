@@ -23,15 +23,18 @@ from auvid.pipeline.store.artefacts import to_json, to_plain
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_value
 from auvid.pipeline.store.fingerprints import as_document
+from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.report.summary.figure_summary import DETERMINED
 
 if TYPE_CHECKING:
+    from auvid.data_schemas.records.models import ModelCard
     from auvid.pipeline.execution.runner import Run
 
 FOLDER = "history"
 FORMAT, FORMATS = 2, (1, 2)
 """Entries of format 2 hold the hash of their content."""
 KEPT = 200
+HELD_OUT = "fit of the rate on what was held out"
 KEPT_OF_FIGURES = ("value", "unit", "standard_error", "verdict", "headline")
 
 
@@ -57,6 +60,11 @@ class Entry:
     """
 
     @property
+    def holds_results(self) -> bool:
+        """Whether the run came as far as error tables, figures or a model."""
+        return bool(self.error_tables or self.figures or self.recommended)
+
+    @property
     def content(self) -> dict[str, Any]:
         """All but number and time."""
         return {
@@ -74,16 +82,14 @@ def entry_now(run: Run) -> Entry:
 def add_entry(run: Run) -> None:
     """Enter a run that has just finished into the history.
 
-    Nothing is written for a run without tables and figures, or equal to the last one. A
+    Nothing is written for a run without any results, or equal to the last one. A
     damaged entry keeps its number.
     """
     folder = run.folder / FOLDER
     entries = read(run.folder)
     numbers = [int(path.stem) for path in _files(run.folder) if path.stem.isdigit()]
     entry = _entry(run, max(numbers, default=0) + 1)
-    if not (entry.error_tables or entry.figures) or (
-        entries and entries[-1].content == entry.content
-    ):
+    if not entry.holds_results or (entries and entries[-1].content == entry.content):
         return
     document = {"format": FORMAT, "content": hash_value(asdict(entry)), **asdict(entry)}
     write_atomically(folder / f"{entry.number:06d}.json", (to_json(document) + "\n").encode())
@@ -130,6 +136,8 @@ def _entry(run: Run, number: int) -> Entry:
         for document in _artefacts(run, "results")
         for row in document["rows"]
     }
+    for card in _artefacts(run, "model_card"):
+        figures |= _held_out(card)
     data = {
         f"{log} {item['name']}": item["content"]
         for log, items in provenance["logs"].items()
@@ -146,6 +154,22 @@ def _entry(run: Run, number: int) -> Entry:
         figures=to_plain(figures),
         recommended=to_plain(_recommended(run)),
     )
+
+
+def _held_out(card: ModelCard) -> dict[str, dict[str, Any]]:
+    """Return how far a model of some axes predicts each on what was held out."""
+    if card.partial is None:
+        return {}
+    return {
+        f"{HELD_OUT}: {AXIS_WORDS[axis]}": {
+            "of": HELD_OUT,
+            **dict.fromkeys(KEPT_OF_FIGURES),
+            "value": item.held_out_percent,
+            "unit": "%",
+        }
+        for axis, item in card.partial.axes.items()
+        if item.held_out_percent is not None
+    }
 
 
 def _recommended(run: Run) -> dict[str, Any]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,9 @@ from auvid.pipeline.commands.open_run import open_run
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.stages.base import Document
+from auvid.stages.model_use import listed
 from auvid.stages.number_format import estimate, significant, term, true_minus
-from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Fact, Summary, anchor
+from auvid.stages.page.first_screen import AXIS_WORDS, Alert, Summary, anchor
 from auvid.stages.page.html import render
 from auvid.stages.page.pictures.whisker_picture import WhiskerBox, Whiskers, whisker_picture
 from auvid.stages.presentation import section, table, text
@@ -58,7 +61,7 @@ def write_runs_page(names: Sequence[str], *, whole_history: bool = False) -> Pat
         path = run.folder / HISTORY_PAGE
     else:
         columns = [_column(name) for name in dict.fromkeys(names)]
-        title, left_out = " and ".join(column.name for column in columns), ""
+        title, left_out = listed([column.name for column in columns]), ""
         run = open_run(names[0].partition("@")[0])
         words = "+".join(re.sub(r"[^\w.@-]", "_", column.name) for column in columns)
         path = run.folder.parent / f"{words[:120]}.html"
@@ -88,7 +91,7 @@ def _column(name: str) -> RunColumn:
 def _now(run: Run) -> Entry | None:
     """Return the results as they stand, None without any."""
     entry = entry_now(run)
-    return entry if entry.error_tables or entry.figures else None
+    return entry if entry.holds_results else None
 
 
 def runs_page(title: str, left_out: str, columns: Sequence[RunColumn]) -> bytes:
@@ -143,23 +146,24 @@ def _summary(columns: Sequence[RunColumn]) -> Summary:
         for column in columns[1:]
         if (words := " ".join(_departures(columns[0], column)))
     ]
-    headline = f"{len(columns)} runs side by side"
-    explanation = ""
+    explanation = []
     if len(ratios) >= FEWEST:
         best = min(ratios, key=ratios.__getitem__)
-        alike = len({json.dumps(_entry(c).data, sort_keys=True) for c in columns}) == 1
-        explanation = f"Least J/J0 of the recommended models: {ratios[best]:.2f} in {best}."
-        explanation += "" if alike else " Logs differ, so these are errors on other dives."
+        least, most = (f"{edge(ratios.values()):.2f}" for edge in (min, max))
+        explanation = [
+            f"J/J0 of the recommended models: {least} in all of them."
+            if least == most
+            else f"Least J/J0 of the recommended models: {least} in {best}."
+        ]
+        if len({json.dumps(_entry(c).data, sort_keys=True) for c in columns}) > 1:
+            explanation.append("Logs differ, so these are errors on other dives.")
     return Summary(
         level="fair" if doubts else "good",
-        headline=headline,
-        explanation=explanation,
+        headline=f"{len(columns)} runs side by side{_agreement(columns)}",
+        explanation=" ".join(explanation),
         recommended=None,
         judged_on="validation",
-        facts=tuple(
-            Fact(f"J/J0 of {name}", f"{ratio:.2f}", next(_titles(columns, name)))
-            for name, ratio in list(ratios.items())[:6]
-        ),
+        facts=(),
         models=(),
         identified=(),
         missing=tuple(doubts),
@@ -167,16 +171,33 @@ def _summary(columns: Sequence[RunColumn]) -> Summary:
     )
 
 
-def _titles(columns: Sequence[RunColumn], name: str) -> Iterator[str]:
-    return iter([str(_entry(c).recommended.get("title", "")) for c in columns if c.name == name])
+def _agreement(columns: Sequence[RunColumn]) -> str:
+    """Return whether figures that two runs or more have differ by more than noise."""
+    boxes = [[item for item in box.runs if item is not None] for box in _boxes(columns)]
+    shared = [runs for runs in boxes if len(runs) >= FEWEST]
+    differing = sum(any(_differ(*pair) for pair in combinations(runs, 2)) for runs in shared)
+    if not shared:
+        return ""
+    figures = "the one figure that they share" if len(shared) == 1 else f"{len(shared)} figures"
+    if not differing:
+        return f": {figures} agree{'s' * (len(shared) == 1)} within noise"
+    return (
+        f": {differing} of {len(shared)} figure{'s' * (len(shared) > 1)} differ by more than noise"
+    )
+
+
+def _differ(one: Whiskers, two: Whiskers) -> bool:
+    """Return whether two values differ by more than their 95 % intervals by noise."""
+    noises = [run.half if run.noise is None else run.noise for run in (one, two)]
+    return abs(one.value - two.value) > math.hypot(*noises)
 
 
 def _departures(first: RunColumn, column: RunColumn) -> list[str]:
     """Return why a run cannot be compared with the first one, or with caution only."""
     one, two = _entry(first), _entry(column)
     if bool(one.error_tables) != bool(two.error_tables):
-        what = "fits no models" if one.error_tables else "fits models, the first run does not"
-        return [f"cannot be compared with {first.name}: it {what}."]
+        what = "has none" if one.error_tables else "alone has them"
+        return [f"errors of forces cannot be compared with {first.name}: it {what}."]
     words = []
     logs = [{k: v for k, v in e.data.items() if k != "vehicle"} for e in (one, two)]
     vehicles = [entry.recommended.get("vehicle") for entry in (one, two)]
@@ -202,7 +223,7 @@ def _runs_section(columns: Sequence[RunColumn], *, order: int) -> Document:
     first = next(column for column in columns if column.entry is not None)
     for column in columns:
         if column.entry is None:
-            rows.append([column.name, None, None, None, "not run yet: auvid run CAMPAIGN"])
+            rows.append([column.name, None, None, None, f"no results: auvid run {column.name}"])
             continue
         entry = column.entry
         words = [] if column is first else _departures(first, column)
@@ -325,7 +346,9 @@ def _boxes(columns: Sequence[RunColumn]) -> list[WhiskerBox]:
             unit = next(run[name][0] for run in values if name in run)
             runs = tuple(run[name][1] if name in run else None for run in values)
             if any(item is not None for item in runs):
-                boxes.append(WhiskerBox(name, unit, runs))
+                part, _, quantity = name.rpartition(": ")
+                # The quantity first: a narrow box cuts the end of its name.
+                boxes.append(WhiskerBox(f"{quantity}, {part}" if part else name, unit, runs))
     return boxes
 
 

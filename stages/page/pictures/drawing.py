@@ -88,6 +88,8 @@ def curve_row(row: CurveRow, span: Span) -> Markup:
     low, high = limits_of([curve.y for curve in row.curves])
     bottom, top = (high, low) if row.downwards else (low, high)
     marks = ticks(low, high, 3 if row.height == "tall" else 2, upward=not row.downwards)
+    if row.height != "tall":
+        marks = marks[:: len(marks) - 1]  # a row of 32 px has room for two labels
     lines = Markup("").join(
         LINE.format(
             " soft" if curve.thin else "",

@@ -352,11 +352,16 @@ def ticks(
 ) -> tuple[Tick, ...]:
     """Return about `count` round values between `low` and `high`, with labels.
 
-    Labels tell neighbours apart; with `sign` -1 they are of the negatives.
+    Two at least: one value says nothing of the scale. Labels tell neighbours apart; with `sign` -1
+    they are of the negatives.
     """
     span = high - low
     power = 10.0 ** np.floor(np.log10(span / count))
-    step = next((m * power for m in (1, 2, 2.5, 5, 10) if span / (m * power) <= count), 10 * power)
+    steps = [m * p for p in (power / 10, power) for m in (1, 2, 2.5, 5)] + [10 * power]
+    place = next((i for i, s in enumerate(steps) if span / s <= count), len(steps) - 1)
+    while place and np.floor(high / steps[place]) - np.ceil(low / steps[place]) < 1:
+        place -= 1
+    step = steps[place]
     values = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
     digits = max(
         0, -int(np.floor(np.log10(step) + 1e-9)) + (1 if f"{step:.3e}".startswith("2.5") else 0)

@@ -25,7 +25,8 @@ from auvid.stages.page.pictures.svg_plots import ticks
 ROLES = {"done": "true", "partly": "validation", "refused": "raw"}
 """State -> role of its colour."""
 MOST_VEHICLES = 8
-LABELS = 5
+LABELS = 4
+"""Dates beneath the picture: on a phone more would touch."""
 LEAST_SPAN_S = 86_400.0
 ROOM = 0.03
 """Of the span, left free at both ends."""

@@ -220,7 +220,8 @@ def _not_told(
         several = len(joined.unseen) > 1
         parts.append(
             f"Whether output{'s' * several} {numbers} act{'s' * (not several)} forward is not"
-            f" observable: {listed(words)} move too little by {'them' if several else 'it'}."
+            f" observable: {listed(words)} move{'s' * (len(words) == 1)} too little by"
+            f" {'them' if several else 'it'}."
         )
     pairs = [pair for pair in joined.alike if not set(pair) <= set(joined.unseen)]
     if pairs:

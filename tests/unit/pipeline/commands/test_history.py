@@ -9,6 +9,7 @@ import io
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
@@ -91,6 +92,21 @@ def test_run_without_figures_is_not_remembered(
 ) -> None:
     keep(tmp_path, replace(ENTRY, error_tables={}, figures={}), monkeypatch)
     assert read(tmp_path) == []
+
+
+def test_a_run_of_single_axes_is_remembered_and_listed_by_its_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = SimpleNamespace(held_out_percent=63.4)
+    nothing = SimpleNamespace(held_out_percent=None)
+    card = SimpleNamespace(partial=SimpleNamespace(axes={"N": part, "K": nothing}))
+    figures = history._held_out(card)  # type: ignore[arg-type]
+    assert [item["value"] for item in figures.values()] == [63.4]
+    keep(tmp_path, replace(ENTRY, error_tables={}, figures=figures), monkeypatch)
+    history_page._print_list(read(tmp_path))
+    assert "held out: yaw 63 %" in capsys.readouterr().out
+    keep(tmp_path, replace(ENTRY, error_tables={}, figures={}, recommended={"a": 1}), monkeypatch)
+    assert len(read(tmp_path)) == 2
 
 
 def test_oldest_are_given_up_and_numbers_go_on(

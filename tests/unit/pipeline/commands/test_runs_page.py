@@ -66,10 +66,24 @@ def test_page_sets_what_differs_and_what_was_found_side_by_side() -> None:
     assert "fuse.method" not in words
     assert "symmetric 0.500 0.310" in words
     assert "0.31 in two" in words
+    assert "2 runs side by side: the one figure that they share agrees within noise" in words
     assert "−50.0 ± 9.8" in words
     assert "weak" in words
     assert "0 of 7" in words
     assert "cannot be compared" not in words
+
+
+def test_coefficients_that_differ_by_more_than_noise_are_counted() -> None:
+    """Both runs rest on the same vehicle file, so its figures move both alike."""
+    far = {**COEFFICIENT, "value": -53.0}
+    moved = {**FIRST.recommended, "coefficients": {"X u": far, "Z w": COEFFICIENT}}
+    first = {**FIRST.recommended, "coefficients": {"X u": COEFFICIENT, "Z w": COEFFICIENT}}
+    columns = [
+        RunColumn(name, replace(FIRST, recommended=part))
+        for name, part in (("one", first), ("two", moved))
+    ]
+    assert "1 of 2 figures differ by more than noise" in words_of(*columns)
+    assert "0.50 in all of them" in words_of(*columns)
 
 
 def test_a_coefficient_has_whiskers_per_run_thick_by_noise() -> None:
@@ -77,6 +91,13 @@ def test_a_coefficient_has_whiskers_per_run_thick_by_noise() -> None:
     assert page.count('class="whisker thick"') == 2
     assert page.count('class="dot"') == 2
     assert "X_u in N s/m; one: −50 ± 9.8; two: −50 ± 9.8" in page.replace("−9.8", "-9.8")
+
+
+def test_boxes_of_figures_begin_with_the_quantity_and_coefficients_keep_their_name() -> None:
+    figure = {"value": 1.0, "unit": "kg", "standard_error": 0.1, "verdict": "identified"}
+    entry = replace(FIRST, figures={"heave of leg dive: Z_w|w|": figure})
+    labels = [box.label for box in pages._boxes([RunColumn("one", entry)])]
+    assert labels == ["X_u", "Z_w|w|, heave of leg dive"]
 
 
 @pytest.mark.parametrize(
@@ -88,7 +109,7 @@ def test_a_coefficient_has_whiskers_per_run_thick_by_noise() -> None:
         ({"recommended": {}}, "no recommended model in its entry"),
         (
             {"error_tables": {}, "recommended": {}, "figures": {"a": {"value": 1.0, "unit": "1"}}},
-            "it fits no models",
+            "errors of forces cannot be compared with one: it has none",
         ),
     ],
 )
@@ -99,7 +120,7 @@ def test_a_run_that_cannot_be_compared_says_why(change: dict[str, object], reaso
 
 def test_a_campaign_that_was_not_run_is_named() -> None:
     columns = RunColumn("one", FIRST), RunColumn("three", None), RunColumn("two", SECOND)
-    assert "three – – – not run yet" in words_of(*columns)
+    assert "three – – – no results: auvid run three" in words_of(*columns)
 
 
 class Stub:

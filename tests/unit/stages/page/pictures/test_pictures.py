@@ -91,6 +91,8 @@ def test_a_dive_without_a_place_has_no_track_and_without_controls_no_strips():
 
 def test_depth_counts_downwards():
     row = CurveRow("depth", "m", (SignalCurve("training", T, T),), downwards=True)
+    labels = parsed(curve_row(row, (0.0, 100.0))).findall(".//div[@class='side']/span")
+    assert len(labels) == 2  # the scale can be read, and a row of 32 px holds no third
     path = parsed(curve_row(row, (0.0, 100.0))).findall(".//path[@class='line']")[0].get("d")
     y = vertices(path)[:, 1]
     assert y[0] < 0.1 * Y_STEPS

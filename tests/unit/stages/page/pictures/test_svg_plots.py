@@ -77,10 +77,10 @@ def test_panel_without_samples_stays_and_is_empty() -> None:
     assert drawn.panels[0].label == "u"
 
 
-@given(st.floats(-1e5, 1e5), st.floats(1e-4, 1e5), st.integers(3, 8))
+@given(st.floats(-1e5, 1e5), st.floats(1e-4, 1e5), st.integers(2, 8))
 def test_ticks_are_inside_and_differ(low: float, span: float, count: int) -> None:
     places = ticks(low, low + span, count)
-    assert 1 <= len(places) <= count + 1
+    assert 2 <= len(places) <= max(count + 1, 5)
     assert all(-1e-6 <= tick.percent <= 100 + 1e-6 for tick in places)
     assert len({tick.percent for tick in places}) == len(places)
 

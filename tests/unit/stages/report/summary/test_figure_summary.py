@@ -270,7 +270,7 @@ def test_coefficients_that_are_not_identified_wait_behind_the_figures_that_are_s
     results = {"axes": {"title": "Heave", "rows": [row("Z_w/M", -0.07, verdict="weak")]}}
     summary = replace(summarise_results(results, {}, {}, VEHICLE), coefficients=(weak,))
     page = render("Dive", "", "", summary, {}).decode()
-    assert "Nothing was identified" in page
+    assert "No coefficient is identified" in page
     assert re.search(r'<tr class="rest"><th scope="row" data-v="Z_w">', page)
     without_figures = render("Dive", "", "", replace(summary, figures=()), {}).decode()
     assert re.search(r'<tr><th scope="row" data-v="Z_w">', without_figures)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from auvid.pipeline.commands.fleet.fleet_tables import THRUSTERS
 from auvid.pipeline.commands.fleet.report.fleet_page import fleet_page
+from auvid.pipeline.commands.fleet.report.time_picture import time_picture
 from auvid.pipeline.commands.fleet.report.vehicle_figures import vehicle_figures
 from tests.support.fleet_rows import Row, as_columns, empty_row
 
@@ -196,3 +199,15 @@ def test_a_thruster_of_which_no_dive_tells_is_named() -> None:
     assert rov.weak == ()
     page = page_of(rows)
     assert "rov: no dive tells the strength of thruster 3 (not excited in 10)." in page
+
+
+def test_dates_of_the_picture_of_dives_do_not_touch_on_a_phone() -> None:
+    rows = [
+        {"start_utc": f"20{year}-01-01T00:00:00Z", "vehicle": "rov", "same_as": None}
+        | {"errors": 0, "warnings": 1, "state": "done"}
+        for year in (14, 25)
+    ]
+    (picture,) = time_picture(rows)
+    dates = re.findall(r">(\d{4}-\d\d-\d\d)<", picture)
+    assert len(dates) >= 2
+    assert sum(map(len, dates)) * 7 < 300  # px of a letter and of the width beside the labels
