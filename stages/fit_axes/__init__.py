@@ -143,7 +143,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             field="legs",
             remedy="docs/axes.md says what a dive needs.",
         )
-    forces = scaled(fits, inputs.vehicle, by=options.newtons_from)
+    forces = scaled(fits, inputs.vehicle, by=options.newtons_from, inertia_sd=params.inertia_sd)
     benches = inputs.prior_sources.sources if inputs.prior_sources is not None else []
     filled = filled_axes(
         inputs.campaign.get("fill") or {},

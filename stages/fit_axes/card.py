@@ -29,6 +29,7 @@ from auvid.hydro.axis_figures import (
     AxisForces,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
@@ -245,6 +246,7 @@ def _term(
     error = float(np.sqrt(forces.covariance[place, place]))
     spread = vehicle.spreads.get("thrust")
     in_newtons = scaled.unit_of_mass is None and scaled.scale is None
+    ratio_sd = scaled.ratio_sd.get(axis, 0.0)
     return TermCard(
         term=name,
         unit=unit_of(axis, name, scaled),
@@ -252,7 +254,11 @@ def _term(
         standard_error=error or None,
         verdict=cast(Verdict, item.verdict(name)),
         assumed_shifts=(
-            {"thrust": spread * abs(value)} if spread is not None and in_newtons else {}
+            {INERTIA_RATIO: ratio_sd * abs(value)}
+            if ratio_sd
+            else {"thrust": spread * abs(value)}
+            if spread is not None and in_newtons
+            else {}
         ),
     )
 
@@ -309,7 +315,9 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
         forces = scaled.forces[item.axis]
         place = forces.names.index(FORCE)
         value = float(forces.values[place])
+        ratio_sd = scaled.ratio_sd.get(item.axis, 0.0)
         error = float(np.sqrt(max(forces.covariance[place, place], 0.0)))
+        error = float(np.hypot(error, ratio_sd * value))
         gains.append(
             CommandGain.model_validate(
                 {

@@ -11,6 +11,7 @@ from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.judgement import STRAIGHT
+from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
 from auvid.stages.fit_axes.clocks import clock_words
@@ -186,7 +187,8 @@ def _coefficients(card: ModelCard) -> list[Block]:
         for item in part.terms
     ]
     heads = ["coefficient", "value", "± 95 % by noise", "unit", "verdict", "from"]
-    block = table("Coefficients", heads, rows) | {"coefficients_of": card.name}
+    block = table("Coefficients", heads, rows, note=_ratio_note(card))
+    block |= {"coefficients_of": card.name}
     inertia = [
         [
             f"{AXIS_WORDS[item.name[0]]} inertia",
@@ -203,6 +205,26 @@ def _coefficients(card: ModelCard) -> list[Block]:
         heads = ["apparent inertia", "value", "± 95 % by noise", "unit", "vehicle file", "verdict"]
         blocks.append(table("Inertia that the logs give", heads, inertia))
     return blocks
+
+
+def _ratio_note(card: ModelCard) -> str:
+    """Return what coefficients rest on that count in the inertia of another axis."""
+    shares = {
+        axis: part.terms[0].assumed_shifts[INERTIA_RATIO] / abs(part.terms[0].value)
+        for axis, part in card.axes.items()
+        if part.terms and part.terms[0].value and INERTIA_RATIO in part.terms[0].assumed_shifts
+    }
+    if not shares or card.partial is None or card.partial.unit_of_mass is None:
+        return ""
+    errors = ", ".join(
+        f"{AXIS_WORDS[axis]} ± {significant(100.0 * NORMAL_95 * share, 2)} %"
+        for axis, share in shares.items()
+    )
+    return (
+        f"They count in the apparent inertia of {words_of(card.partial.unit_of_mass)}, by ratios of"
+        f" the vehicle file that nobody measured: {errors} (95 %) besides noise. No motion of the"
+        " model rests on them; over the inertia of its own axis damping stands below."
+    )
 
 
 def _beside_damping(card: ModelCard) -> list[Block]:

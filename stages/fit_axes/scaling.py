@@ -7,13 +7,13 @@ where the user says that it is measured, turns all of it into newtons.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
 from auvid.data_schemas.records.partial import ScaleSource
-from auvid.hydro.arrays import AXES
+from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation, AxisForces, Inertia, as_forces
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -32,31 +32,40 @@ UnitChoice = Literal["pull", "mass"]
 class ScaledAxes:
     """Terms of each axis as forces, their inertia, what gave newtons, unit of mass.
 
-    unit_of_mass: axis whose apparent inertia is 1; None for kg.
+    unit_of_mass: axis whose apparent inertia is 1; None for kg. ratio_sd: axis -> relative
+    error of its inertia in that unit, of the vehicle file.
     """
 
     forces: Mapping[str, AxisForces]
     inertias: Mapping[str, Inertia]
     unit_of_mass: str | None
     scale: ScaleSource | None
+    ratio_sd: Mapping[str, float] = field(default_factory=dict)
 
 
-def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
+def scaled(
+    fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice, inertia_sd: float = 0.0
+) -> ScaledAxes:
     """Return the axes as forces.
 
     In newtons: m = 1 / c. By a pull P on axis A: m = P_i / c_i with P_i = P f_i / f_A where
     the layout ties the full commands of axes together (f: full_thrust), else m_A m_i / m_A
-    by the ratio of the vehicle file. By mass: m of the vehicle file. Without either the
+    by the ratio of the vehicle file. By mass: m_A of the vehicle file on the first axis, others by
+    fitted ratios or the layout, else of the file. Without either the
     apparent inertia of the first axis, by the ratios of the vehicle file, is 1.
+    inertia_sd: relative deviation of mass, added mass and moments of inertia that are assumed
+    and of which the vehicle file gives no spread.
     """
     equations = {item.axis: item.equation for item in fits.fitted}
     vehicle = fitted_vehicle(fits, vehicle)
     shares = {axis: error / share for axis, (share, error) in fits.inertia_shares.items()}
-    inertias = axis_inertias(equations, fits.commands, vehicle, by=by, shares=shares)
+    inertias = axis_inertias(
+        equations, fits.commands, vehicle, by=by, shares=shares, inertia_sd=inertia_sd
+    )
     forces = {axis: as_forces(item, inertias[axis]) for axis, item in equations.items()}
     first = next(iter(equations))
     pulled = fits.commands.pulled(equations)
-    scale, unit = None, None
+    scale, unit, ratio_sd = None, None, {}
     if fits.normalised and by == "pull" and pulled is not None:
         scale = ScaleSource(
             axis=pulled,  # type: ignore[arg-type]
@@ -69,11 +78,16 @@ def scaled(fits: AxisFits, vehicle: Vehicle, *, by: UnitChoice) -> ScaledAxes:
             axis=first,  # type: ignore[arg-type]
             source="mass",
             value=apparent_inertia(vehicle, first),
-            relative_sd=inertia_error(vehicle, first),
+            relative_sd=inertia_error(vehicle, first, inertia_sd),
         )
     elif fits.normalised:
         unit = first
-    return ScaledAxes(forces, inertias, unit, scale)
+        ratio_sd = {
+            axis: ratio_error(vehicle, axis, first, inertia_sd)
+            for axis in equations
+            if axis not in shares and axis != first
+        }
+    return ScaledAxes(forces, inertias, unit, scale, ratio_sd)
 
 
 def fitted_vehicle(fits: AxisFits, vehicle: Vehicle) -> Vehicle:
@@ -102,6 +116,7 @@ def axis_inertias(
     *,
     by: UnitChoice,
     shares: Mapping[str, float],
+    inertia_sd: float = 0.0,
 ) -> dict[str, Inertia]:
     """Return the apparent inertia of each axis, as `scaled` has it.
 
@@ -110,17 +125,16 @@ def axis_inertias(
     if not commands.normalised:
         return dict.fromkeys(equations, Inertia(1.0, 1))
     if by == "pull" and commands.pulled(equations) is not None:
-        return {axis: _by_pull(axis, equations, commands, vehicle, shares) for axis in equations}
-    in_file = {axis: apparent_inertia(vehicle, axis) for axis in equations}
-    if by == "mass":
-        first = next(iter(equations))
-        errors = {
-            axis: float(np.hypot(inertia_error(vehicle, first), shares[axis]))
-            if axis in shares
-            else inertia_error(vehicle, axis)
+        return {
+            axis: _by_pull(axis, equations, commands, vehicle, shares, inertia_sd)
             for axis in equations
         }
-        return {axis: Inertia(mass, 0, errors[axis]) for axis, mass in in_file.items()}
+    in_file = {axis: apparent_inertia(vehicle, axis) for axis in equations}
+    if by == "mass":
+        return {
+            axis: _by_mass(axis, equations, commands, vehicle, shares, inertia_sd)
+            for axis in equations
+        }
     unit = in_file[next(iter(equations))]
     return {axis: Inertia(m / unit, 0, shares.get(axis, 0.0)) for axis, m in in_file.items()}
 
@@ -131,6 +145,7 @@ def _by_pull(
     commands: CommandForces,
     vehicle: Vehicle,
     shares: Mapping[str, float],
+    inertia_sd: float,
 ) -> Inertia:
     """Return the inertia of an axis by its pull, the layout, or a ratio.
 
@@ -146,38 +161,73 @@ def _by_pull(
     equation = equations[pulled]
     gain = equation.value(FORCE)
     mass = pull / gain * apparent_inertia(vehicle, axis) / apparent_inertia(vehicle, pulled)
-    own, ratio = equation.error(FORCE) / gain, ratio_error(vehicle, axis, pulled)
+    own, ratio = equation.error(FORCE) / gain, ratio_error(vehicle, axis, pulled, inertia_sd)
     if axis in shares or pulled in shares:
         ratio = float(np.hypot(shares.get(axis, 0.0), shares.get(pulled, 0.0)))
     return Inertia(mass, 0, float((relative_sd**2 + own**2 + ratio**2) ** 0.5))
 
 
-def inertia_error(vehicle: Vehicle, axis: str) -> float:
+def _by_mass(
+    axis: str,
+    equations: Mapping[str, AxisEquation],
+    commands: CommandForces,
+    vehicle: Vehicle,
+    shares: Mapping[str, float],
+    inertia_sd: float,
+) -> Inertia:
+    """Return the inertia of an axis by that of the first in the vehicle file.
+
+    By a fitted ratio, or m_A c_A f_i / (f_A c_i) where the layout ties full commands
+    together (f: full_thrust); else that of the file.
+    """
+    first, ties = next(iter(equations)), commands.full_thrust
+    error, mass = inertia_error(vehicle, first, inertia_sd), apparent_inertia(vehicle, axis)
+    if axis in shares:
+        return Inertia(mass, 0, float(np.hypot(error, shares[axis])))
+    if axis != first and ties.get(axis) and ties.get(first):
+        gain = equations[first].value(FORCE)
+        force = apparent_inertia(vehicle, first) * gain * ties[axis] / ties[first]
+        own = equations[first].error(FORCE) / gain
+        return Inertia(force, 1, float(np.hypot(error, own)))
+    return Inertia(mass, 0, inertia_error(vehicle, axis, inertia_sd))
+
+
+def inertia_error(vehicle: Vehicle, axis: str, inertia_sd: float = 0.0) -> float:
     """Return the relative error of an apparent inertia by the spreads of its parts."""
-    return float(np.linalg.norm(list(_inertia_parts(vehicle, axis).values())))
+    return float(np.linalg.norm(list(_inertia_parts(vehicle, axis, inertia_sd).values())))
 
 
-def ratio_error(vehicle: Vehicle, axis: str, other: str) -> float:
+def ratio_error(vehicle: Vehicle, axis: str, other: str, inertia_sd: float = 0.0) -> float:
     """Return the relative error of M_axis / M_other: the mass is in both.
 
     d ln(M_i / M_j) = sum of d ln M_i - d ln M_j over mass, inertia and added mass.
     """
-    one, two = _inertia_parts(vehicle, axis), _inertia_parts(vehicle, other)
+    one, two = (_inertia_parts(vehicle, item, inertia_sd) for item in (axis, other))
     errors = [one.get(name, 0.0) - two.get(name, 0.0) for name in {*one, *two}]
     return float(np.linalg.norm(errors))
 
 
-def _inertia_parts(vehicle: Vehicle, axis: str) -> dict[str, float]:
-    """Return shares of M of an axis that one deviation of each figure changes."""
+def _inertia_parts(vehicle: Vehicle, axis: str, inertia_sd: float) -> dict[str, float]:
+    """Return shares of M of an axis that one deviation of each figure changes.
+
+    inertia_sd: of figures that are assumed and have no spread.
+    """
     place, total = AXES.index(axis), apparent_inertia(vehicle, axis)
     spreads = vehicle.spreads
+
+    def sd(figure: str, entry: str) -> float:
+        guess = any(item.startswith(f"{entry} ") for item in vehicle.assumed)
+        return spreads.get(figure, inertia_sd if guess else 0.0)
+
     added = abs(float(vehicle.added_mass[place, place]))
-    parts = {f"added mass {axis}": spreads.get("added_mass", 0.0) * added}
+    parts = {
+        f"added mass {axis}": sd("added_mass", f"added_mass.{axis}_{VELOCITIES[place]}dot") * added
+    }
     if place < 3:
-        parts["mass"] = spreads.get("mass", 0.0)
+        parts["mass"] = sd("mass", "rigid_body.mass")
     else:
         own = float(vehicle.rigid_body_mass[place, place])
-        parts[f"inertia {axis}"] = spreads.get("inertia", 0.0) * own
+        parts[f"inertia {axis}"] = sd("inertia", "rigid_body.inertia") * own
     return {name: value / total for name, value in parts.items()}
 
 

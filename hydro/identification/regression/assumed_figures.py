@@ -23,6 +23,7 @@ SLOPE_STEP = 1e-4
 """Step [m/s, rad/s] of central differences by the velocities; forces are quadratic."""
 CURRENT = "current"
 FORM = "form"
+INERTIA_RATIO = "inertia_ratio"
 FIGURES = {
     "thrust": "scale of the thrust curve",
     "thrust_lag": "thrust lag",
@@ -32,9 +33,10 @@ FIGURES = {
     "velocity_arm": "arm of the velocity sensor",
     CURRENT: "steady current",
     FORM: "what the form lacks",
+    INERTIA_RATIO: "ratio of inertias",
 }
-"""Assumed figures by their key in the vehicle file; the current is the dive's, and what a
-form lacks the model's.
+"""Assumed figures by their key in the vehicle file; the current is the dive's, what a form
+lacks the model's, and a ratio of inertias that of a model without newtons.
 """
 
 

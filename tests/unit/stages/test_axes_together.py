@@ -39,6 +39,7 @@ from auvid.stages.report.summary.axes_summary import summarise_axes
 from tests.support.axis_legs import axis_leg
 from tests.support.axis_twin import leg
 from tests.support.motions import shipped_vehicle
+from tests.support.plain_model import flown_by_file
 from tests.unit.stages.test_fit_axes import file_of
 
 TRUTH = {
@@ -331,6 +332,17 @@ def test_the_file_moves_as_it_was_fitted(coriolis: bool) -> None:
     assert a * v + b * v * abs(v) + d + turning == pytest.approx(0.0, abs=2e-3)
     parts = model.force([u, v, 0.0, 0.0, 0.0, r], [0.0] * 6)
     assert bool(np.any(parts.coriolis[[0, 1, 5]])) is coriolis
+    # An integrator that has the file alone flies as the fit does.
+    record = legs_of(file_inertia(), coriolis=coriolis)["leg_3"].record
+    rows = slice(0, 60)
+    start = np.array([record.rate[name][0] for name in "uvwpqr"])
+    force = {axis: record.force[axis][rows] for axis in "XYN"}
+    flown = flown_by_file(model.file.model_dump_json(), record.t_s[rows], force, start)
+    for item in fitted.fitted:
+        part = next(part for part in item.motion if part.leg == "leg_3")
+        assert part.windows[0][0] == 0
+        own = flown[:, "uvwpqr".index(item.equation.speed)]
+        assert own == pytest.approx(part.simulated[rows], abs=1e-4)
 
 
 def test_the_file_has_the_ratio_of_inertia_that_was_fitted() -> None:

@@ -14,6 +14,7 @@ from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
@@ -158,6 +159,15 @@ def test_without_newtons_nothing_is_in_newtons() -> None:
     assert part is not None
     assert part.unit_of_mass == "Z"
     assert card.inertia == []
+    # Yaw counts in the inertia of heave, by a ratio that nobody measured.
+    yaw, heave = card.axes["N"].terms[0], card.axes["Z"].terms[0]
+    assert yaw.assumed_shifts[INERTIA_RATIO] > 0.3 * abs(yaw.value or 0.0)
+    assert INERTIA_RATIO not in heave.assumed_shifts
+    filed = {item.symbol: item for item in file_of(card, fitted, body).coefficients}
+    assert filed["N_r"].interval_95_total is not None
+    assert filed["N_r"].interval_95 is not None
+    assert np.ptp(filed["N_r"].interval_95_total) > 2.0 * np.ptp(filed["N_r"].interval_95)
+    assert "yaw ±" in str(fit_section(fitted, card))
     units = [item.unit for axis in card.axes.values() for item in axis.terms]
     units += [item.unit for item in part.without_newtons] + [item.unit for item in part.gains]
     assert not any("N" in unit or "kg" in unit for unit in units)
@@ -221,6 +231,18 @@ def test_one_bollard_pull_turns_all_into_newtons(tied: bool) -> None:
     assert card.partial.scale is not None
     assert card.partial.scale.value == FULL["Z"]
     vehicle_of(file_of(card, pulled, body))  # dynamics follow from vehicle and inertia
+    # The mass of the file does it, too: as far as that is the truth, and with its error.
+    weighed = scaled(pulled, body, by="mass", inertia_sd=0.3)
+    assert weighed.scale is not None
+    assert 0.1 < weighed.scale.relative_sd < 0.3  # mass and added mass are assumed
+    ratio = apparent_inertia(body, "Z") / TRUTH["Z"][2]
+    for axis in "ZN" if tied else "Z":
+        own = scaled(fits(False), body, by="pull").forces[axis]
+        expected = ratio * np.append(own.values[:2], own.inertia)
+        weighed_here = np.append(weighed.forces[axis].values[:2], weighed.forces[axis].inertia)
+        assert weighed_here == pytest.approx(expected, rel=0.02)
+    if not tied:
+        assert weighed.inertias["N"].relative_sd > 0.15
 
 
 def test_a_normalised_file_moves_as_the_one_in_newtons() -> None:
