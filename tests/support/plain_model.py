@@ -51,8 +51,8 @@ def flown_by_file(text: str, t_s: Array, commands: Mapping[str, Array], nu: Arra
             tau[3:] -= np.cross(nu[:3], momentum[:3]) + np.cross(omega, momentum[3:])
         change = np.zeros(6)
         change[places] = own @ tau[places]
-        wanted = np.array([force(place, at) for place in places])
-        return np.concatenate([change, (wanted - late) / lag])
+        target = np.array([force(place, at) for place in places])
+        return np.concatenate([change, (target - late) / lag])
 
     start = np.concatenate([nu, [force(place, t_s[0]) for place in places]])
     span, options = (float(t_s[0]), float(t_s[-1])), {"rtol": 1e-6, "atol": 1e-8}
