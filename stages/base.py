@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -67,21 +67,31 @@ class Stage(Generic[I, P, O]):
 
 @dataclass(frozen=True)
 class RawFile:
-    """One file of a log: name, bytes, and its column map if it has one.
+    """One file of a log: name, content, and its column map if it has one.
 
-    The runner maps the bytes into memory, read-only.
+    The content is bytes, read-only, or a function that reads them, as the runner's: they
+    take as much memory as the file, and go once it is decoded.
     """
 
     name: str
-    buffer: npt.NDArray[np.uint8]
+    content: npt.NDArray[np.uint8] | Callable[[], npt.NDArray[np.uint8]]
     columns: Mapping[str, object] | None = None
+
+    @property
+    def buffer(self) -> npt.NDArray[np.uint8]:
+        """The bytes; of a file that is not `loaded` they are read again each time."""
+        return self.content() if callable(self.content) else self.content
+
+    def loaded(self) -> RawFile:
+        """Return the file with its bytes in memory."""
+        return replace(self, content=self.buffer)
 
 
 @dataclass(frozen=True)
 class RawLog:
     """A log as the campaign names it: its id, its files, and a forced reader.
 
-    The files are memory-mapped; `reader` is set if the manifest forces one.
+    `reader` is set if the manifest forces one.
     """
 
     id: str

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError
+from auvid.hydro.long_series.heap import give_back_heap
 from auvid.pipeline.campaigns.campaign import Campaign
 
 PROCESS_BYTES = 400e6
@@ -45,9 +46,7 @@ def give_back() -> None:
     import pyarrow as pa
 
     pa.default_memory_pool().release_unused()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
-    if trim is not None:  # glibc
-        trim(0)
+    give_back_heap()
 
 
 def available_bytes() -> float | None:

@@ -189,7 +189,9 @@ class Log:
         self.check_unchanged()
         what = f"file of log '{self.id}'"
         files = (
-            RawFile(file.name, contents(file.path, file=file.name, what=what), file.columns)
+            RawFile(
+                file.name, partial(contents, file.path, file=file.name, what=what), file.columns
+            )
             for file in (part.file for part in self.parts)
         )
         return RawLog(self.id, tuple(files), self.reader)

@@ -16,6 +16,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.base import Document, RawLog, Stage, param, port
 from auvid.stages.columns import ACCELEROMETER
 from auvid.stages.ingest.fix_motion import fix_motion
@@ -47,7 +48,7 @@ from auvid.stages.ingest.rejection import (
     usual_time,
 )
 from auvid.stages.ingest.streams.common import Columns
-from auvid.stages.ingest.streams.mapping import Stream
+from auvid.stages.ingest.streams.mapping import OtherSource, Stream
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,40 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     log does not have, and `DataError` for a log without any usable sample or with too
     many unusable ones.
     """
+    read = _read(inputs, params)
+    health = check_health(
+        read.tables,
+        read.info,
+        read.dropped,
+        vehicle=inputs.vehicle,
+        others=read.others,
+        track=read.track,
+    )
+    blocks = health_blocks(health, force_model=not _is_without_forces(inputs.campaign))
+    return Outputs(
+        dropped=read.dropped,
+        log_info=read.info,
+        health=health,
+        section=report_section(read.info, read.rejected, blocks),
+        views=report_views(read.tables),
+        **read.tables,
+    )
+
+
+@dataclass(frozen=True)
+class _Read:
+    """What is read of a log; its files, messages and unusable samples are gone."""
+
+    tables: dict[str, pa.Table]
+    info: LogInfo
+    dropped: pa.Table
+    rejected: list[Rejected]
+    others: list[OtherSource]
+    track: PoseTrack | None
+
+
+def _read(inputs: Inputs, params: Params) -> _Read:
+    """Return the usable samples of a log as tables."""
     log = inputs.raw_log
     sources = chosen_sources(log, inputs.campaign)
     preferred = {**vehicle_sources(inputs.vehicle), **sources}
@@ -136,20 +171,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
     info.notes.extend((*motion.notes, *acoustic.notes))
-    dropped = dropped_table(files, rejected)
-    others = other_sources(files, forced, set_us=set_us)
-    del decoded, files, merged  # the checks need memory of their own
-    health = check_health(
-        tables, info, dropped, vehicle=inputs.vehicle, others=others, track=motion.track
-    )
-    blocks = health_blocks(health, force_model=not _is_without_forces(inputs.campaign))
-    return Outputs(
-        dropped=dropped,
-        log_info=info,
-        health=health,
-        section=report_section(info, rejected, blocks),
-        views=report_views(tables),
-        **tables,
+    return _Read(
+        tables,
+        info,
+        dropped_table(files, rejected),
+        rejected,
+        other_sources(files, streams, set_us=set_us),
+        motion.track,
     )
 
 

@@ -133,4 +133,4 @@ class LogReader:
         if not buffer.size:
             remedy = "Copy the log from the vehicle again."
             raise LogError("the file is empty", file=file.name, remedy=remedy)
-        return self.decode(replace(file, buffer=buffer), message_types)
+        return self.decode(replace(file, content=buffer), message_types)

@@ -24,7 +24,7 @@ FIRST_BYTES = 1 << 18  # enough to find the first time stamp of a log whatever i
 
 @dataclass(frozen=True)
 class DecodedFile:
-    """One decoded file of a log.
+    """One decoded file of a log, and the rules that made its streams (None: CSV).
 
     `first_us` is the time of its first time-stamped record; `start_us` the time from
     which legs count where the file's column map declares it; `epoch` is what zero means
@@ -35,6 +35,7 @@ class DecodedFile:
     log: DecodedLog
     streams: Mapping[str, Stream]
     first_us: int | None
+    rules: Rules | None = None
     start_us: int | None = None
     epoch: str = "boot"
     utc_offset_us: int | None = None
@@ -81,23 +82,24 @@ def vehicle_sources(vehicle: Vehicle | None) -> Mapping[str, str]:
 def decode_file(file: RawFile, forced: str | None, sources: Mapping[str, str]) -> DecodedFile:
     """Decode one file and map its messages to streams.
 
-    Only the message types that streams need are decoded.
+    Only the message types that streams need are decoded, and the bytes are not kept.
     """
-    reader = reader_of(file, forced)
+    loaded = file.loaded()
+    reader = reader_of(loaded, forced)
     rules = RULES[reader.name]
     if rules is None:
-        return _decode_csv(file)
-    log = reader.read(file, rules.messages)
+        return replace(_decode_csv(loaded), file=file)
+    log = reader.read(loaded, rules.messages)
+    head = replace(file, content=loaded.buffer[:FIRST_BYTES].copy())
+    del loaded  # streams need memory of their own
     streams = map_streams(log, rules, sources)
-    first_us = None
-    if streams:
-        head = reader.read(replace(file, buffer=file.buffer[:FIRST_BYTES]))
-        first_us = _first_us(head, rules)
+    first_us = _first_us(reader.read(head), rules) if streams else None
     return DecodedFile(
         file,
         log,
         streams,
         first_us,
+        rules,
         utc_offset_us=rules.utc(log),
         accelerometer="specific_force" if "imu" in streams else None,
     )

@@ -83,7 +83,10 @@ class CheckedLog:
         if self.vehicle is None:
             return self
         lags = self.vehicle.sensor_lags_s
-        times = {name: self.t_s(name) - lags.get(name, 0.0) for name in self.tables}
+        times = {
+            name: self.t_s(name) - lags[name] if lags.get(name) else self.t_s(name)
+            for name in self.tables
+        }
         return replace(self, _times=times)
 
     def without(self, stream: str) -> CheckedLog:

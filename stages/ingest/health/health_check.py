@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -17,6 +17,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
+from auvid.hydro.long_series.heap import give_back_heap
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
@@ -79,7 +80,6 @@ from auvid.stages.ingest.health.usability import (
 )
 from auvid.stages.ingest.health.vehicle import body_findings, identity_findings, missing_findings
 from auvid.stages.ingest.multi_file import DecodedFile
-from auvid.stages.ingest.registry import RULES, reader_of
 from auvid.stages.ingest.rejection import reject_samples
 from auvid.stages.ingest.streams.mapping import OtherSource, Stream, every_source
 from auvid.stages.presentation import Block, remark, table
@@ -91,20 +91,20 @@ LEVELS: Mapping[str, Any] = {"error": "warning", "warning": "warning", "note": "
 
 
 def other_sources(
-    files: Sequence[DecodedFile], forced: Mapping[str, str], *, set_us: int | None
+    files: Sequence[DecodedFile], streams: Mapping[str, Stream], *, set_us: int | None
 ) -> list[OtherSource]:
-    """Return every source that the files hold for the compared streams, used or not.
+    """Return the sources of the compared streams that are not those of `streams`.
 
     Unusable samples are left out.
     """
-    return [other for item in files for other in _others(item, forced, set_us)]
+    used = {(name, stream.source) for name, stream in streams.items()}
+    return [other for item in files for other in _others(item, used, set_us)]
 
 
 def _others(
-    item: DecodedFile, forced: Mapping[str, str], set_us: int | None
+    item: DecodedFile, used: Collection[tuple[str, str]], set_us: int | None
 ) -> Iterator[OtherSource]:
-    rules = RULES[reader_of(item.file, forced.get(item.file.name)).name]
-    for other in every_source(item.log, rules, COMPARED) if rules else ():
+    for other in every_source(item.log, item.rules, COMPARED, used) if item.rules else ():
         if other.columns is None:
             yield other
             continue
@@ -130,6 +130,9 @@ def check_health(
     barometer is in the water.
     """
     log = CheckedLog(tables, info, dropped, vehicle, others, track)
+    rows = max(table.num_rows for table in tables.values())
+    if rows > LONG_ROWS:
+        give_back_heap()
     excited = excitation(log)
     uses = capabilities(log, excited)
     absent = placeholders(log)
@@ -138,8 +141,11 @@ def check_health(
     measured += placeholder_findings(log, absent)
     compared = _compared(real)
     of_values = chain.from_iterable(check(real) for check in OF_VALUES)
-    is_long = max(table.num_rows for table in tables.values()) > LONG_ROWS
-    results = at_once(list, [*compared.parts, of_values], long=is_long)
+    results = at_once(
+        _listed_of_long if rows > LONG_ROWS else list[Finding],
+        [*compared.parts, of_values],
+        long=LONG_ROWS < rows <= MOST_ROWS_AT_ONCE,
+    )
     of_motion = list(_once(chain(*results[:-1]), "clock_drift"))
     measured += results[-1]
     measured, explained = by_cause(
@@ -167,6 +173,12 @@ def check_health(
         "excitation": excited,
         "notes": list(info.notes),
     }
+
+
+def _listed_of_long(findings: Iterable[Finding]) -> list[Finding]:
+    """Return the findings of checks; what was freed of a long log is given back."""
+    give_back_heap()
+    return list(findings)
 
 
 def with_hold_lag(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
@@ -279,6 +291,8 @@ def _once(findings: Iterable[Finding], name: str) -> Iterator[Finding]:
 
 LONG_ROWS = 30_000
 """Samples of a stream from which the checks of a log are worth threads."""
+MOST_ROWS_AT_ONCE = 400_000
+"""Samples, two hours at 50 Hz, up to which there is memory for several checks at once."""
 OF_RECORDS = (
     file_findings,
     rejected_findings,

@@ -7,7 +7,7 @@ it (`sources: {depth: "BARO[1]"}`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -137,12 +137,14 @@ class OtherSource:
     columns: Columns | None
 
 
-def every_source(log: DecodedLog, rules: Rules, names: Iterable[str]) -> Iterator[OtherSource]:
-    """Yield all sources that the log holds for the named streams, used or not."""
+def every_source(
+    log: DecodedLog, rules: Rules, names: Iterable[str], but: Collection[tuple[str, str]]
+) -> Iterator[OtherSource]:
+    """Yield the sources that the log holds for streams, but the pairs in `but`."""
     log = _numbers(log, rules.spec)
     for name in names:
         for item in _candidates(name, log, rules):
-            if item.messages is not None:
+            if item.messages is not None and (name, item.label) not in but:
                 columns = _stream(name, item, [item], log, rules).columns if item.usable else None
                 yield OtherSource(name, item.label, item.refused, columns)
 

@@ -100,12 +100,18 @@ def _pushes(log: CheckedLog, vehicle: Vehicle) -> tuple[Array, Array] | None:
     if t_s.size < 100 or (t_s.size - 1) / (t_s[-1] - t_s[0]) < LEAST_RESPONSE_HZ:
         return None
     forces = np.empty((t_s.size, 6))
-    for start in range(0, t_s.size, ROWS_AT_ONCE):
-        pulses = np.nan_to_num(matrix(log.tables["actuators"].slice(start, ROWS_AT_ONCE), names))
-        along = thruster_forces(vehicle.thrusters, pulses)
-        forces[start : start + ROWS_AT_ONCE] = thruster_force(vehicle.thrusters, along)
+    for rows, along in _forces_in_parts(log, vehicle.thrusters):
+        forces[rows] = thruster_force(vehicle.thrusters, along)
     forces /= np.diag(vehicle.mass_matrix)
     return t_s, forces
+
+
+def _forces_in_parts(log: CheckedLog, thrusters: Thrusters) -> Iterator[tuple[slice, Array]]:
+    """Yield rows of the outputs, and the forces of the thrusters along their axes."""
+    names, outputs = [f"pwm_{number}_us" for number in thrusters.outputs], log.tables["actuators"]
+    for start in range(0, outputs.num_rows, ROWS_AT_ONCE):
+        pulses = np.nan_to_num(matrix(outputs.slice(start, ROWS_AT_ONCE), names))
+        yield slice(start, start + len(pulses)), thruster_forces(thrusters, pulses)
 
 
 def push_responses(
@@ -382,23 +388,28 @@ def pushes_apart(first: Array, second: Array) -> bool:
     return abs(float(np.corrcoef(first, second)[0, 1])) < LARGEST_CORRELATION
 
 
+def _moving_forces(log: CheckedLog, thrusters: Thrusters) -> Array:
+    """Return the forces (n, k) of the thrusters that change theirs."""
+    forces = np.empty((log.tables["actuators"].num_rows, len(thrusters.outputs)))
+    for rows, along in _forces_in_parts(log, thrusters):
+        forces[rows] = along
+    moves = np.ptp(forces, axis=0) > 0.0
+    return forces if moves.all() else forces[:, moves]
+
+
 def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     """Yield outputs that drive the vehicle, but not as the vehicle file joins them."""
-    if log.vehicle is None or log.vehicle.thrusters is None:
+    if log.vehicle is None or log.vehicle.thrusters is None or not log.has("actuators"):
         return
-    thrusters, t_s = log.vehicle.thrusters, log.t_s("actuators") if log.has("actuators") else None
+    thrusters, t_s = log.vehicle.thrusters, log.t_s("actuators")
     streams = dict.fromkeys("uvw", "velocity") | {"r": "imu"}
+    streams = {axis: stream for axis, stream in streams.items() if axis in response}
     names = dict(zip("uvwr", (*LINEAR_VELOCITY, GYRO[2]), strict=True))
     right: list[str] = []
     wrong: list[str] = []
     unlike: list[str] = []
+    moving = _moving_forces(log, thrusters) if streams else np.zeros((0, 0))
     for axis, stream in streams.items():
-        if axis not in response or t_s is None:
-            continue
-        columns = [f"pwm_{number}_us" for number in thrusters.outputs]
-        pulses = np.nan_to_num(matrix(log.tables["actuators"], columns))
-        forces = thruster_forces(thrusters, pulses)
-        moving = forces[:, np.ptp(forces, axis=0) > 0.0]
         at, motion = log.t_s(stream), body_motion(log, stream, names[axis])
         coupled = coupling(log, "uvwpqr".index(axis), at)
         gains = response_gains(t_s, moving, at, motion, coupled=coupled)
