@@ -55,6 +55,7 @@ one field will do.
 """
 CONDITIONS: Mapping[str, str] = {
     "aided": "only if the navigation filter had a velocity or position sensor",
+    "placed": "only if it gives positions",
     "fast": "only if sent at 10 Hz or more",
     "varies": "only if it does not stand still over the whole log",
 }

@@ -18,8 +18,9 @@ from auvid.data_schemas.tables import column, matrix, numbers
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.motion_checks import down_at
 from auvid.hydro.identification.signals.pose.track import PoseTrack
-from auvid.stages.columns import ACCELEROMETER, LINEAR_VELOCITY, OF_POSES
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, LINEAR_VELOCITY, OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 
 Finding = dict[str, Any]
@@ -156,6 +157,24 @@ class CheckedLog:
         if np.array_equal(rotation, np.eye(3)):
             return measured  # an axis that is not measured spoils no other
         return np.asarray(measured @ rotation.T)
+
+    def depth_of_velocity(self) -> tuple[Array, Array]:
+        """Return times (n,) and depths (n,) of the place of the velocity log.
+
+        By the arms of the vehicle file: a hull that pitches lifts one sensor and lowers the
+        other.
+        """
+        t_s, depth = self.t_s("depth"), self.column("depth", "depth_m")
+        vehicle = self.vehicle
+        lower = vehicle.dvl.arm_m - vehicle.depth_sensor.arm_m if vehicle else np.zeros(3)
+        if not lower.any() or not self.has("attitude"):
+            return t_s, depth
+        at, angles = self.t_s("attitude"), self.values("attitude", ATTITUDE)
+
+        def moved() -> Array:
+            return np.asarray(depth + down_at(t_s, at, angles) @ lower)
+
+        return t_s, self.once("depth_of_velocity", (t_s, depth, at, angles, vehicle), moved)
 
     def source(self, stream: str) -> str:
         """Return the source of a stream."""

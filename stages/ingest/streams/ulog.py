@@ -78,6 +78,13 @@ def odometry_pose(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns
     return pose_in_ned(vector(messages, names).T, q, "ned", "frd")
 
 
+def placed(messages: Messages, log: DecodedLog) -> str | None:
+    """Return why odometry is no pose: what no sensor gives is left empty."""
+    names = [f"position[{axis}]" for axis in range(3)]
+    places = vector(messages, names if names[0] in messages.columns else list("xyz"))
+    return None if np.isfinite(places).all(axis=0).any() else "it gives no position"
+
+
 def navigation_velocity(messages: Messages, time_us: Ints, log: DecodedLog) -> Columns:
     """Return vehicle_local_position velocity in body axes, by vehicle_attitude."""
     return _to_body(vector(messages, ("vx", "vy", "vz")), time_us, log)
@@ -161,7 +168,7 @@ RULES = Rules(
         "modes": modes,
         "texts": texts,
     },
-    conditions={"aided": aided},
+    conditions={"aided": aided, "placed": placed},
     scores={"submerged": submerged, "downward": downward_score("orientation")},
     also=frozenset({"vehicle_gps_position", "sensor_gps"}),
 )

@@ -42,7 +42,6 @@ has to be in surge, sway and heave.
 """
 LEAST_TILTED = 0.1
 """Share of roll or pitch that they must explain then."""
-COUPLED = (0, 1, 2, 5)
 RIGHTED = (3, 4)
 """Axes that gravity and buoyancy turn back: roll and pitch."""
 SMALLEST_MOTION = 0.01
@@ -160,9 +159,10 @@ def push_lags(
 def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:
     """Return products (n, k) of velocities and rates that accelerate an axis.
 
-    Those of surge and sway are the same, so that a turned velocity has them too.
+    Those of surge and sway are the same, so that a turned velocity has them too. Of a hull
+    that moves ahead and down, the moment of its added mass pitches it against its thrusters.
     """
-    if axis not in COUPLED or not log.has("velocity", "imu"):
+    if not log.has("velocity", "imu"):
         return None
     of: list[object] = [at, log.vehicle and log.vehicle.dvl]
     of += [part for name in ("velocity", "imu") for part in (log.tables[name], log.t_s(name))]
@@ -173,7 +173,8 @@ def _coupling(log: CheckedLog, axis: int, at: Array) -> Array:
     t_velocity, t_imu, velocity = log.t_s("velocity"), log.t_s("imu"), log.body_velocity()
     u, v, w = (np.interp(at, t_velocity, part) for part in velocity.T)
     p, q, r = (np.interp(at, t_imu, part) for part in log.values("imu", GYRO).T)
-    terms = {2: (u * q, v * p), 5: (u * v, p * q)}.get(axis, (u * r, v * r, w * q, w * p))
+    of_axis = {2: (u * q, v * p), 3: (v * w, q * r), 4: (u * w, p * r), 5: (u * v, p * q)}
+    terms = of_axis.get(axis, (u * r, v * r, w * q, w * p))
     return np.column_stack(terms)
 
 

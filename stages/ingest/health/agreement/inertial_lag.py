@@ -76,7 +76,7 @@ def _lag(log: CheckedLog) -> InertialLag | None:
         return None
     t, speed = log.t_s("velocity"), log.body_velocity()
     arm_m = np.zeros(3) if motion.arm_m is None else motion.arm_m
-    arm = motion.arm()
+    arm = motion.free_arm()
     if arm is not None:  # turns of a wrong arm are no lag
         arm_m = arm_m + arm.offset * clear_arm(arm)
     return inertial_lag(

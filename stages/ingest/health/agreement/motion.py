@@ -249,21 +249,14 @@ def depth_answers(log: CheckedLog) -> AxisGains | None:
     """Return the gains of the velocity in the depth rate, where it shows them."""
     if not log.has("depth", "velocity", "attitude"):
         return None
-    return depth_gains(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+    return depth_gains(*log.depth_of_velocity(), *_poses(log))
 
 
 def _heave_zero(log: CheckedLog) -> Iterator[Finding]:
     """Yield a heave that reads something at rest, by the depth."""
     if not log.has("depth"):
         return
-    t_velocity, velocity = log.t_s("velocity"), log.body_velocity()
-    if log.vehicle is not None and log.has("imu"):  # that of the depth sensor
-        rates = [np.interp(t_velocity, log.t_s("imu"), log.column("imu", name)) for name in GYRO]
-        lower = log.vehicle.depth_sensor.arm_m - log.vehicle.dvl.arm_m
-        velocity = velocity + np.cross(np.column_stack(rates), lower)
-    attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
-    depth = log.t_s("depth"), log.column("depth", "depth_m")
-    answer = heave_zero(*depth, *attitude, t_velocity, velocity)
+    answer = heave_zero(*log.depth_of_velocity(), *_poses(log))
     if answer is None or abs(answer[0]) - CLEAR * answer[1] < limit("velocity_zero"):
         return
     zero, sd = answer
@@ -286,7 +279,7 @@ def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
     """
     if gains is None:
         return
-    shares = depth_by_axes(log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+    shares = depth_by_axes(*log.depth_of_velocity(), *_poses(log))
     best = max(shares, key=lambda name: shares[name], default="body")
     if not shares or shares[best] < OTHER_AXES or shares["body"] > OWN_AXES:
         return
@@ -423,7 +416,7 @@ def _exchanged(correlation: Array) -> Iterator[Finding]:
 def _late(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("depth"):
         return
-    records = (log.t_s("depth"), log.column("depth", "depth_m"), *_poses(log))
+    records = (*log.depth_of_velocity(), *_poses(log))
     lag = velocity_lag(*records, lags_s=NEAR_LAGS_S, enough=ENOUGH)
     if lag is not None and lag[2] < 1.0 - LAG_GAIN:
         lag = velocity_lag(*records, lags_s=LAGS_S)

@@ -20,8 +20,9 @@ CLEAR, LARGEST_RAD = 4.0, math.radians(20.0)
 def tilt_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield roll and pitch that are off by a constant against velocity and depth."""
     attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
-    depth = log.t_s("depth"), log.column("depth", "depth_m")
-    offset = tilt_offset(*depth, *attitude, log.t_s("velocity"), log.body_velocity())
+    offset = tilt_offset(
+        *log.depth_of_velocity(), *attitude, log.t_s("velocity"), log.body_velocity()
+    )
     if offset is None or offset.likelier <= 0.0:
         return
     size, sd = np.abs(offset.angle), offset.sd

@@ -41,8 +41,10 @@ class InertialMotion:
 
     def arm(self) -> ArmOffset | None:
         """Return by how much the stated arm is off; None where none is stated."""
-        if self.arm_m is None:
-            return None
+        return None if self.arm_m is None else self.free_arm()
+
+    def free_arm(self) -> ArmOffset | None:
+        """Return the arm beyond the stated one; all of it where none is stated."""
         return arm_offset(
             self.imu, self.attitude, self.velocity, self.depth, gravity=STANDARD_GRAVITY
         )

@@ -425,7 +425,13 @@ def test_px4_odometry_in_the_frame_that_it_names() -> None:
         **{f"velocity[{i}]": np.full(5, v) for i, v in enumerate((1.0, 2.0, 3.0))},
     }
     odometry = Messages("vehicle_visual_odometry", columns, np.arange(5))
-    got = map_streams(log(attitude, odometry), streams_ulog.RULES, {})["velocity"].columns
+    # A velocity log leaves the pose empty; that is no pose of which nothing can be used.
+    columns |= {f"{name}[{i}]": np.full(5, np.nan) for name in ("position", "q") for i in range(4)}
+    streams = map_streams(log(attitude, odometry), streams_ulog.RULES, {})
+    assert "pose" not in streams
+    columns |= {f"position[{i}]": np.full(5, 1.0) for i in range(3)}
+    assert "pose" in map_streams(log(attitude, odometry), streams_ulog.RULES, {})
+    got = streams["velocity"].columns
     body = np.stack([got[name] for name in ("u_m_s", "v_m_s", "w_m_s")])
     assert body[:, 0] == pytest.approx([2.0, -1.0, 3.0], abs=1e-12)  # north-east-down, heading east
     assert body[:, 1].tolist() == [1.0, 2.0, 3.0]
