@@ -22,7 +22,6 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
-from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.force_input import driven_by_force, force_pulses
 from auvid.models import VehicleModel
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
@@ -159,7 +158,7 @@ def fit(
 def _check_model(model: str | Mapping[str, list[str]]) -> None:
     """Raise `UsageError` for a form that is not known, before anything is worked out."""
     if isinstance(model, str):
-        names = [item.name for item in (*synthesise.STRUCTURES, *MODELS)]
+        names = synthesise.model_names()
         if model not in names:
             remedy = nearest(model, names)
             raise UsageError(

@@ -259,6 +259,8 @@ class ModelCard(Model):
     """Per axis: rms_N (J0), residual_rms (J), terms."""
     not_applicable: list[str]
     """Terms left out because the vehicle has no propeller speed."""
+    switched_off: dict[str, str] = Field(default_factory=dict)
+    """Axis and term, as `X w` -> why the training legs do not carry it."""
     conditions: dict[str, VelocityRange]
     """Range of u v w p q r in training."""
     predictor: dict[str, dict[str, float]]

@@ -39,6 +39,7 @@ from auvid.hydro.dynamics.viscous.structures import (
     masked,
     symmetric,
 )
+from auvid.hydro.dynamics.viscous.symmetry import MIRRORS, PORT_STARBOARD
 from auvid.hydro.identification.constrained.actuator_lag import measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.constrained.steady_current import (
@@ -53,15 +54,26 @@ from auvid.hydro.identification.regression.error_functions import (
     SQUARES,
 )
 from auvid.hydro.identification.regression.lacking_terms import completed_fit
-from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.least_squares import (
+    AxisFit,
+    TriangularFactor,
+    solve_axis,
+)
 from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
+from auvid.hydro.identification.selection.axis_terms import SPARSE
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.presentation import Block, remark
 from auvid.stages.steps import counted
+from auvid.stages.synthesise.chosen_terms import (
+    REDUCED,
+    base_of,
+    choose_terms,
+    with_capped_verdicts,
+)
 from auvid.stages.synthesise.error_choice import (
     EQUAL,
     WEIGHTS,
@@ -113,10 +125,20 @@ PRIORS = ("none", "vehicle", "strip_theory")
 MEASURED = "measured"
 COMPLETED = "with more terms: "
 """Before the name of a model whose axes are fitted with what they may lack."""
-STRUCTURES = (diagonal(), symmetric(), symmetric(quadratic=True), lift_and_drag())
-"""Forms that follow from the symmetry of the hull, beside the eight published ones; the
-last one is fitted where a campaign names it.
-"""
+
+
+def structures(mirrors: Sequence[str]) -> list[ViscousModel]:
+    """Return the forms that follow from the symmetry of the hull.
+
+    They stand beside the eight published ones; the last one is fitted where a campaign
+    names it.
+    """
+    return [
+        diagonal(),
+        symmetric(mirrors=mirrors),
+        symmetric(quadratic=True, mirrors=mirrors),
+        lift_and_drag(),
+    ]
 
 
 @dataclass(frozen=True)
@@ -135,7 +157,17 @@ class Params:
     models: tuple[str, ...] = param(
         "1",
         ("diagonal", "symmetric", "symmetric_quadratic", *(model.name for model in MODELS)),
-        meaning="models to fit; lift_and_drag too, for a streamlined vehicle that goes ahead",
+        meaning=(
+            "models to fit; lift_and_drag too, for a streamlined vehicle that goes ahead;"
+            " NAME_reduced: a structure without couplings that the training legs do not carry;"
+            " sparse: terms that they carry, of all that the symmetry allows"
+        ),
+    )
+    symmetry: tuple[str, ...] = param(
+        "1",
+        (PORT_STARBOARD,),
+        meaning="planes that the hull is symmetric to, for symmetric, symmetric_quadratic, sparse",
+        names=tuple(MIRRORS),
     )
     structures: Mapping[str, Mapping[str, list[str]]] = param(
         "1",
@@ -238,7 +270,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `CampaignError` for unknown models, `DataError` without a training leg.
     """
-    declared = _chosen(params)
+    declared, stated = _declared(params)
     prior = Prior(params.prior, params.prior_sd, _prior_means(params.prior, inputs.vehicle))
     choice = ErrorChoice(params.error_function, params.weights, params.minimiser)
     published = {model.name for model in MODELS}
@@ -284,6 +316,14 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         has_columns(inputs.residual.part(key, ("eta_ratio",)), ("eta_ratio",)) for key in training
     )
     models = declared if with_ratio else [without_propeller_terms(model) for model in declared]
+    to_choose = [model for model in models if model.name not in stated]
+    # A reduced structure is judged beside the whole one, which nobody may have asked for.
+    full_forms = {
+        model.name: stated[root]
+        for model in to_choose
+        if (root := model.name.removesuffix(REDUCED)) in stated
+    }
+    unasked = {model.name: model for model in full_forms.values() if model not in declared}
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
 
@@ -307,6 +347,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     data = reduce(TrainingData.merge, parts.values())
     factors = {name: part.factor for name, part in parts.items()}
     others = others_of(factors)
+    chosen = choose_terms(to_choose, factors, data.motion, legs, trim=params.trim)
+    models = [chosen[m.name].model if m.name in chosen else m for m in models]
+    declared = [chosen[m.name].model if m.name in chosen else m for m in declared]
+    declared = [*declared, *unasked.values()]
+    models += unasked.values() if with_ratio else map(without_propeller_terms, unasked.values())
+    held_out_terms = {name: item.without for name, item in chosen.items()}
     fits, turns = {}, {}
     held_out: dict[str, HeldOut] = {}
     for model in counted("model", models):
@@ -316,12 +362,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             fits[model.name, axis] = fit(data.factor)
             without[axis] = {name: fit(factor) for name, factor in others.items()}
             turns[model.name, axis] = sign_turns(fits[model.name, axis], without[axis])
+        own_terms = held_out_terms.get(model.name, {})
         held_out[model.name] = {
             name: error_ratios(
                 factors[name],
-                least_squares_error([without[axis][name] for axis in AXES], factors[name]),
+                least_squares_error(
+                    [without[axis][name] for axis in AXES]
+                    if name not in own_terms
+                    else fits_of_axes(factor, own_terms[name], trim=params.trim),
+                    factors[name],
+                ),
             )
-            for name in others
+            for name, factor in others.items()
         }
     completed = {
         (COMPLETED + name, axis): fuller
@@ -354,9 +406,21 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             prior=on_published if model.name in published else none,
             trim=params.trim,
             held_out=held_out[model.name],
-        ).model_copy(update={"lag": lag, "moved_by_lag": moved[model.name], "currents": in_water})
+        ).model_copy(
+            update={
+                "lag": lag,
+                "moved_by_lag": moved[model.name],
+                "currents": in_water,
+                "switched_off": chosen[model.name].reasons if model.name in chosen else {},
+            }
+        )
         for declared_model, model in zip(declared, models, strict=True)
     }
+    for name in chosen:
+        full_card = cards[full_forms[name].name] if name in full_forms else None
+        cards[name] = with_capped_verdicts(cards[name], full_card)
+    models = [model for model in models if model.name not in unasked]
+    cards = {model.name: cards[model.name] for model in models}
     conflicts: list[str] = []
     if not choice.is_plain:
         samples = FitSamples.of(legs(), terms, data.factor.n_samples)
@@ -387,7 +451,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 for axis in AXES
             }
             cards[model.name] = within_limits(
-                squares, model, moving, limits, vehicle, per_one, factors, figures
+                squares,
+                model,
+                moving,
+                limits,
+                vehicle,
+                per_one,
+                factors,
+                figures,
+                held_out_terms.get(model.name, {}),
             )
             conflicts += prior_conflicts(squares, cards[model.name], limits)
     factor = FactorRecord(
@@ -415,6 +487,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         *(remark(words, "warning") for words in conflicts),
     ]
     return Outputs(cards, factor, synthesise_section(cards, data.motion, warnings))
+
+
+def model_names() -> list[str]:
+    """Return the names that `models` may have, but for structures of the campaign."""
+    stated = [model.name for model in (*structures((PORT_STARBOARD,)), *MODELS)]
+    return [*stated, SPARSE, *(f"{name}{REDUCED}" for name in stated)]
+
+
+def fits_of_axes(factor: TriangularFactor, model: ViscousModel, *, trim: bool) -> list[AxisFit]:
+    """Return the fit of each axis of a model to the data of a factor."""
+    return [solve_axis(factor, axis, model.terms.get(axis, ()), trim=trim) for axis in AXES]
 
 
 def _tables(inputs: Inputs, key: str) -> LegTables:
@@ -495,36 +578,46 @@ def _low_pass_blocks(
     return [remark(low_pass_words(min(cutoffs), leaning), "warning")]
 
 
-def _chosen(params: Params) -> list[ViscousModel]:
-    """Return the models to fit: the campaign's own, structures, published forms."""
+def _declared(params: Params) -> tuple[list[ViscousModel], dict[str, ViscousModel]]:
+    """Return the models to fit: the campaign's own, structures, published forms.
+
+    And all whose terms are stated, by name; a model that is none of them has all terms
+    that the training legs may choose.
+    """
     field = "stages.synthesise.models"
     own = {name: _own_structure(name, terms) for name, terms in params.structures.items()}
-    by_name = {model.name: model for model in (*STRUCTURES, *MODELS)}
+    stated = {model.name: model for model in (*structures(params.symmetry), *MODELS)}
     for name in own:
-        if name in by_name:
+        if name in stated or name == SPARSE:
             raise CampaignError(
                 "a structure has the name of a known model",
                 field="stages.synthesise.structures",
                 value=name,
                 remedy="Give it another name.",
             )
+    stated |= own
+    by_name = dict(stated)
     for name in params.models:
-        if name not in by_name:
+        base = None if name in by_name else base_of(name, stated, params.symmetry)
+        if base is not None:
+            by_name[name] = base
+        if name not in by_name or name in own:
+            allowed = (*(form for form in stated if form not in own), SPARSE)
             raise CampaignError(
                 "unknown model",
                 field=field,
                 value=name,
-                allowed=tuple(by_name),
-                remedy=nearest(name, by_name),
+                allowed=(*allowed, f"one of them with {REDUCED} behind its name"),
+                remedy=nearest(name, [*model_names(), *(f"{form}{REDUCED}" for form in own)]),
             )
     if not (params.models or own) or len(set(params.models)) < len(params.models):
         raise CampaignError(
             "name at least one model, and each once",
             field=field,
             value=list(params.models),
-            allowed=tuple(by_name),
+            allowed=(*stated, SPARSE),
         )
-    return [*own.values(), *(by_name[name] for name in params.models)]
+    return [*own.values(), *(by_name[name] for name in params.models)], stated
 
 
 def _own_structure(name: str, terms: Mapping[str, list[str]]) -> ViscousModel:

@@ -9,7 +9,7 @@ bound or on the prior.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -102,36 +102,39 @@ def within_limits(
     samples_per_one: Mapping[str, float],
     legs: Mapping[str, TriangularFactor],
     figures: Mapping[str, tuple[NormalChange, ...]],
+    without: Mapping[str, ViscousModel],
 ) -> ModelCard:
     """Return the card of a structure with the coefficients within limits.
 
     card: of least squares on the same data; its verdicts stay. factor: with the columns
     of `extra_rows` where inertia is fitted. samples_per_one: axis -> how many samples
     of its residual count as one. legs: the factors of the training legs. figures: what
-    assumed figures of the vehicle change of the normal equations with inertia.
+    assumed figures of the vehicle change of the normal equations with inertia. without: leg
+    -> the structure that the others choose, where the legs choose the terms.
     """
-    equations = viscous_equations(model, trim=card.trim)
-    if limits.inertia:
-        equations = equations.with_unknowns_of(inertia_equations(limits.inertia))
+    equations = _equations(model, card, limits)
     noise = _noise(factor, equations, samples_per_one)
-    prior = _prior(limits.prior, equations.unknowns)
-    others_known = [
-        used for item in limits.sources if (used := item.of(equations.unknowns)).unknowns
-    ]
-    rows, cuts = _physics(equations.unknowns, card, limits, vehicle)
-    solve = partial(
-        fit_within,
-        equations=equations,
-        limits=rows,
-        cuts=cuts,
-        priors=[*([] if prior is None else [prior]), *others_known],
-        noise=noise,
-    )
+
+    def solver(own: ForceEquations) -> Callable[[TriangularFactor], ConstrainedFit]:
+        rows, cuts = _physics(own.unknowns, card, limits, vehicle)
+        return partial(
+            fit_within,
+            equations=own,
+            limits=rows,
+            cuts=cuts,
+            priors=_priors(limits, own.unknowns),
+            noise=noise,
+        )
+
+    solve = solver(equations)
     fit = solve(factor)
-    held_out = {
-        name: error_ratios(legs[name], force_error(legs[name], equations, solve(others).values))
-        for name, others in others_of(legs).items()
-    }
+    held_out = {}
+    for name, others in others_of(legs).items():
+        own = _equations(without[name], card, limits) if name in without else equations
+        others_fit = (solve if own is equations else solver(own))(others)
+        error = force_error(legs[name], own, others_fit.values)
+        held_out[name] = error_ratios(legs[name], error)
+    prior = _prior(limits.prior, equations.unknowns)
     values = fit.by_axis()
     moved = {
         name: [fit.shift(equations, change) for change in changes]
@@ -168,9 +171,29 @@ def within_limits(
                     }
                 )
             ),
-            "measured_priors": [_measured_card(item) for item in others_known],
+            "measured_priors": [
+                _measured_card(item) for item in _measured(limits.sources, equations.unknowns)
+            ],
         }
     )
+
+
+def _equations(model: ViscousModel, card: ModelCard, limits: PhysicalLimits) -> ForceEquations:
+    equations = viscous_equations(model, trim=card.trim)
+    if limits.inertia:
+        equations = equations.with_unknowns_of(inertia_equations(limits.inertia))
+    return equations
+
+
+def _priors(limits: PhysicalLimits, unknowns: Sequence[Unknown]) -> list[NormalPrior]:
+    """Return all priors, on those unknowns that a model has."""
+    prior = _prior(limits.prior, unknowns)
+    return [*([] if prior is None else [prior]), *_measured(limits.sources, unknowns)]
+
+
+def _measured(sources: Sequence[NormalPrior], unknowns: Sequence[Unknown]) -> list[NormalPrior]:
+    """Return priors of other measurements, on those unknowns that a model has."""
+    return [used for item in sources if (used := item.of(unknowns)).unknowns]
 
 
 def _physics(

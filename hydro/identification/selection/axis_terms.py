@@ -5,6 +5,7 @@ Everything is solved from the triangular factor, one axis at a time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -24,6 +25,8 @@ from auvid.hydro.identification.selection.folds import without_each
 from auvid.hydro.identification.selection.information import bic
 
 LEGS, INFORMATION = "legs", "information"
+SPARSE = "sparse"
+"""Name of the model whose terms the training legs chose of the whole basis."""
 
 
 @dataclass(frozen=True)
@@ -125,9 +128,10 @@ def pursue(
 ) -> Pursuit:
     """Return terms of an axis by orthogonal matching pursuit: Pati et al. 1993.
 
-    Each time the term whose column of unit length is nearest to the residual is taken
-    in, and all coefficients are solved again. `always` are in from the start. It stops
-    after `most` terms, or where nothing independent remains.
+    Each time the term whose column of unit length is nearest to the residual is taken in,
+    and all coefficients are solved again. `always` are in from the start. It stops after
+    `most` terms, or where nothing independent remains. `information` is the BIC and 2 ln of
+    the number of sets of k candidates (Chen & Chen 2008, gamma 1): of many some fit noise.
     """
     names = [term for term in candidates if term not in always]
     index = {name: i for i, name in enumerate(factor.columns)}
@@ -159,6 +163,7 @@ def pursue(
     n = factor.n_samples
     information = [
         bic(s, len(always) + k, n_samples=n, samples_per_one=samples_per_one)
+        + 2.0 * math.log(math.comb(len(names), k))
         for k, s in enumerate(sse)
     ]
     return Pursuit(axis, tuple(order), np.array(sse), np.array(information))
@@ -171,7 +176,7 @@ def _worst_over_legs(
     terms: tuple[str, ...],
     trim: bool,
 ) -> tuple[str, str] | None:
-    couplings = [term for term in terms if not _own(axis, term)]
+    couplings = [term for term in terms if not is_own_damping(axis, term)]
     if not couplings:
         return None
     values = np.array([_solution(fold, axis, terms, trim) for fold in folds])
@@ -199,7 +204,7 @@ def _worst_by_information(
         fit = solve_axis(factor, axis, chosen, trim=trim)
         return bic(fit.sse, len(fit.terms), n_samples=factor.n_samples, samples_per_one=per_one)
 
-    couplings = [term for term in terms if not _own(axis, term)]
+    couplings = [term for term in terms if not is_own_damping(axis, term)]
     if not couplings:
         return None
     without = {term: information(tuple(t for t in terms if t != term)) for term in couplings}
@@ -231,7 +236,8 @@ def _solution(factor: TriangularFactor, axis: str, terms: tuple[str, ...], trim:
     return solve_axis(factor, axis, terms, trim=trim).solution
 
 
-def _own(axis: str, term: str) -> bool:
+def is_own_damping(axis: str, term: str) -> bool:
+    """Return whether a term damps motion along its axis alone: x or x|x|."""
     own = OWN_VELOCITY[axis]
     return term in (own, f"{own}*|{own}|")
 

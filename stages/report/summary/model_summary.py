@@ -21,6 +21,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, INSEPARABLE
+from auvid.hydro.identification.selection.axis_terms import SPARSE
 from auvid.stages.base import Document
 from auvid.stages.model_use import (
     GUESS,
@@ -463,7 +464,10 @@ def _unexcited(card: ModelCard) -> list[Alert]:
 
 def _undetermined(card: ModelCard) -> list[Alert]:
     counts = _verdicts(card)
-    parts = [f"{counts[name]} {words}" for name, words in _OPEN.items() if counts[name]]
+    open_ = dict(_OPEN)
+    if card.name == SPARSE:
+        open_["weak"] = "are weak (their terms were chosen on the same legs)"
+    parts = [f"{counts[name]} {words}" for name, words in open_.items() if counts[name]]
     if not parts:
         return []
     return [Alert(f"Of the coefficients of {card.title}, {listed(parts)}.", "coefficients", "good")]
