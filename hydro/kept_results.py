@@ -24,10 +24,10 @@ Taken = ParamSpec("Taken")
 Result = TypeVar("Result")
 
 
-def kept(compare: Callable[Taken, Result]) -> Callable[Taken, Result]:
+def kept(compare: Callable[Taken, Result], most: int | None = None) -> Callable[Taken, Result]:
     """Return a comparison that computes once for the same contents of its arguments.
 
-    Nobody may change a result that is returned.
+    `most` results are kept, else `MOST_RESULTS`. Nobody may change a result that is returned.
     """
     results: OrderedDict[bytes, Result] = OrderedDict()
     missing = object()
@@ -40,7 +40,7 @@ def kept(compare: Callable[Taken, Result]) -> Callable[Taken, Result]:
             result = results[key] = compare(*args, **named)
         with suppress(KeyError):  # another thread dropped it
             results.move_to_end(key)
-            if len(results) > MOST_RESULTS:
+            if len(results) > (MOST_RESULTS if most is None else most):
                 results.popitem(last=False)
         return result  # type: ignore[no-any-return]
 

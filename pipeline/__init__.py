@@ -4,10 +4,12 @@ One BLAS thread, here and in every worker: more threads would change the last di
 a result with the machine. Arrow takes its memory from the system, which has it back at
 once: a pool of its own keeps the columns of one table while the next is read. The
 variables work only if they are set before the libraries are loaded, so they are set
-where this floor is entered.
+where this floor is entered; so is that memory of freed arrays serves the next ones.
 """
 
 import os
+
+from auvid.hydro.long_series.freed_memory import keep_freed_memory
 
 for _name in (
     "OPENBLAS_NUM_THREADS",
@@ -18,3 +20,4 @@ for _name in (
 ):
     os.environ[_name] = "1"
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+keep_freed_memory()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import pytest
 
 from tests.support.tools import ROOT, load_tool
 
 EQUATIONS = load_tool("equations")
-INDEX = EQUATIONS.equation_index(ROOT)
 IMPLEMENTED = {
     "McCarter": "2.5 2.7 2.11 2.13-2.15 2.18 2.20 2.23 2.36-2.41 2.44-2.45 2.53 2.56 2.57 2.60 2.62"
     " 2.77-2.81 2.84-2.92 3.12 4.4 4.11 4.14-4.20 4.22-4.27 C.8-C.12",
@@ -17,20 +19,25 @@ IMPLEMENTED = {
 """What the product implements; a number that leaves the docstrings is missed here."""
 
 
+@cache
+def index() -> Any:
+    return EQUATIONS.equation_index(ROOT)
+
+
 def numbers(thesis: str, text: str) -> list[str]:
     docstring = ", ".join(f"({part})" for part in text.replace("-", ")-(").split())
     return [str(equation) for equation, _ in EQUATIONS.equations_in(docstring, thesis)]
 
 
 def test_the_page_is_what_the_docstrings_give() -> None:
-    assert (ROOT / EQUATIONS.PAGE).read_text(encoding="utf-8") == EQUATIONS.page(INDEX), (
+    assert (ROOT / EQUATIONS.PAGE).read_text(encoding="utf-8") == EQUATIONS.page(index()), (
         "docs/equations.md is out of date: run make declarations"
     )
 
 
 @pytest.mark.parametrize("thesis", IMPLEMENTED)
 def test_every_implemented_equation_is_named_by_a_docstring(thesis: str) -> None:
-    named = {str(equation) for equation in INDEX if equation.thesis == thesis}
+    named = {str(equation) for equation in index() if equation.thesis == thesis}
     assert [item for item in numbers(thesis, IMPLEMENTED[thesis]) if item not in named] == []
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from auvid.hydro.identification.checks.signal_checks import (
     RATE_INTERVAL_S,
     thinned,
 )
+from auvid.hydro.identification.signals.pose.frames import quaternion_of_euler
 from auvid.hydro.kept_results import kept
 
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
@@ -41,14 +42,13 @@ class RateAgreement:
     """Gyro against the rate of the attitude.
 
     `correlation` (3, 3): attitude rate about axis i with gyro about axis j, the gyro
-    read `lag_s` later, and `lags_s` (3,) the best lag of each axis by itself; `scale`
-    (3,): gyro per attitude rate of the same axis, near 1 where noise in either record
-    leaves that open; `std` (3,) of the attitude's body rates and `bias` (3,), the mean of
-    the gyro less theirs
-    [rad/s]; `count` of intervals. A positive lag: the gyro shows a turn after the
-    attitude does. `jumps` intervals in which the attitude turned without the gyro, by
-    `largest_jump` [rad] at most, are left out of the comparison; `jump_at_s` is the
-    time of the largest.
+    read `lag_s` later, `largest` (3, 3) its size at any lag, and `lags_s` (3,) the best
+    lag of each axis by itself; `scale` (3,): gyro per attitude rate of the same axis,
+    near 1 where noise in either record leaves that open; `std` (3,) of the attitude's
+    body rates and `bias` (3,), the mean of the gyro less theirs [rad/s]; `count` of
+    intervals. A positive lag: the gyro shows a turn after the attitude does. `jumps`
+    intervals in which the attitude turned without the gyro, by `largest_jump` [rad] at
+    most, are left out of the comparison; `jump_at_s` is the time of the largest.
     """
 
     correlation: Array
@@ -61,6 +61,7 @@ class RateAgreement:
     jumps: int
     largest_jump: float
     jump_at_s: float
+    largest: Array
 
 
 @kept
@@ -75,8 +76,8 @@ def attitude_jumps(
     turns = _turns(t_s, euler, t_gyro, gyro)
     if turns is None:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    t, rows, _, _, unexplained, jumped = turns
-    return t[rows[jumped]], t[rows[jumped] + 1], unexplained[jumped]
+    t, rows = turns.t, turns.rows[turns.jumped]
+    return t[rows], t[rows + 1], turns.unexplained[turns.jumped]
 
 
 @kept
@@ -95,12 +96,13 @@ def rate_agreement(
     turns = _turns(t_s, euler, t_gyro, gyro)
     if turns is None:
         return None
-    t, rows, expected, mean_rate, unexplained, jumped = turns
+    t, rows, expected = turns.t, turns.rows, turns.expected
+    unexplained, jumped = turns.unexplained, turns.jumped
     worst = int(np.argmax(np.where(jumped, unexplained, 0.0)))
     jump, jump_at = (
         (float(unexplained[worst]), float(t[rows[worst]])) if jumped.any() else (0.0, 0.0)
     )
-    at = np.asarray(t_gyro, dtype=np.float64)
+    at = turns.at
     inside = (t[rows] >= at[0] + LARGEST_LAG_S) & (t[rows + 1] <= at[-1] - LARGEST_LAG_S)
     if np.count_nonzero(inside) < FEWEST:
         return None
@@ -113,11 +115,11 @@ def rate_agreement(
     energy = centred.std(axis=0)
     lags = np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S)
     # The best of the three axes, so that exchanged axes do not send the search astray.
-    by_lag = _correlation(centred, mean_rate(rows, lags))
+    by_lag = _correlation(centred, turns.mean_rate(rows, lags))
     best = np.abs(by_lag).max(axis=-1)
     own = np.diagonal(by_lag, axis1=1, axis2=2)
     lag = peak_of_parabola(lags, np.sum(best * energy**2, axis=-1))
-    measured = mean_rate(rows, lag)
+    measured = turns.mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         # Noise of the attitude pulls the slope on it down, noise of the gyro pushes the
@@ -140,6 +142,7 @@ def rate_agreement(
         int(np.count_nonzero(jumped)),
         jump,
         jump_at,
+        np.abs(by_lag).max(axis=0),
     )
 
 
@@ -154,15 +157,15 @@ def axis_lag(
     turns = _turns(t_s, euler, t_gyro, gyro)
     if turns is None:
         return None
-    t, rows, expected, mean_rate, _, jumped = turns
-    at, most = np.asarray(t_gyro, dtype=np.float64), LARGEST_AXIS_LAG_S
-    inside = ~jumped & (t[rows] >= at[0] + most) & (t[rows + 1] <= at[-1] - most)
+    t, rows, expected = turns.t, turns.rows, turns.expected
+    at, most = turns.at, LARGEST_AXIS_LAG_S
+    inside = ~turns.jumped & (t[rows] >= at[0] + most) & (t[rows + 1] <= at[-1] - most)
     kept = thinned(np.flatnonzero(inside))
     if kept.size < FEWEST:
         return None
     lags = np.arange(-most, most + LAG_STEP_S / 2, LAG_STEP_S)
     turned = expected[kept] - expected[kept].mean(axis=0)
-    own = _correlation(turned[:, [axis]], mean_rate(rows[kept], lags)[..., [axis]])
+    own = _correlation(turned[:, [axis]], turns.mean_rate(rows[kept], lags)[..., [axis]])
     return float(peak_of_parabola(lags, own[:, 0, 0]))
 
 
@@ -191,9 +194,9 @@ def other_order(
         turns = _turns(t_s, turned, t_gyro, gyro)
         if turns is None:
             return None
-        t, rows, expected, mean_rate, _, _ = turns
+        t, rows, expected = turns.t, turns.rows, turns.expected
         step = t[rows + 1] - t[rows]
-        rest = (expected - mean_rate(rows, 0.0)) * step[:, None]
+        rest = (expected - turns.mean_rate(rows, 0.0)) * step[:, None]
         window = np.floor((t[rows] - t[0]) / ORDER_WINDOW_S)
         first = np.flatnonzero(np.diff(window, prepend=-1.0))
         sums = np.add.reduceat(rest, first, axis=0)
@@ -247,26 +250,35 @@ def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation
     return Deviation(angle, sd, gains.explained, float(np.ptp(heading)))
 
 
-def _turns(
-    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike
-) -> (
-    tuple[
-        Array,
-        npt.NDArray[np.intp],
-        Array,
-        Callable[[npt.NDArray[np.intp], ArrayLike], Array],
-        Array,
-        npt.NDArray[np.bool_],
-    ]
-    | None
-):
-    """Return the intervals between attitudes, or None for too few.
+@dataclass(frozen=True)
+class _Turns:
+    """Intervals between attitudes at t (n,), by their first rows (m,).
 
-    Times, rows, mean body rates, that of the gyro at a lag, what differs [rad], which
-    are jumps.
+    `expected` (m, 3): mean body rates; `angle` (k, 3) that the gyro turned since its
+    first sample, at times `at` (k,); what differs over an interval, `unexplained` (m,)
+    [rad], and which of them are jumps (m,).
     """
-    from scipy.spatial.transform import Rotation
 
+    t: Array
+    rows: npt.NDArray[np.intp]
+    expected: Array
+    at: Array
+    angle: Array
+    unexplained: Array
+    jumped: npt.NDArray[np.bool_]
+
+    def mean_rate(self, of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
+        """Return the mean gyro (..., n, 3) over intervals, read lags (...) later."""
+        return _mean_rates(self.t, of, self.at, self.angle, np.asarray(lags, dtype=np.float64))
+
+
+FEW = 8
+"""Results with a row for each sample that are kept: candidates come one after another."""
+
+
+@partial(kept, most=FEW)
+def _turns(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> _Turns | None:
+    """Return the intervals between attitudes, or None for too few."""
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
     if t.size < FEWEST or at.size < FEWEST:
@@ -287,21 +299,11 @@ def _turns(
     rows = np.flatnonzero(inside)
     if rows.size < FEWEST:
         return None
-    turn = Rotation.from_euler("ZYX", angles[:, ::-1])
-    expected = (turn[rows].inv() * turn[rows + 1]).as_rotvec() / width[rows, None]
-    angle = np.concatenate(
-        [np.zeros((1, 3)), np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0)]
-    )
-
-    def mean_rate(of: npt.NDArray[np.intp], lags: ArrayLike) -> Array:
-        """Return the mean (..., n, 3) over intervals (n,), read lags (...) later."""
-        late = np.asarray(lags, dtype=np.float64)[..., None]
-        used, place = np.unique(np.stack([of, of + 1]), return_inverse=True)
-        there = np.stack([np.interp(t[used] + late, at, part) for part in angle.T], axis=-1)
-        first, last = place.reshape(2, -1)
-        return np.asarray((there[..., last, :] - there[..., first, :]) / width[of, None])
-
-    unexplained = np.linalg.norm((expected - mean_rate(rows, 0.0)) * width[rows, None], axis=1)
+    expected = _turned_by(quaternion_of_euler(angles), rows) / width[rows, None]
+    angle = np.zeros(rates.shape)
+    np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0, out=angle[1:])
+    differs = expected - _mean_rates(t, rows, at, angle, np.zeros(()))
+    unexplained = np.linalg.norm(differs * width[rows, None], axis=1)
     # A slow gyro may miss what it turned between its samples: by no more than its
     # change over the interval.
     missed = np.linalg.norm(
@@ -312,7 +314,45 @@ def _turns(
     jumped = unexplained > np.maximum(
         max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed
     )
-    return t, rows, expected, mean_rate, unexplained, jumped
+    return _Turns(t, rows, expected, at, angle, unexplained, jumped)
+
+
+def _turned_by(quaternions: Array, rows: npt.NDArray[np.intp]) -> Array:
+    """Return the rotation vectors (m, 3) from each row to the next.
+
+    Of unit quaternions (n, 4), w first.
+    """
+    (w1, x1, y1, z1), (w2, x2, y2, z2) = quaternions[rows].T, quaternions[rows + 1].T
+    w = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2
+    part = np.stack(
+        [
+            w1 * x2 - x1 * w2 - y1 * z2 + z1 * y2,
+            w1 * y2 - y1 * w2 - z1 * x2 + x1 * z2,
+            w1 * z2 - z1 * w2 - x1 * y2 + y1 * x2,
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(part, axis=1)
+    angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0.0, -1.0, 1.0)
+    scale = np.divide(angle, sine, out=np.full(w.shape, 2.0), where=sine > 1e-12)
+    return np.asarray(scale[:, None] * part)
+
+
+@partial(kept, most=FEW)
+def _mean_rates(t: Array, of: npt.NDArray[np.intp], at: Array, angle: Array, lags: Array) -> Array:
+    """Return what `_Turns.mean_rate` does."""
+    late = lags[..., None]
+    begin, end = t[of], t[of + 1]
+    later = end + late
+    # Most intervals begin where the one before ends.
+    first = np.flatnonzero(np.concatenate([[True], of[1:] != of[:-1] + 1]))
+    out = np.empty((3, *later.shape))
+    for mean, part in zip(out, angle.T, strict=True):
+        there = np.interp(later, at, part)
+        np.subtract(there[..., 1:], there[..., :-1], out=mean[..., 1:])
+        mean[..., first] = there[..., first] - np.interp(begin[first] + late, at, part)
+    out /= end - begin
+    return np.moveaxis(out, 0, -1)
 
 
 def _correlation(first: Array, second: Array) -> Array:
@@ -320,7 +360,10 @@ def _correlation(first: Array, second: Array) -> Array:
 
     0 for a constant column.
     """
-    one, two = first - first.mean(axis=0), second - second.mean(axis=-2, keepdims=True)
-    lengths = np.linalg.norm(one, axis=0)[:, None], np.linalg.norm(two, axis=-2)[..., None, :]
-    size = lengths[0] * lengths[1]
-    return np.asarray(np.divide(one.T @ two, size, out=np.zeros_like(size), where=size > 0.0))
+    one, two = (first - first.mean(axis=0)).T, np.moveaxis(second, -1, 0)
+    two = two - two.mean(axis=-1, keepdims=True)
+    shared = (one @ two.reshape(-1, two.shape[-1]).T).reshape(len(one), *two.shape[:-1])
+    lengths = np.linalg.norm(one, axis=1), np.linalg.norm(two, axis=-1)
+    size = np.multiply.outer(*lengths)
+    ratio = np.divide(shared, size, out=np.zeros_like(size), where=size > 0.0)
+    return np.asarray(np.moveaxis(ratio, (0, 1), (-2, -1)))

@@ -17,6 +17,8 @@ from auvid.stages.number_format import percent
 
 LEAST_ALIKE, MOST_ALIKE = 0.9, 0.5
 """Correlation of an exchanged gyro with the attitude, and what the mapped one has at most."""
+PERHAPS_ALIKE = 0.7
+"""The largest that it has at any lag is not less, whatever turns count as jumps."""
 SCALES, SCALE_PART = (1.0, math.radians(1.0), math.degrees(1.0)), 0.15
 """What units make of an exchanged gyro, and how near its scale is to one of them."""
 EXPLAINED, GAIN_PART = 0.8, 0.3
@@ -41,8 +43,11 @@ def _of_gyro(log: CheckedLog) -> Iterator[Finding]:
     if agreement is None or agrees(agreement):
         return
     force = log.accelerometer()
+    of_force = None if force is None else rate_agreement(t_s, angles, t_imu, force)
     for axis, place in np.ndindex(3, 3):
         if force is None or abs(agreement.correlation[axis, axis]) > MOST_ALIKE:
+            continue
+        if of_force is not None and of_force.largest[axis, place] < PERHAPS_ALIKE:
             continue
         other = gyro.copy()
         other[:, axis] = force[:, place]
