@@ -215,6 +215,13 @@ class Commands(TyperGroup):
         """Return the parameters without types of flags."""
         return _without_types(super().get_params(ctx))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words; without any, print the help and end as wrong use."""
+        if not args and not ctx.resilient_parsing:
+            print(ctx.get_help())
+            raise typer.Exit(WRONG_USE)
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names by the order of the panels."""
         names = super().list_commands(ctx)
@@ -240,10 +247,17 @@ class Commands(TyperGroup):
                 formatter.write_dl(lines)
 
 
+def _usage(argument: Any, ctx: Any) -> list[str]:
+    """Return how an argument stands in the line of usage: `NAME` or `[NAME]`."""
+    name = argument.metavar
+    return [name if argument.required or argument.hidden else f"[{name}]"]
+
+
 def _without_types(params: list[Any]) -> list[Any]:
     for param in params:
         if param.param_type_name == "argument":
             param.display_type_rich = lambda ctx: None
+            param.get_usage_pieces = functools.partial(_usage, param)
         elif param.is_flag and param.metavar is None:
             param.metavar = ""
     return params

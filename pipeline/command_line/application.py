@@ -12,7 +12,6 @@ from auvid.pipeline.output import Commands
 app = typer.Typer(
     name="auvid",
     cls=Commands,
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
 )

@@ -205,7 +205,7 @@ class _New(Commands):
         return super().parse_args(ctx, args)
 
 
-new = typer.Typer(cls=_New, no_args_is_help=True)
+new = typer.Typer(cls=_New)
 app.add_typer(
     new,
     name="new",
@@ -228,7 +228,10 @@ def workspace(
     print(f"made {folder}\n\n    cd {folder}\n    auvid run example\n")
 
 
-@new.command(cls=Command, epilog="Example: auvid new campaign harbour --from dive.BIN")
+@new.command(
+    cls=Command,
+    epilog="Example: auvid new campaign harbour --from dive.BIN",
+)
 @answering
 def campaign(
     name: Annotated[
@@ -243,7 +246,7 @@ def campaign(
             help="Logs of one vehicle; CSV files of one dive become one log.",
         ),
     ],
-    more: Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)] = None,
+    more: Annotated[list[Path] | None, typer.Argument(metavar="--from LOG...", hidden=True)] = None,
     vehicle: Annotated[
         str | None,
         typer.Option(
@@ -280,7 +283,7 @@ def campaign(
 @app.command(hidden=True, epilog="Example: auvid code")
 def code(
     campaign: Annotated[
-        str, typer.Argument(metavar="[CAMPAIGN]", help="Write what its stages take from files.")
+        str, typer.Argument(metavar="CAMPAIGN", help="Write what its stages take from files.")
     ] = "",
 ) -> None:
     """Write hashes on which DVC depends to runs/.code: of each stage's code.

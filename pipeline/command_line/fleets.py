@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     pass
 
 
-fleet = typer.Typer(cls=Commands, no_args_is_help=True)
+fleet = typer.Typer(cls=Commands)
 app.add_typer(
     fleet,
     name="fleet",

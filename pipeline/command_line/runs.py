@@ -104,7 +104,7 @@ def history(
         ),
     ] = None,
 ) -> None:
-    """List the earlier runs of a campaign: changes and the best model."""
+    """List the earlier runs of a campaign: changes and the model to take."""
     from auvid.pipeline.commands.history import history_page
 
     history_page.show(campaign, number=number, csv=csv)

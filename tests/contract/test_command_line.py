@@ -23,6 +23,7 @@ PLAN = "campaigns/vt690_twin/plans/short.yaml"
 
 WRONG_WORDS = [
     "fly",
+    "check bluerov2_dvl --columns map.yaml",
     "run",
     "run nosuch",
     "run bluerov2_dvl --fast",

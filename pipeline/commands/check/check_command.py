@@ -29,6 +29,12 @@ def check(
     Raises `PipelineError` for what concerns the call itself: no such campaign, a column
     map that does not hold, nothing to align.
     """
+    if columns is not None and (campaign := next(filter(names_campaign, targets), None)):
+        raise UsageError(
+            "--columns is for CSV files; a campaign names the column maps of its logs",
+            value=campaign,
+            remedy=f"auvid check {campaign}",
+        )
     by_target = {target: log_pages(target, columns) for target in targets}
     pages = [page for group in by_target.values() for page in group]
     if align and len(pages) != 2:

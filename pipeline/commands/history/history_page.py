@@ -68,7 +68,7 @@ def to_csv(entries: Sequence[Entry]) -> bytes:
 
 def _print_list(entries: Sequence[Entry]) -> None:
     models = any(best(entry) for entry in entries)
-    columns = ("best model", "training", "validation") if models else ("values determined",)
+    columns = ("model to take", "training", "validation") if models else ("values determined",)
     rows = []
     for before, entry in zip((None, *entries), entries, strict=False):
         model, determined = best(entry), judged(entry)

@@ -259,6 +259,8 @@ def changes(old: Entry | None, new: Entry) -> list[str]:
         ("packages", old.packages, new.packages),
     ):
         names = [name for name in dict.fromkeys((*one, *two)) if one.get(name) != two.get(name)]
+        if words == "code" and len(names) == len({*one, *two}) > 1:
+            names = ["all stages"]
         if names:
             rows.append(f"{words}: {', '.join(names)}")
     return rows or ["nothing that is recorded"]
@@ -269,15 +271,18 @@ def _word(value: Any) -> str:
 
 
 def best(entry: Entry) -> tuple[str, float | None, float | None] | None:
-    """Return the model with the smallest J on validation, and its J/J0 of both uses.
+    """Return the recommended model, and its J/J0 of training and of validation.
 
-    Training counts where there is no validation.
+    Without a recommended one, that of the smallest J on validation; training counts where
+    there is none.
     """
     models = entry.error_tables.get("validation") or entry.error_tables.get("training")
     if not models:
         return None
     errors = {name: math.inf if (j := row["J"]) is None else j for name, row in models.items()}
-    name = min(errors, key=lambda model: errors[model])
+    name = str(entry.recommended.get("model"))
+    if name not in models:
+        name = min(errors, key=lambda model: errors[model])
     training, validation = (
         entry.error_tables.get(use, {}).get(name, {}).get("ratio")
         for use in ("training", "validation")

@@ -159,7 +159,12 @@ def report_file(
     ]
     if not pages or not pages[0].path.is_file():
         name = run.campaign.name
-        raise PipelineError("there is no report yet", value=name, remedy=f"auvid run {name}")
+        done = [stage.name for stage in run.graph.stages if run.manifests[stage.name].records]
+        words = f": its run has ended behind stage {done[-1]}" if done else ""
+        remedy = f"auvid run {name}" + (
+            f" says why, auvid check {name} has all findings" if done else ""
+        )
+        raise PipelineError(f"there is no report yet{words}", value=name, remedy=remedy)
     page = pages[0]
     page.load()  # refuses one that is not as it was written
     if compare or against is not None:

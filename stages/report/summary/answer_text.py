@@ -31,7 +31,7 @@ def answer_text(summary: Summary) -> str:
     if summary.identified:
         lines += [
             "",
-            "identified (± is 95 %, by noise and the assumed figures in brackets):",
+            "identified (± is 95 %, by the parts in brackets together):",
         ]
         for entry in summary.identified:
             lines += _item(entry.label, "; ".join(entry.figures))

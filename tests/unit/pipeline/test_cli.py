@@ -194,6 +194,30 @@ def test_help_has_commands_by_task_and_no_types_of_flags() -> None:
         assert "<bool>" not in help_text
 
 
+@pytest.mark.parametrize("words", [(), ("new",), ("fleet",)])
+def test_no_command_prints_the_commands_and_is_2(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = auvid(monkeypatch, capsys, *words)
+    assert code == 2
+    assert " ".join(["Usage: auvid", *words, "[OPTIONS] COMMAND [ARGS]..."]) in out
+    assert "run" in out or "campaign" in out
+
+
+@pytest.mark.parametrize(
+    ("command", "usage"),
+    [
+        ("new campaign", "NAME --from LOG..."),
+        ("report", "CAMPAIGN..."),
+        ("check", "LOG... | CAMPAIGN"),
+        ("stages", "[STAGE]"),
+    ],
+)
+def test_usage_has_the_words_as_they_are_typed(command: str, usage: str) -> None:
+    help_text = CliRunner().invoke(cli.app, [*command.split(), "--help"]).output
+    assert f"auvid {command} [OPTIONS] {usage} \n" in re.sub(r" +", " ", help_text)
+
+
 def test_user_fault_is_one_line_and_1(
     toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -324,6 +348,10 @@ def test_report_that_is_not_there_says_how_to_get_it(
 ) -> None:
     code, _, err = auvid(monkeypatch, capsys, "report", "toy")
     assert (code, err.strip()) == (1, "error: there is no report yet; found 'toy'. auvid run toy")
+    assert auvid(monkeypatch, capsys, "run", "toy", "--until", "decode")[0] == 0
+    _, _, err = auvid(monkeypatch, capsys, "report", "toy")
+    assert "its run has ended behind stage decode" in err
+    assert "auvid check toy has all findings" in err
 
 
 def test_stages_are_printed_from_their_declarations(

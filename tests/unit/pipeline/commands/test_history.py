@@ -136,6 +136,12 @@ def test_damaged_files_are_passed_over(tmp_path: Path, monkeypatch: pytest.Monke
     assert [entry.number for entry in read(tmp_path)] == [1, 2]
 
 
+def test_code_of_every_stage_is_one_word() -> None:
+    old = replace(ENTRY, code={"fuse": "aa", "report": "aa"})
+    assert changes(old, replace(ENTRY, code={"fuse": "b", "report": "b"})) == ["code: all stages"]
+    assert changes(old, replace(ENTRY, code={"fuse": "aa", "report": "b"})) == ["code: report"]
+
+
 def test_damaged_entry_keeps_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keep(tmp_path, ENTRY, monkeypatch)
     (tmp_path / history.FOLDER / "000002.json").write_text("{")
@@ -162,6 +168,7 @@ def test_best_model_is_judged_on_validation() -> None:
         None,
     )
     assert best(replace(ENTRY, error_tables={})) is None
+    assert best(replace(ENTRY, recommended={"model": "coe"})) == ("coe", None, 0.75)
 
 
 def test_section_against_an_earlier_run_has_both_figures_and_the_change() -> None:
