@@ -12,8 +12,9 @@ Covariance: windows are left out in turn (jackknife of clusters, CR3: Bell and M
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Literal
 
 import numpy as np
@@ -296,6 +297,25 @@ def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
     )
 
 
+MOST_STATES = 200_000
+"""States and sensitivities of windows that are worked on at once."""
+
+
+@dataclass(frozen=True)
+class WindowGroup:
+    """Windows by number, and their measured values one after another (m,).
+
+    `places`: of the measured ones among the states (n 2k,) of each window; `channel` (m,);
+    `parts`: slices of the windows.
+    """
+
+    numbers: tuple[int, ...]
+    places: tuple[Index, ...]
+    channel: Index
+    measured: Array
+    parts: tuple[slice, ...]
+
+
 @dataclass
 class PoolWork:
     """Evaluation of a pool; the rows of the last drive are kept."""
@@ -305,6 +325,7 @@ class PoolWork:
     at: bytes = b""
     rows: tuple[Array, ...] = ()
     last: tuple[bytes, Evaluation | None] = (b"", None)
+    kept_groups: tuple[WindowGroup, ...] = ()
 
     def prior(self, common: Array) -> tuple[float, Array, Array]:
         """Return cost, precision (g,) and pull (g,) of the priors."""
@@ -330,20 +351,54 @@ class PoolWork:
         window = self.pool.windows[number]
         return motion(self.pool, self.rows[window.leg], common[: self.count], window, local[number])
 
+    def group(self, *numbers: int) -> WindowGroup:
+        """Return windows with what is measured in them."""
+        places, channels, measured = [], [], []
+        for number in numbers:
+            window = self.pool.windows[number]
+            values = self.pool.prepared[window.leg].channels[window.nodes]
+            present = np.isfinite(values)
+            places.append(np.flatnonzero(present))
+            channels.append(np.nonzero(present)[1])
+            measured.append(values[present])
+        ends = np.cumsum([len(part) for part in places]).tolist()
+        parts = tuple(map(slice, [0, *ends], ends))
+        return WindowGroup(
+            numbers, tuple(places), np.concatenate(channels), np.concatenate(measured), parts
+        )
+
+    @property
+    def groups(self) -> tuple[WindowGroup, ...]:
+        """Return all windows, in groups as large as the memory for them allows."""
+        if not self.kept_groups:
+            k = len(self.pool.structure.velocities)
+            width = 1 + self.count + len(self.pool.free) + 3 * k
+            sizes = [2 * k * width * (window.end - window.first) for window in self.pool.windows]
+            groups: list[list[int]] = [[]]
+            for number, size in enumerate(sizes):
+                if groups[-1] and size + sum(sizes[i] for i in groups[-1]) > MOST_STATES:
+                    groups.append([])
+                groups[-1].append(number)
+            self.kept_groups = tuple(self.group(*numbers) for numbers in groups)
+        return self.kept_groups
+
     def errors(
-        self, common: Array, local: Array, number: int, sigma: Array
-    ) -> tuple[Array, Array, Index]:
-        """Return errors (m,) in sigma, their Jacobian (m, P) and channels (m,)."""
-        window = self.pool.windows[number]
-        measured = self.pool.prepared[window.leg].channels[window.nodes]
-        states = self.run(common, local, number)
-        node, channel = np.nonzero(np.isfinite(measured))
-        scale = sigma[channel]
-        error = (states[node, channel, 0] - measured[node, channel]) / scale
-        jacobian = states[node, channel, 1:] / scale[:, None]
+        self, common: Array, local: Array, group: WindowGroup, sigma: Array
+    ) -> tuple[Array, Array]:
+        """Return errors (m,) of some windows in sigma and their Jacobian (m, P)."""
+        states = [self.run(common, local, number) for number in group.numbers]
+        predicted = np.concatenate(
+            [
+                item.reshape(-1, item.shape[2])[places]
+                for item, places in zip(states, group.places, strict=True)
+            ]
+        )
+        scale = sigma[group.channel]
+        error = (predicted[:, 0] - group.measured) / scale
+        jacobian = predicted[:, 1:] / scale[:, None]
         k = len(self.pool.structure.velocities)
         jacobian[:, jacobian.shape[1] - k + np.flatnonzero(self.pool.constant_sd == 0.0)] = 0.0
-        return error, jacobian, channel
+        return error, jacobian
 
     def loss(self, error: Array) -> tuple[Array, Array, Array]:
         """Return rho(e), rho'(e) / e and rho''(e)."""
@@ -364,46 +419,49 @@ class PoolWork:
         objective, precision, pull = self.prior(common)
         matrix, vector = np.diag(precision), pull
         blocks, couplings, rights = [], [], []
-        for number in range(len(self.pool.windows)):
-            cost, normal, right = self.window(common, local, number, sigma, colour)
-            objective += cost
-            matrix = matrix + normal[:g, :g]
-            vector = vector + right[:g]
-            blocks.append(normal[g:, g:])
-            couplings.append(normal[g:, :g])
-            rights.append(right[g:])
+        for group in self.groups:
+            for cost, normal, right in self.windows(common, local, group, sigma, colour):
+                objective += cost
+                matrix = matrix + normal[:g, :g]
+                vector = vector + right[:g]
+                blocks.append(normal[g:, g:])
+                couplings.append(normal[g:, :g])
+                rights.append(right[g:])
         equations = NormalEquations(matrix, vector, tuple(blocks), tuple(couplings), tuple(rights))
         evaluation = Evaluation(objective if np.isfinite(objective) else np.inf, equations)
         self.last = key, evaluation
         return evaluation
 
-    def window(
+    def windows(
         self,
         common: Array,
         local: Array,
-        number: int,
+        group: WindowGroup,
         sigma: Array,
         colour: Array,
         *,
         curvature: bool = False,
-    ) -> tuple[float, Array, Array]:
-        """Return cost, normal matrix (P, P) and minus gradient (P,) of one window.
+    ) -> Iterator[tuple[float, Array, Array]]:
+        """Yield cost, normal matrix (P, P) and minus gradient (P,) of each window.
 
         The matrix of a search has weights rho'(e) / e, and is never too flat; with
         `curvature` it has rho''(e), as the covariance needs it.
         """
         pool, k = self.pool, len(self.pool.structure.velocities)
-        error, jacobian, channel = self.errors(common, local, number, sigma)
+        error, jacobian = self.errors(common, local, group, sigma)
         cost, weight, bend = self.loss(error)
+        by_channel = colour[group.channel]
+        scaled, cost, pull = jacobian / by_channel[:, None], cost / by_channel, weight * error
+        bent = jacobian * (bend if curvature else weight)[:, None]
         at = jacobian.shape[1] - k + np.arange(k)
-        scaled = jacobian / colour[channel][:, None]
-        right = -(scaled.T @ (weight * error))
-        normal = scaled.T @ (jacobian * (bend if curvature else weight)[:, None])
-        constant = local[number, 2 * k :]
         own = np.where(pool.constant_sd > 0.0, np.maximum(pool.constant_sd, 1e-9) ** -2.0, 0.0)
-        normal[at, at] += own
-        right[at] -= own * constant
-        return float(np.sum(cost / colour[channel]) + 0.5 * own @ constant**2), normal, right
+        for number, part in zip(group.numbers, group.parts, strict=True):
+            right = -(scaled[part].T @ pull[part])
+            normal = scaled[part].T @ bent[part]
+            constant = local[number, 2 * k :]
+            normal[at, at] += own
+            right[at] -= own * constant
+            yield float(np.sum(cost[part]) + 0.5 * own @ constant**2), normal, right
 
     def sizes(self, common: Array, local: Array, sigma: Array) -> tuple[Array, Array]:
         """Return sigma and colour (2k,) of the errors that a fit leaves.
@@ -412,10 +470,12 @@ class PoolWork:
         neighbours, from errors clipped at 3 sigma.
         """
         parts: dict[int, list[Array]] = {}
-        for number in range(len(self.pool.windows)):
-            error, _, channel = self.errors(common, local, number, sigma)
-            for item in np.unique(channel):
-                parts.setdefault(int(item), []).append(error[channel == item] * sigma[item])
+        for group in self.groups:
+            errors, _ = self.errors(common, local, group, sigma)
+            for part in group.parts:
+                error, channel = errors[part], group.channel[part]
+                for item in np.unique(channel):
+                    parts.setdefault(int(item), []).append(error[channel == item] * sigma[item])
         size, colour = sigma.copy(), np.ones(len(sigma))
         for item, series in parts.items():
             size[item] = max(
@@ -453,10 +513,10 @@ def _covariances(
     g, count = len(best.common), len(work.pool.windows)
     free = np.flatnonzero(~at_bound)
     parts, scores = [], []
-    for number in range(count):
-        _, normal, right = work.window(
-            best.common, best.local, number, sigma, colour, curvature=True
-        )
+    for _, normal, right in chain.from_iterable(
+        work.windows(best.common, best.local, group, sigma, colour, curvature=True)
+        for group in work.groups
+    ):
         solved = solve_scaled(normal[g:, g:], np.column_stack([normal[g:, :g], right[g:]]))
         parts.append((normal[:g, :g] - normal[:g, g:] @ solved[:, :-1])[np.ix_(free, free)])
         scores.append((right[:g] - normal[:g, g:] @ solved[:, -1])[free])
@@ -486,10 +546,13 @@ def with_doubts(pool: Pool, fit: PoolFit, doubtful: Sequence[Sequence[AxisRecord
     free, pulls = np.flatnonzero(~fit.at_bound), np.zeros((g, len(doubtful)))
     full = np.diag(works[0].prior(fit.values)[1])
     for number in range(len(pool.windows) if doubtful else 0):
-        _, normal, _ = works[0].window(*sizes, number, fit.sigma, fit.colour, curvature=True)
-        error, jacobian, channel = works[0].errors(*sizes, number, fit.sigma)
-        moved = [work.errors(*sizes, number, fit.sigma)[0] - error for work in works[1:]]
-        bend = works[0].loss(error)[2] / fit.colour[channel]
+        own = works[0].group(number)
+        ((_, normal, _),) = works[0].windows(*sizes, own, fit.sigma, fit.colour, curvature=True)
+        error, jacobian = works[0].errors(*sizes, own, fit.sigma)
+        moved = [
+            work.errors(*sizes, work.group(number), fit.sigma)[0] - error for work in works[1:]
+        ]
+        bend = works[0].loss(error)[2] / fit.colour[own.channel]
         right = -(jacobian.T @ (bend[:, None] * np.column_stack(moved)))
         solved = solve_scaled(normal[g:, g:], np.column_stack([normal[g:, :g], right[g:]]))
         full = full + normal[:g, :g] - normal[:g, g:] @ solved[:, :g]

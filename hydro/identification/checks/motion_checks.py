@@ -642,23 +642,25 @@ def _gains_of(
 
     taken (m, l): what is known of what acts beside the forces.
     """
-    every = np.concatenate([at for _, at in tried])
     later = np.concatenate([at + lag for lag, at in tried])
     edges = np.cumsum([at.size for _, at in tried])[:-1]
-    pushed = integrals(t_force, acceleration, every, width_s)
-    number = motions.shape[1]
-    coupling = integrals(t_motion, taken, later, width_s)
-    drag = integrals(t_motion, np.hstack([motions, motions * np.abs(motions)]), later, width_s)
+    # The windows of each lag are the first ones of the longest list.
+    longest = max((at for _, at in tried), key=len)
+    every = integrals(t_force, acceleration, longest, width_s)
+    pushed = np.concatenate([every[: at.size] for _, at in tried])
+    number, taken_count = motions.shape[1], taken.shape[1]
+    moved = np.hstack([taken, motions, motions * np.abs(motions)])
+    beside = integrals(t_motion, moved, later, width_s)
+    coupling, drag = beside[:, :taken_count], beside[:, taken_count:]
     columns = [np.hstack([pushed, coupling, drag[:, [j, number + j]]]) for j in range(number)]
-    changes = [
-        np.interp(later + width_s, t_motion, motion) - np.interp(later, t_motion, motion)
-        for motion in motions.T
-    ]
+    sides = np.concatenate([later + width_s, later])
+    ends = [np.interp(sides, t_motion, motion) for motion in motions.T]
+    changes = [both[: later.size] - both[later.size :] for both in ends]
     count = acceleration.shape[1]
     design = stacked([part for each in columns for part in np.split(each, edges)])
     target = stacked([part for each in changes for part in np.split(each, edges)])
     there = np.isfinite(target)
-    aside = np.where(there[..., None], design[..., count : count + taken.shape[1]], 0.0)
+    aside = np.where(there[..., None], design[..., count : count + taken_count], 0.0)
     aside = np.concatenate([aside, np.ones((*there.shape, 1))], axis=2)
     target = target - solved(aside, np.where(there, target, 0.0), there)[1]
     for place, gains in enumerate(robust_fits(target, design).gains()):

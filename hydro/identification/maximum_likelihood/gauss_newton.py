@@ -44,19 +44,22 @@ class NormalEquations:
         """Return the Schur complement (g, g) and its right-hand side (g,)."""
         matrix, vector = self.matrix.copy(), self.vector.copy()
         matrix.flat[:: len(matrix) + 1] *= 1.0 + damping
-        for block, across, right in zip(self.local, self.coupling, self.right, strict=True):
-            solved = solve_scaled(_damped(block, damping), np.column_stack([across, right]))
-            matrix -= across.T @ solved[:, :-1]
-            vector -= across.T @ solved[:, -1]
+        if self.local:
+            across, right = np.array(self.coupling), np.array(self.right)[..., None]
+            solved = solve_each(
+                _damped(np.array(self.local), damping), np.concatenate([across, right], axis=2)
+            )
+            taken = (across.swapaxes(1, 2) @ solved).sum(axis=0)
+            matrix -= taken[:, :-1]
+            vector -= taken[:, -1]
         return 0.5 * (matrix + matrix.T), vector
 
     def local_steps(self, step: Array, damping: float = 0.0) -> Array:
         """Return the steps (w, l) of local unknowns that go with a common one."""
-        parts = [
-            solve_scaled(_damped(block, damping), right - across @ step)
-            for block, across, right in zip(self.local, self.coupling, self.right, strict=True)
-        ]
-        return np.array(parts)
+        if not self.local:
+            return np.zeros((0, 0))
+        rights = np.array(self.right) - np.array(self.coupling) @ step
+        return solve_each(_damped(np.array(self.local), damping), rights[..., None])[..., 0]
 
 
 @dataclass(frozen=True)
@@ -239,7 +242,25 @@ def solve_scaled(matrix: Array, right: Array) -> Array:
     return np.asarray((solved.T / scale).T)
 
 
-def _damped(block: Array, damping: float) -> Array:
-    out = block.copy()
-    out.flat[:: len(out) + 1] *= 1.0 + damping
+def solve_each(matrices: Array, rights: Array) -> Array:
+    """Solve symmetric systems (w, l, l) for (w, l, r) as `solve_scaled` does one."""
+    size = matrices.shape[1]
+    diagonal = np.diagonal(matrices, axis1=1, axis2=2)
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = matrices / (scale[:, :, None] * scale[:, None, :])
+    scaled[:, range(size), range(size)] = 1.0 + 1e-13
+    shaped = rights / scale[:, :, None]
+    if not (np.isfinite(scaled).all() and np.isfinite(shaped).all()):
+        raise ValueError("normal equations must not contain infs or NaNs")
+    try:
+        np.linalg.cholesky(scaled)
+    except np.linalg.LinAlgError:  # one has a direction without information
+        return np.array([solve_scaled(*each) for each in zip(matrices, rights, strict=True)])
+    return np.asarray(np.linalg.solve(scaled, shaped) / scale[:, :, None])
+
+
+def _damped(blocks: Array, damping: float) -> Array:
+    out = blocks.copy()
+    diagonal = np.arange(out.shape[-1])
+    out[..., diagonal, diagonal] *= 1.0 + damping
     return out

@@ -12,6 +12,7 @@ from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     NormalEquations,
     bounded_step,
     maximise,
+    solve_each,
     solve_scaled,
     with_secants,
 )
@@ -42,6 +43,17 @@ def test_local_unknowns_are_taken_out_exactly() -> None:
     step = solve_scaled(matrix, vector)
     np.testing.assert_allclose(step, dense[:4], rtol=1e-9)
     np.testing.assert_allclose(equations.local_steps(step).ravel(), dense[4:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("rows_there", [4, 2])
+def test_many_systems_are_solved_as_one(rows_there: int) -> None:
+    """Also those of which one has a direction without information."""
+    random = np.random.default_rng(2)
+    rows = random.standard_normal((3, 6, 4)) * [1.0, 1e3, 1e-3, 1.0]
+    rows[1, rows_there:] = 0.0
+    matrices, rights = rows.swapaxes(1, 2) @ rows, random.standard_normal((3, 4, 2))
+    one_by_one = [solve_scaled(*each) for each in zip(matrices, rights, strict=True)]
+    np.testing.assert_allclose(solve_each(matrices, rights), one_by_one, rtol=1e-7)
 
 
 @pytest.mark.parametrize("seed", range(5))
