@@ -21,6 +21,8 @@ FELT_DAMPING = 0.1
 DIVERGES = "the motion diverges at the starting values"
 LEAST_CURVATURE = 0.2
 """A secant counts with at least this share of the expected curvature."""
+LEAST_PIVOT = 1e-4
+"""Of scaled systems: with less, two ways to solve them differ by more than 1e-8."""
 GAIN = 0.05
 """A step that changes the log-likelihood by less changes no conclusion: half of it is a
 fortieth of what one coefficient takes away by being fitted."""
@@ -253,8 +255,11 @@ def solve_each(matrices: Array, rights: Array) -> Array:
     if not (np.isfinite(scaled).all() and np.isfinite(shaped).all()):
         raise ValueError("normal equations must not contain infs or NaNs")
     try:
-        np.linalg.cholesky(scaled)
-    except np.linalg.LinAlgError:  # one has a direction without information
+        root = np.linalg.cholesky(scaled)
+        informed = np.diagonal(root, axis1=1, axis2=2).min(initial=1.0) > LEAST_PIVOT
+    except np.linalg.LinAlgError:
+        informed = False
+    if not informed:  # in one direction at least
         return np.array([solve_scaled(*each) for each in zip(matrices, rights, strict=True)])
     return np.asarray(np.linalg.solve(scaled, shaped) / scale[:, :, None])
 
