@@ -650,8 +650,8 @@ def _gains_of(
     pushed = np.concatenate([every[: at.size] for _, at in tried])
     number, taken_count = motions.shape[1], taken.shape[1]
     moved = np.hstack([taken, motions, motions * np.abs(motions)])
-    beside = integrals(t_motion, moved, later, width_s)
-    coupling, drag = beside[:, :taken_count], beside[:, taken_count:]
+    other_parts = integrals(t_motion, moved, later, width_s)
+    coupling, drag = other_parts[:, :taken_count], beside[:, taken_count:]
     columns = [np.hstack([pushed, coupling, drag[:, [j, number + j]]]) for j in range(number)]
     sides = np.concatenate([later + width_s, later])
     ends = [np.interp(sides, t_motion, motion) for motion in motions.T]
