@@ -651,7 +651,7 @@ def _gains_of(
     number, taken_count = motions.shape[1], taken.shape[1]
     moved = np.hstack([taken, motions, motions * np.abs(motions)])
     other_parts = integrals(t_motion, moved, later, width_s)
-    coupling, drag = other_parts[:, :taken_count], beside[:, taken_count:]
+    coupling, drag = other_parts[:, :taken_count], other_parts[:, taken_count:]
     columns = [np.hstack([pushed, coupling, drag[:, [j, number + j]]]) for j in range(number)]
     sides = np.concatenate([later + width_s, later])
     ends = [np.interp(sides, t_motion, motion) for motion in motions.T]
