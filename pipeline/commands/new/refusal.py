@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from auvid.data_schemas.errors import DataError
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.stages.ingest.formats.csv.column_proposal import SPEED_AHEAD
+from auvid.stages.ingest.formats.csv.draft.drafting import NO_UNIT
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.usability import SHORTEST_DRIVEN_S, driven_s
@@ -139,9 +140,14 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
     if log.under_water is False:
         return "auvid models bodies under water"
     if log.has("glider"):
+        unitless = "".join(f"{words.rstrip('.')}. " for words in more if NO_UNIT in words)
+        density = (
+            "Density follows from conductivity, temperature and pressure (TEOS-10); in mixed water"
+            " stages.glide.constant_density: true of a campaign takes one figure. "
+        )
         return (
-            "Settled glides need pressure, pitch, buoyancy drive and density of the water in the"
-            " stream glider (docs/glide.md)"
+            f"{unitless}{density if 'density' in lacks else ''}Settled glides need pressure, pitch,"
+            " buoyancy drive and density of the water in the stream glider (docs/glide.md)"
         )
     if log.has("tow") or log.vehicle is not None:
         return (

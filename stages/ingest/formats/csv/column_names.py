@@ -27,6 +27,8 @@ GLIDER: tuple[tuple[str, str], ...] = (
     (r"\b(?:temperature|temp|water temp)$", "temperature_K"),
 )
 """Columns of a glider by their words; a column of the buoyancy drive tells one."""
+SLOCUM = re.compile(r"(?:m|sci)_\w")
+"""Sensors of a Slocum glider, whose pressures are in bar."""
 SPEEDS = {"speed", "spd", "velocity", "vel", "stw", "geschwindigkeit", "vitesse"}
 SPEED_SOURCES = {
     *("log", "em", "electromagnetic", "paddle", "wheel", "pitot", "adcp", "dvl", "sensor"),
@@ -276,7 +278,9 @@ def _on_glider(item: NamedColumn) -> NamedColumn:
         return replace(item, place=("glider", item.name), unit=spec.unit or "")
     for pattern, field in GLIDER:
         if re.search(pattern, item.words):
-            return replace(item, place=("glider", field))
+            of_slocum = field == "pressure_pa" and SLOCUM.match(item.name)
+            unit = "bar" if of_slocum and not item.unit else item.unit
+            return replace(item, place=("glider", field), unit=unit)
     words = set(item.words.split())
     is_speed = item.is_speed_ahead or ("u" in words and words <= {"u"} | SPEED_SOURCES)
     return replace(item, place=("glider", "speed_m_s")) if is_speed else item

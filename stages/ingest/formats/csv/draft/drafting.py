@@ -36,6 +36,7 @@ from auvid.stages.ingest.formats.csv.draft.commands import (
 )
 from auvid.stages.ingest.formats.csv.draft.pose_draft import (
     TURNED_AXES,
+    in_named_frame,
     in_upward_axes,
     is_numbered,
     pose_frame,
@@ -62,6 +63,7 @@ FROM_ABOVE = "up"
 REVERSED = (FROM_ABOVE, MATCHED_REVERSED, NAMED_REVERSED)
 BETWEEN_RUNS_S = 10.0
 """Runs with the same columns are looked at one behind the other with such a pause."""
+NO_UNIT = "its name tells no unit"
 HEIGHTS = frozenset({"altitude", "alt", "height"})
 OF_HEIGHTS = SOURCES | {"baro", "barometer"}
 OTHER_OF_PAIR = {"rudder": "fin_t_rad", "elevator": "fin_p_rad"}
@@ -99,9 +101,10 @@ def draft_columns(
     time, time_check = time_column(columns, values, texts, file.name)
     of_time = {time["column"], time.get("nanoseconds")}
     rest = [item for item in columns if item.name not in of_time]
-    rest = with_pulses(with_pose(rest), values)
+    rest, named_frame = in_named_frame(with_pulses(with_pose(rest), values), texts)
     t_s = seconds_of(time, values, texts[time["column"]])
     draft = ColumnDraft(file.name, time, time_check, (), head.delimiter, decimal)
+    draft = replace(draft, remarks=named_frame)
     finite = t_s[np.isfinite(t_s)]
     draft = replace(draft, span_s=(float(finite[0]), float(finite[-1])))
     for run in runs:
@@ -176,14 +179,16 @@ def _with_columns(
     """Return the draft with its columns, units and remarks."""
     chosen: dict[tuple[str, str], NamedColumn] = {}
     rivals: dict[tuple[str, str], list[str]] = {}
+    remarks: list[str] = []
     for item in (fin for column in columns for fin in _fins_of(column)):
         filled = np.isfinite(values[item.name]).mean() if values[item.name].size else 0.0
         nameless = "press" in item.words and item.unit not in PRESSURES
+        if nameless and item.place is not None and item.place[0] == "glider":
+            remarks.append(f"{item.name} is left out: {NO_UNIT}, as {item.name}_dbar has one.")
         if item.place is None or filled <= 0.01 or nameless:
             continue
         if chosen.setdefault(item.place, item) is not item:
             rivals.setdefault(item.place, []).append(item.name)
-    remarks: list[str] = []
     chosen = possible_outputs(chosen, values, remarks)
     chosen = _depth_of_others(chosen, columns, values)
     chosen = _fixes_without_depth(chosen)
@@ -246,7 +251,7 @@ def _with_columns(
         repeating=repeating_streams(kept, values),
         unused=tuple(item.name for item in columns if item.name not in used),
         ahead=tuple(i.name for i in columns if i.name not in used and i.is_speed_ahead),
-        remarks=tuple(remarks),
+        remarks=(*draft.remarks, *remarks),
     )
 
 

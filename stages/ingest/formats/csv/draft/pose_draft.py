@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -24,6 +25,8 @@ TURNED_AXES = ("v", "w", "q", "r")
 PLACES = tuple(("position", name) for name in POSITION)
 FULL_TURN, LARGEST_M = 6.4, 100.0
 """Angles beyond are in degrees, positions of a tank beyond in mm."""
+UPWARD_FRAME = re.compile(r"^(?!.*(?:ned|frd)).*(?:map|odom|world|enu|flu)", re.IGNORECASE)
+"""Frames of ROS with z up; one that says ned has z down."""
 MORE_LEVEL_RAD = 0.05
 """Numbered parts of a quaternion have w last where the mean tilt is so much smaller then."""
 
@@ -110,6 +113,28 @@ def _by_compass(item: NamedColumn) -> NamedColumn:
         return item
     to = {"x_m": "y_m", "y_m": "x_m", "z_m": "z_m"}[item.place[1]]
     return replace(item, place=("position", to))
+
+
+def in_named_frame(
+    columns: Sequence[NamedColumn], texts: Mapping[str, Sequence[str]]
+) -> tuple[list[NamedColumn], tuple[str, ...]]:
+    """Return the columns with the pose in the frame that a header names, and what was taken.
+
+    Messages of ROS name one (`frame_id`): map, odom, world have z up and body axes forward,
+    left, up (REP 103), unless the name says ned.
+    """
+    names = {
+        name: next((text.strip() for text in cells if text.strip()), "")
+        for name, cells in texts.items()
+        if name.lower().endswith("frame_id")
+    }
+    of_pose = [item for item in columns if item.place and item.place[0] == "pose"]
+    turned = next((name for name, value in names.items() if UPWARD_FRAME.search(value)), None)
+    if turned is None or not of_pose or any(item.frame for item in of_pose):
+        return list(columns), ()
+    words = f"{turned} is {names[turned]}: pose east-north-up, as ROS has it (REP 103)."
+    moved = [replace(item, frame="enu") if item in of_pose else item for item in columns]
+    return moved, (words,)
 
 
 def pose_unit(name: str, size: float) -> tuple[str, str]:

@@ -240,6 +240,12 @@ def test_a_pressure_is_depth_only_with_its_unit() -> None:
     assert (depth.field, depth.unit) == ("depth_m", "mbar")
     assert "surface" in depth.check
     assert drafted_streams({"t_s": T_S, "pressure": 1100.0 + wave(50.0)}) == ()
+    # Of a Slocum glider it is in bar; of another one it has to be said.
+    glider = {"m_ballast_pumped": wave(200.0), "m_pitch": wave(0.4), "m_roll": wave(0.1)}
+    slocum = drafted({"t_s": T_S, "m_pressure": 5.0 + wave(4.0), **glider}).columns
+    assert [(i.field, i.unit) for i in slocum if "press" in i.field] == [("pressure_pa", "bar")]
+    other = drafted({"t_s": T_S, "pressure": 5.0 + wave(4.0), "ballast_cc": wave(200.0)})
+    assert any("pressure_dbar" in remark for remark in other.remarks)
 
 
 def drafted_streams(columns: dict[str, np.ndarray]) -> tuple[str, ...]:
@@ -351,6 +357,20 @@ def test_a_position_that_is_called_east_north_up_is_taken_as_that() -> None:
         assert "frame enu, z up: by the name" in frames[column][2]
     assert {item.sign for item in draft.columns if item.stream == "actuators"} == {1}
     assert tank_draft({}, upward=True).columns[0].frame == "flu"  # commands answer so
+
+
+@pytest.mark.parametrize(("frame", "upward"), [("map", True), ("odom", True), ("map_ned", False)])
+def test_the_frame_that_a_message_of_ros_names_is_that_of_the_pose(
+    frame: str, upward: bool
+) -> None:
+    stem = "field.pose."
+    places = [f"{stem}position.{axis}" for axis in "xyz"]
+    places += [f"{stem}orientation.{axis}" for axis in "xyzw"]
+    rows = "\n".join(f"{1700000000 + n},{frame},1.0,2.0,3.0,0.0,0.0,0.{n},0.9" for n in range(9))
+    data = f"%time,field.header.frame_id,{','.join(places)}\n{rows}\n".encode()
+    draft = draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None))
+    assert {item.frame for item in draft.columns} == {"enu" if upward else ""}
+    assert any("REP 103" in remark for remark in draft.remarks) is upward
 
 
 def test_a_position_east_north_up_beside_a_gyro_goes_by_where_it_points() -> None:
