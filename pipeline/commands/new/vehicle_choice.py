@@ -21,6 +21,7 @@ from auvid.pipeline.commands.check.axes_route import (
     MOTORS_OF_VEHICLE,
     driven_outputs,
 )
+from auvid.stages.ingest.health.actuation.output_order import directions_by_motion
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 
 OWN_FILE = "vehicle"
@@ -155,7 +156,7 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
         name = MOTORS_OF_VEHICLE[len(driven)]
         why = f"{len(driven)} outputs are driven and the log names no frame"
         text = _as_guess(_annotated(SHIPPED_VEHICLES / f"{name}.yaml", log), why)
-        return VehicleChoice(name, f"guessed, {why}", text, guessed=True)
+        return VehicleChoice(name, f"guessed, {why}", _as_moved(text, log), guessed=True)
     return _unknown(log, driven, frame)
 
 
@@ -166,6 +167,23 @@ def _as_guess(text: str, why: str) -> str:
         f'guessed: "{why}"\n'
     )
     return re.sub(r"^(origin: )", line + r"\1", text, count=1, flags=re.MULTILINE)
+
+
+def _as_moved(text: str, log: CheckedLog) -> str:
+    """Return the text of a vehicle file with the directions that the motion of a log has.
+
+    Those of the file are of another vehicle; a log that has its own keeps them.
+    """
+    if any(f"MOT_{number}_DIRECTION" in log.info.parameters for number in range(1, 9)):
+        return text
+    directions = directions_by_motion(log, vehicle_of_text(text))
+    if directions is None:
+        return text
+    entry = (
+        f'    direction:\n      value: {directions.astype(int).tolist()}\n      unit: "1"\n'
+        "      source: the motion of the log\n      assumed: true\n"
+    )
+    return re.sub(r"^    direction:\n(?:      .*\n)+", entry, text, flags=re.MULTILINE)
 
 
 def _of_glider(text: str, log: CheckedLog) -> str:

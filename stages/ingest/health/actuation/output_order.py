@@ -24,6 +24,7 @@ from auvid.hydro.identification.checks.outputs.joined_outputs import (
     WindowMotion,
     joined_outputs,
 )
+from auvid.hydro.identification.checks.outputs.motor_directions import motor_directions
 from auvid.hydro.identification.checks.outputs.output_gains import (
     ChangedOrder,
     OutputGains,
@@ -32,6 +33,7 @@ from auvid.hydro.identification.checks.outputs.output_gains import (
     output_gains,
 )
 from auvid.stages.columns import ATTITUDE, GYRO, RATES, SPEEDS
+from auvid.stages.ingest.health.actuation.motions import motions as body_motions
 from auvid.stages.ingest.health.actuation.push_answers import (
     RIGHTED,
     SMALLEST_MOTION,
@@ -130,6 +132,48 @@ def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding
         if signs:
             joined = _without_signs(joined, log, list(places.values()))
         yield from _not_told(joined, words, thrusters.outputs, list(places))
+
+
+def directions_by_motion(log: CheckedLog, vehicle: Vehicle) -> Array | None:
+    """Return the direction (m,) of each thruster as the motion of a log has it.
+
+    By velocities, the rate of the depth and the gyro. None where it does not tell them all.
+    """
+    thrusters = vehicle.thrusters
+    if thrusters is None or not log.has("actuators", "imu"):
+        return None
+    names = [f"pwm_{number}_us" for number in thrusters.outputs]
+    if not set(names) <= set(log.tables["actuators"].column_names):
+        return None
+    measured = {"uvwpqr".index(axis): own[:2] for axis, own in body_motions(log).items()}
+    if log.has("velocity"):
+        speeds = log.body_velocity().T
+        measured |= {row: (log.t_s("velocity"), own) for row, own in enumerate(speeds)}
+    driven = [
+        row
+        for row in sorted(measured)
+        if np.abs(thrusters.allocation[row]).max() > LEAST_ALLOCATION
+        and log.has("attitude" if row in RIGHTED else "imu")
+        and float(measured[row][1].std()) > SMALLEST_MOTION
+    ]
+    t_s, own = log.t_s("actuators"), [measured[row] for row in driven]
+    clocks = (t_s, *(times for times, _ in own))
+    start, end = max(times[0] for times in clocks), min(times[-1] for times in clocks)
+    at = windows(start, end - max(ANSWERS_S), *clocks, width_s=ORDER_WINDOW_S)
+    if not driven or at.size < LEAST_ORDER_WINDOWS:
+        return None
+    pulses = np.nan_to_num(matrix(log.tables["actuators"], names))
+    ahead, back = (
+        integrals(t_s, thruster_forces(each, pulses), at, ORDER_WINDOW_S)
+        for sign in (1.0, -1.0)
+        for each in [replace(thrusters, direction=np.full(len(names), sign))]
+    )
+    terms = [
+        _other_terms(log, row, measured[row][0]) if row in RIGHTED or log.has("velocity") else None
+        for row in driven
+    ]
+    answers = [_motion_windows(own, terms, at + lag) for lag in ANSWERS_S]
+    return motor_directions(answers, (ahead, back), thrusters.allocation[driven])
 
 
 def _without_effect(gains: OutputGains | None, outputs: tuple[int, ...]) -> Iterator[Finding]:

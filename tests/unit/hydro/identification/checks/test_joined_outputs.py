@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.hydro.identification.checks.outputs.joined_outputs import WindowMotion, _AxisProducts
+from auvid.hydro.identification.checks.outputs.motor_directions import motor_directions
 
 
 def test_outputs_whose_pushes_cancel_explain_nothing() -> None:
@@ -18,3 +19,26 @@ def test_outputs_whose_pushes_cancel_explain_nothing() -> None:
     assert products.shares(np.array([[1.0, -1.0]])) == 0.0
     assert products.shares(np.array([[-1.0, 1.0]])) == 0.0
     assert products.shares(np.array([[1.0, 1.0]])) > 0.7
+
+
+def test_directions_that_nobody_wrote_down_are_those_that_the_motion_has() -> None:
+    """Four level thrusters driven by three sticks, two that lift; and none of noise."""
+    rng = np.random.default_rng(5)
+    effect = np.array(
+        [[-1.0, -1.0, 1.0, 1.0, 0, 0], [1.0, -1.0, 1.0, -1.0, 0, 0], [0, 0, 0, 0, 1.0, 1.0],
+         [0.2, -0.2, -0.2, 0.2, 0, 0]]
+    )  # fmt: skip
+    truth = np.array([1.0, 1.0, -1.0, 1.0, -1.0, -1.0])
+    mix = np.sign(np.where(effect == 0.0, 0.0, effect)) * truth
+    pulses = rng.normal(size=(300, 4)) @ mix
+    ahead = np.where(pulses > 0.0, pulses, 0.8 * pulses)  # less astern
+    impulses = ahead, np.where(pulses < 0.0, -pulses, -0.8 * pulses)
+    own = np.where(truth > 0.0, *impulses)
+    changes = own @ effect.T * [0.1, 0.1, 0.1, 2.0]
+    noisy = changes + 0.5 * changes.std(axis=0) * rng.normal(size=changes.shape)
+    drag = [rng.normal(size=(300, 2))] * 4
+    told = motor_directions([WindowMotion(noisy, drag)], impulses, effect)
+    assert told is not None
+    assert told.tolist() == truth.tolist()
+    still = WindowMotion(rng.normal(size=noisy.shape), drag)
+    assert motor_directions([still], impulses, effect) is None
