@@ -17,15 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Index
 from auvid.hydro.identification.regression.standard_errors import widened_by
 
 WINDOW_S = 4.0
 ENDS_S = 0.4
 """The speed at either end of a window is the mean over so long."""
 LEAST_WINDOWS = 6
-CLUSTER = 2
-"""Windows in a row whose errors count as one."""
+CLUSTER, SAME_SPEED = 2, 0.1
+"""Windows in a row whose errors count as one, at least; more at one speed, within this part of
+it: there they share what the form of the drag misses."""
 LEAST_RATIO = 1.6
 """Fastest over slowest window; below it linear and quadratic drag are one figure."""
 LEAST_SPEED = 0.05
@@ -44,7 +45,7 @@ class TowRecord:
 class TowFit:
     """Apparent mass, D_1, D_2 `values` (3,), covariance (3, 3), speeds of the windows.
 
-    1.96 standard errors are half of the 95 % interval, of Student's t by pairs of windows.
+    1.96 standard errors are half of the 95 % interval, of Student's t by clusters of windows.
     `free`: which of the three the tows tell; a mass that is not free is the prior's.
     `held_out`: share of the force's scatter about its mean that a fit to the other half of
     the windows predicts.
@@ -67,8 +68,8 @@ class TowFit:
 def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> TowFit:
     """Fit drag and apparent mass; the mass under a prior, drag never negative.
 
-    Covariance clustered by pairs of windows. Raises `DataError` for fewer than `LEAST_WINDOWS`
-    windows that move, and for a force that pushes against the motion.
+    Covariance clustered by pairs of windows, and by steady speeds. Raises `DataError` for
+    fewer than `LEAST_WINDOWS` windows that move, and for a force against the motion.
     """
     rows, target = _windows(tows)
     if target.size < LEAST_WINDOWS:
@@ -104,13 +105,30 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
     mass_is_free = bool(np.sqrt(covariance[0, 0]) < 0.7 * mass_sd_kg)
     return TowFit(
         values,
-        covariance * widened_by(target.size // CLUSTER - used) ** 2,
+        covariance * widened_by(len(clusters(rows[:, 1], used)) - used) ** 2,
         (mass_is_free, 1 in columns, 2 in columns),
         rows[:, 1],
         target,
         float(np.sqrt(np.mean(error**2))),
         1.0 - float(np.sum(missed**2)) / about if about > 0.0 else float("nan"),
     )
+
+
+def clusters(speed: Array, used: int) -> Index:
+    """Return where clusters of windows in a row begin, by their speeds (k,).
+
+    Pairs, where the speeds are too few to judge `used` unknowns.
+
+    >>> clusters(np.repeat([0.5, 1.0, 0.5, 0.7, 1.2], 4), 2).tolist()
+    [0, 4, 8, 12, 16]
+    """
+    starts = [0]
+    for at, x in enumerate(speed):
+        mean = float(np.mean(speed[starts[-1] : at])) if at > starts[-1] else float(x)
+        if at - starts[-1] >= CLUSTER and abs(x - mean) > SAME_SPEED * abs(mean):
+            starts.append(at)
+    by_speed = len(starts) >= used + 2
+    return np.array(starts if by_speed else range(0, speed.size, CLUSTER), dtype=np.intp)
 
 
 def _windows(tows: Sequence[TowRecord]) -> tuple[Array, Array]:
@@ -153,12 +171,12 @@ def _solve(
         error = target - part @ solution
         noise = float(np.sqrt(np.sum(error**2) / max(target.size - len(used), 1)))
         noise = max(noise, 1e-9 * float(np.max(np.abs(target))))
-    # Neighbours share what the water does; each pair counts by the error it would have
-    # in a fit without it.
+    # Neighbours share what the water does, and at one speed what the form misses; each
+    # cluster counts by the error it would have in a fit without it.
     leverage = np.minimum(np.einsum("ij,jk,ik->i", part, inverse, part), 0.9)
     scores = part * (error / (1.0 - leverage))[:, None]
-    pairs = np.add.reduceat(scores, np.arange(0, target.size, CLUSTER), axis=0)
-    middle = pairs.T @ pairs + np.diag(weight * noise**2)
+    sums = np.add.reduceat(scores, clusters(rows[:, 1], len(used)), axis=0)
+    middle = sums.T @ sums + np.diag(weight * noise**2)
     values, covariance = np.zeros(3), np.zeros((3, 3))
     values[used] = solution
     covariance[np.ix_(used, used)] = inverse @ middle @ inverse

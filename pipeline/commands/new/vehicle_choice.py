@@ -170,7 +170,7 @@ def _as_guess(text: str, why: str) -> str:
 
 
 def _as_moved(text: str, log: CheckedLog) -> str:
-    """Return the text of a vehicle file with the directions that the motion of a log has.
+    """Return the text of a vehicle file with the directions that a motion has.
 
     Those of the file are of another vehicle; a log that has its own keeps them.
     """

@@ -26,7 +26,7 @@ LEAST_EXPLAINED = 0.1
 def motor_directions(
     motions: Sequence[WindowMotion], impulses: tuple[Array, Array], allocation: Array
 ) -> Array | None:
-    """Return the direction (m,) of each thruster, None where the motion does not tell all.
+    """Return the direction (m,) of each thruster, None where motion does not tell all.
 
     motions: at several lags. impulses (n, m): by direction 1 and by -1. allocation (k, m).
     """
@@ -41,8 +41,8 @@ def motor_directions(
     )
     best = int(np.argmax(odds))
     second = float(np.max(np.delete(odds, best)))
-    told = odds[best] - second > SURE and shares[best] > LEAST_EXPLAINED
-    return signs[best] if told else None
+    clear = odds[best] - second > SURE and shares[best] > LEAST_EXPLAINED
+    return signs[best] if clear else None
 
 
 def _odds(

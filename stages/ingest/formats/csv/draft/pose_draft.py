@@ -118,7 +118,7 @@ def _by_compass(item: NamedColumn) -> NamedColumn:
 def in_named_frame(
     columns: Sequence[NamedColumn], texts: Mapping[str, Sequence[str]]
 ) -> tuple[list[NamedColumn], tuple[str, ...]]:
-    """Return the columns with the pose in the frame that a header names, and what was taken.
+    """Return the columns with the pose in the frame that a header names, and words.
 
     Messages of ROS name one (`frame_id`): map, odom, world have z up and body axes forward,
     left, up (REP 103), unless the name says ned.

@@ -37,8 +37,8 @@ def test_directions_that_nobody_wrote_down_are_those_that_the_motion_has() -> No
     changes = own @ effect.T * [0.1, 0.1, 0.1, 2.0]
     noisy = changes + 0.5 * changes.std(axis=0) * rng.normal(size=changes.shape)
     drag = [rng.normal(size=(300, 2))] * 4
-    told = motor_directions([WindowMotion(noisy, drag)], impulses, effect)
-    assert told is not None
-    assert told.tolist() == truth.tolist()
+    directions = motor_directions([WindowMotion(noisy, drag)], impulses, effect)
+    assert directions is not None
+    assert directions.tolist() == truth.tolist()
     still = WindowMotion(rng.normal(size=noisy.shape), drag)
     assert motor_directions([still], impulses, effect) is None

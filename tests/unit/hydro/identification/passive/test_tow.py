@@ -61,3 +61,18 @@ def test_a_force_of_the_wrong_sign_and_a_short_tow_are_refused() -> None:
     short = TowRecord(body.t_s[:300], body.speed[:300], body.force_N[:300])
     with pytest.raises(DataError, match="too short a tow"):
         fit_tow([short], mass_kg=MASS_KG, mass_sd_kg=3.0)
+
+
+def test_drag_of_another_form_lies_in_its_interval_at_the_speeds_that_were_towed() -> None:
+    """4 u + 38 u^1.82 at seven steady speeds: what the form misses stays for all of a level."""
+    rng, step = np.random.default_rng(1), 0.1
+    speed = np.repeat([0.5, 0.9, 1.3, 1.7, 1.2, 0.7, 0.4], 400)
+    noise = rng.normal(size=(2, speed.size))
+    force = 4.0 * speed + 38.0 * speed**1.82 + 0.8 * noise[0]
+    t_s = step * np.arange(speed.size)
+    record = TowRecord(t_s, speed + 0.01 * noise[1], force)
+    fit = fit_tow([record], mass_kg=90.0, mass_sd_kg=30.0)
+    for towed_at in (0.5, 0.9, 1.3, 1.7):
+        drag, error = fit.drag(towed_at)
+        truth = 4.0 * towed_at + 38.0 * towed_at**1.82
+        assert abs(drag - truth) < 1.3 * NORMAL_95 * error, (towed_at, drag, truth, error)
