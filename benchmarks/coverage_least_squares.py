@@ -30,12 +30,13 @@ import pyarrow as pa
 
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.records.models import ModelCard
+from auvid.data_schemas.records.models import ModelCard, TermCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
+from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY, total_error
 from auvid.stages import fuse, resample, residual, synthesise
 from auvid.stages.base import collection
 from auvid.stages.simulate.flights import fly_leg
@@ -143,11 +144,22 @@ def rows_of(
                     COLUMNS,
                     (
                         truth, plan_name, seed, f"{axis} {term}", true, item.value,
-                        item.standard_error, item.verdict,
+                        _of_the_data(item), item.verdict,
                     ),
                     strict=True,
                 )
             )  # fmt: skip
+
+
+def _of_the_data(item: TermCard) -> float | None:
+    """Return the error by noise and by what the force error says.
+
+    The figures of the vehicle are exact on the twin, so they have no part.
+    """
+    if item.standard_error is None:
+        return None
+    shifts = {name: item.assumed_shifts.get(name, 0.0) for name in (FORM, UNSTEADY)}
+    return total_error(item.standard_error, shifts)
 
 
 def summary(

@@ -31,6 +31,7 @@ from auvid.hydro.identification.regression.verdicts import (
     UNDER_UNSTEADY_FORCE,
     WEAK,
     clear_of_zero,
+    withstands,
 )
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
@@ -244,8 +245,8 @@ def ratio_words(part: PartialFigures) -> str:
 def coverage_words(shares: Mapping[str, float], method: str) -> str:
     """Return how often a method's intervals held the truth: true model -> share.
 
-    >>> coverage_words({"linear": 0.99}, "least squares")[-66:]
-    " an unsteady force as large as the manoeuvres' own they held 17 %."
+    >>> coverage_words({"linear": 0.99}, "least squares")[-87:]
+    " large as the manoeuvres' own few are identified (1 of 36), and these held it in 100 %."
     """
     parts = [
         f"{100.0 * share:.0f} % where the truth is {model_named(name).title}"
@@ -255,9 +256,10 @@ def coverage_words(shares: Mapping[str, float], method: str) -> str:
     which = "identified coefficients" if may else "coefficients of four standard errors and more"
     end = "."
     if method in UNDER_UNSTEADY_FORCE:
+        count, share = UNDER_UNSTEADY_FORCE[method]
         end = (
-            "; under an unsteady force as large as the manoeuvres' own they held"
-            f" {100.0 * UNDER_UNSTEADY_FORCE[method]:.0f} %."
+            "; under an unsteady force as large as the manoeuvres' own few are identified"
+            f" ({count} of 36), and these held it in {100.0 * share:.0f} %."
         )
     if not may:
         why = f"{SHORT_OF[method]}, so that " if method in SHORT_OF else ""
@@ -308,13 +310,21 @@ def damping_verdict(card: ModelCard, axis: str) -> str:
 
 def clear_in_its_form(item: TermCard) -> bool:
     """Return whether a weak term is weak only by what its form lacks."""
+    return weak_only_by(item, FORM)
+
+
+def weak_only_by(item: TermCard, figure: str) -> bool:
+    """Return whether a weak term would be clear without one of its assumed shifts."""
     if item.verdict != WEAK or item.value is None or not item.standard_error:
         return False
     shifts = dict(item.assumed_shifts)
-    lacking = shifts.pop(FORM, 0.0)
+    own = shifts.pop(figure, 0.0)
     return (
         clear_of_zero(item.value, item.standard_error, shifts.values())
-        and not clear_of_zero(item.value, item.standard_error, [*shifts.values(), lacking])
+        and not (
+            clear_of_zero(item.value, item.standard_error, [*shifts.values(), own])
+            and withstands(item.value, {figure: own})
+        )
         and not item.turns_without
     )
 

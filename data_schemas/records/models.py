@@ -46,7 +46,8 @@ class TermCard(Model):
     assumed_shifts: dict[str, float] = Field(default_factory=dict)
     """Assumed figure of the vehicle -> what one standard deviation of it moves the value
     by, in the unit of the value; no part of the standard error. `form`: what the terms
-    that the form lacks move it by.
+    that the form lacks move it by; `unsteady`: what the force error leans it by, as it moves
+    the vehicle.
     """
     source: str | None = None
     """Where a coefficient comes from that fills an axis; absent for the logs of the run."""

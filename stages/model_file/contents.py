@@ -36,7 +36,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
-from auvid.hydro.identification.regression.assumed_figures import CURRENT, total_error
+from auvid.hydro.identification.regression.assumed_figures import CURRENT, UNSTEADY, total_error
 from auvid.hydro.model_file import dynamics_of, fitted_change, frames, with_fitted_shares
 from auvid.hydro.partial_model import (
     FROM_BENCH,
@@ -203,8 +203,8 @@ def differing_directions(vehicle: Vehicle, chosen: Vehicle, logs: Sequence[LogIn
 def _coefficient(axis: str, item: TermCard, card: ModelCard) -> CoefficientEntry:
     value, error = item.value, item.standard_error
     assumed = total_error(0.0, item.assumed_shifts) if item.assumed_shifts else None
-    # A current is no figure of the vehicle: with it alone noise is still no total.
-    figures = item.assumed_shifts.keys() - {CURRENT}
+    # A current and a force are no figures of the vehicle: with these, noise is still no total.
+    figures = item.assumed_shifts.keys() - {CURRENT, UNSTEADY}
     total = None if error is None or not figures else total_error(error, item.assumed_shifts)
     return CoefficientEntry.model_validate(
         {

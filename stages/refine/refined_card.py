@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from auvid.hydro.identification.constrained.estimates import EstimateStatus, est
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR, moved_far
 from auvid.hydro.identification.maximum_likelihood.estimate import LikelihoodEstimate
 from auvid.hydro.identification.maximum_likelihood.records import CHANNELS, SENSORS, LegRecord
-from auvid.hydro.identification.regression.assumed_figures import FORM, total_error
+from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY, total_error
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.regression.least_squares import Combination
 from auvid.hydro.identification.regression.verdicts import (
@@ -40,6 +40,7 @@ from auvid.hydro.identification.regression.verdicts import (
 )
 from auvid.stages.refine.fitting import SensorFit
 
+S = TypeVar("S")
 UNITS = ("rad",) * 3 + ("rad/s",) * 3 + ("m/s^2",) * 3 + ("m/s",) * 3 + ("m",)
 CHANGED = 0.1
 """Share of the standard error from which on limits changed a value."""
@@ -157,7 +158,9 @@ def _axis(
             "covariance": CovarianceCard(
                 terms=[unknowns[i].term for i in kept],
                 lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
-                shifts=part.covariance.shifts_of([_free_term(unknowns[i], status) for i in kept]),
+                shifts=_of_figures(
+                    part.covariance.shifts_of([_free_term(unknowns[i], status) for i in kept])
+                ),
             ),
             "combinations": [_combination(axis, item, fit) for item in part.combinations],
         }
@@ -211,11 +214,12 @@ def _term(
 def _shifts(item: TermCard, value: float, estimate: LikelihoodEstimate) -> dict[str, float]:
     """Return what assumed figures move a coefficient by, and what its form lacks.
 
-    Where the windows do not agree, the form lacks something, and two estimators that weigh
-    the motion differently take it up differently: how far this one is from least squares
-    counts as well.
+    Velocities are not taken from sensors here, so a force that moves the vehicle does not go
+    with them. Where the windows do not agree, the form lacks something, and two estimators
+    that weigh the motion differently take it up differently: how far this one is from least
+    squares counts as well.
     """
-    shifts = dict(item.assumed_shifts)
+    shifts = _of_figures(item.assumed_shifts)
     if not estimate.windows_agree:
         away = abs(value - item.value) if item.value is not None else abs(value)
         shifts[FORM] = float(np.hypot(shifts.get(FORM, 0.0), away))
@@ -232,7 +236,19 @@ def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombin
     variance = float(weights[used] @ fit.covariance[np.ix_(used, used)] @ weights[used])
     error = float(np.sqrt(variance)) if variance >= 0.0 else None
     reading = str(Combination(item.weights, value, error or 0.0))
-    return item.model_copy(update={"value": value, "standard_error": error, "reading": reading})
+    return item.model_copy(
+        update={
+            "value": value,
+            "standard_error": error,
+            "reading": reading,
+            "assumed_shifts": _of_figures(item.assumed_shifts),
+        }
+    )
+
+
+def _of_figures(shifts: Mapping[str, S]) -> dict[str, S]:
+    """Return shifts without those of an unsteady force, which leans least squares."""
+    return {name: shift for name, shift in shifts.items() if name != UNSTEADY}
 
 
 def _inertia(

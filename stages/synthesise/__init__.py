@@ -96,6 +96,7 @@ from auvid.stages.synthesise.training import (
     RESIDUAL_COLUMNS,
     STATE_COLUMNS,
     DataErrors,
+    ForceSolution,
     LegTables,
     TrainingData,
     TrainingSegment,
@@ -107,6 +108,7 @@ from auvid.stages.synthesise.training import (
     merged_figures,
     motion_factor,
     moved_by_lag,
+    moved_by_unsteady_force,
     others_of,
 )
 from auvid.stages.synthesise.wiring import torque_blocks, wiring_blocks
@@ -118,6 +120,7 @@ from auvid.stages.synthesise.within_limits import (
     refuse_contradicting_priors,
     refuse_pushing_priors,
     refuse_unknown_inertia,
+    with_inertia,
     within_limits,
 )
 
@@ -381,6 +384,29 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if (fuller := completed_fit(data.factor, fit)) is not None
     }
     coloured = coloured_errors({**fits, **completed}, legs(), terms)
+    structures = [
+        model
+        for model in models
+        if choice.is_plain and model.name not in published and model.name not in unasked
+    ]
+    moving = data.factor
+    if params.inertia and structures:
+        factors = {}
+        for name, own_factor in zip(
+            names, _with_motion(inputs, training, structures, lag_s), strict=True
+        ):
+            factor_kept = factors.get(name)
+            factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
+        moving = reduce(TriangularFactor.merge, factors.values())
+    solutions = {
+        model.name: (
+            with_inertia(model, moving, params.inertia, trim=params.trim)
+            if params.inertia and model in structures
+            else ForceSolution.of({axis: fits[model.name, axis] for axis in AXES})
+        )
+        for model in models
+    }
+    unsteady = moved_by_unsteady_force(solutions, legs(), terms, vehicle)
     moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}
     if lag_s > 0.0:
         prompt = reduce(TriangularFactor.merge, (leg_factor(leg, terms) for leg in legs(0.0)))
@@ -400,6 +426,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 for axis in AXES
                 if (key := (COMPLETED + model.name, axis)) in completed
             },
+            unsteady=unsteady[model.name],
             turns={axis: turns[model.name, axis] for axis in AXES},
             left_out=list(others),
             vehicle=vehicle,
@@ -430,18 +457,13 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             )
             for name, card in cards.items()
         }
-    elif structures := [model for model in models if model.name not in published]:
+    elif structures:
         limits = PhysicalLimits(params.damping, params.inertia, prior, sources)
-        moving, figures = data.factor, {}
-        if params.inertia:
-            factors = {}
-            for name, own_factor in zip(
-                names, _with_motion(inputs, training, structures, lag_s), strict=True
-            ):
-                factor_kept = factors.get(name)
-                factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
-            moving = reduce(TriangularFactor.merge, factors.values())
-            figures = _motion_figures(inputs, training, structures, vehicle, lag_s, currents)
+        figures = (
+            _motion_figures(inputs, training, structures, vehicle, lag_s, currents)
+            if params.inertia
+            else {}
+        )
         for model in structures:
             squares = cards[model.name]
             per_one = {

@@ -21,11 +21,11 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.dynamics.viscous.models import Coefficients, ViscousModel
-from auvid.hydro.identification.regression.assumed_figures import FORM
+from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.lacking_terms import clear_terms, moved_by_terms
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
-from auvid.hydro.identification.regression.normal_changes import widened
+from auvid.hydro.identification.regression.normal_changes import NormalChange, widened
 from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
 from auvid.hydro.identification.regression.verdicts import (
@@ -58,6 +58,7 @@ def model_card(
     data: TrainingData,
     fits: Mapping[str, tuple[AxisFit, Coloured]],
     completed: Mapping[str, tuple[AxisFit, Coloured]],
+    unsteady: Sequence[NormalChange],
     turns: Mapping[str, Mapping[str, tuple[str, ...]]],
     left_out: Sequence[str],
     vehicle: Vehicle,
@@ -67,7 +68,8 @@ def model_card(
 ) -> ModelCard:
     """Return the card of a model from its fits and their errors, by axis.
 
-    completed: of `completed_fit`, of axes that may lack something.
+    completed: of `completed_fit`, of axes that may lack something. unsteady: what the force
+    error does by the motion that it causes.
     `declared`: the model before its propeller terms were left out. turns: by axis, of
     `sign_turns` over the training legs `left_out` in turn. held_out: J/J0 on each of
     them, as `error_ratios`.
@@ -85,6 +87,8 @@ def model_card(
             lacking = clear_terms(fuller, fit, _about_the_truth(fuller, its_errors, data.errors))
         if lacking:
             figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
+        if unsteady:
+            figures[UNSTEADY] = np.array([change.shift(fit) for change in unsteady])
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }

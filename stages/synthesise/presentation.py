@@ -11,13 +11,13 @@ from auvid.hydro.identification.constrained.actuator_lag import ActuatorLag
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import moved_far
 from auvid.hydro.identification.constrained.steady_current import SteadyCurrent
-from auvid.hydro.identification.regression.assumed_figures import CURRENT, total_error
+from auvid.hydro.identification.regression.assumed_figures import CURRENT, UNSTEADY, total_error
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.hydro.identification.selection.axis_terms import SPARSE
-from auvid.stages.model_use import clear_in_its_form, coverage_words, listed
+from auvid.stages.model_use import clear_in_its_form, coverage_words, listed, weak_only_by
 from auvid.stages.presentation import (
     NOISE_95,
     Block,
@@ -110,8 +110,8 @@ def synthesise_section(
 def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
     """Return a fold with a model's coefficients, and one with remarks on them."""
     rows, kept = [], []
-    lacks = any(part.lacking for part in card.axes.values())
-    budget = ["± 95 % by assumed figures"] if card.spreads or lacks else []
+    shifted = any(item.assumed_shifts for part in card.axes.values() for item in part.terms)
+    budget = ["± 95 % by assumed figures"] if shifted else []
     for axis, part in card.axes.items():
         for item in part.terms:
             partners = item.inseparable_from
@@ -123,6 +123,8 @@ def _model_blocks(card: ModelCard) -> list[dict[str, Any]]:
                 verdict += f"; clear as a mean over the flown motion, but the form lacks {lacking}"
             elif item.verdict == WEAK and limited_far(item):
                 verdict += "; limits moved it by more than two of its errors"
+            elif weak_only_by(item, UNSTEADY):
+                verdict += "; clear by noise, but a force that no term has moves the vehicle"
             elif sign_by_figures(item):
                 verdict += "; clear by noise, but its sign rests on assumed figures"
             row = [axis, item.term, item.value, half_95(item.standard_error), item.unit]
@@ -214,6 +216,11 @@ def _method(card: ModelCard) -> str:
         note += (
             " What the form lacks: terms that are clear when they are added, and how far that moves"
             " the value."
+        )
+    if any(UNSTEADY in item.assumed_shifts for part in card.axes.values() for item in part.terms):
+        note += (
+            " By an unsteady force: what the force error of the training legs may lean the value,"
+            " as it moves the vehicle and so goes with its velocities."
         )
     if card.assumed and not card.spreads.keys() - {CURRENT}:
         note += f" The {len(card.assumed)} assumed figures of the vehicle count as exact."

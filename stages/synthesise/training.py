@@ -15,6 +15,8 @@ from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
+from auvid.hydro.dynamics.jacobians import coriolis_jacobian
+from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
@@ -50,6 +52,7 @@ from auvid.hydro.identification.regression.normal_changes import (
 )
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
+from auvid.hydro.identification.regression.unsteady_force import unsteady_changes
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.hydro.identification.signals.lost_motion import lost_motion
 from auvid.hydro.long_series.threads import at_once
@@ -511,6 +514,62 @@ def coloured_errors(
             most = fit.n_samples / max(left_out[key].count, 1)
         errors[key] = Coloured(covariance, min(coloured_over_white(fit, covariance), most))
     return errors
+
+
+class ForceSolution(NamedTuple):
+    """A model's force: axis -> term -> value, and dM_A (6, 6) of fitted inertia."""
+
+    values: Mapping[str, Mapping[str, float]]
+    added_mass: Array
+
+    @classmethod
+    def of(cls, fits: Mapping[str, AxisFit]) -> ForceSolution:
+        """Return that of fits by axis, with the inertia of the vehicle file."""
+        values = {
+            axis: dict(zip(fit.terms, fit.solution.tolist(), strict=True))
+            for axis, fit in fits.items()
+        }
+        return cls(values, np.zeros((6, 6)))
+
+
+def moved_by_unsteady_force(
+    solutions: Mapping[str, ForceSolution],
+    legs: Iterable[TrainingSegment],
+    terms: Sequence[str],
+    vehicle: Vehicle,
+) -> dict[str, tuple[NormalChange, ...]]:
+    """Return what the force error of each model does by the motion that it causes.
+
+    One more pass over the legs; those without a state have no part in it.
+    """
+    changes: dict[str, tuple[NormalChange, ...]] = dict.fromkeys(solutions, ())
+    for leg in legs:
+        if leg.measured is None:
+            continue
+        every = leg.measured.every(STRIDE)
+        slopes = every.force_slopes(vehicle)
+        for at, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
+            place = slice(at.start // STRIDE, at.stop // STRIDE)
+            for model, (values, added) in solutions.items():
+                used = {term for row in values.values() for term in row}
+                own = part.of_terms([term for term in terms if term in used])
+                own_slopes = slopes[place]
+                if added.any():
+                    nu, nu_dot = every.nu[place], every.nu_dot[place]
+                    by_inertia = nu_dot @ added + coriolis_force(added, nu)
+                    own = replace(own, forces=own.forces - by_inertia)
+                    own_slopes = own_slopes - coriolis_jacobian(added, nu)
+                new = unsteady_changes(
+                    own,
+                    np.array(
+                        [[values.get(a, {}).get(term, 0.0) for term in own.terms] for a in AXES]
+                    ),
+                    own_slopes,
+                    vehicle.mass_matrix - added,
+                    step_s=every.step_s,
+                )
+                changes[model] = _merged(changes[model], new)
+    return changes
 
 
 def _with_block(

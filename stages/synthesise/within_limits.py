@@ -38,6 +38,7 @@ from auvid.hydro.identification.constrained.equations import (
     ACCELERATIONS,
     ForceEquations,
     Unknown,
+    added_mass_change,
     added_mass_unknown,
     inertia_equations,
     viscous_equations,
@@ -69,7 +70,7 @@ from auvid.hydro.identification.regression.verdicts import (
 )
 from auvid.hydro.identification.selection.ranking import error_ratios
 from auvid.stages.synthesise.model_card import Prior, held_out_card
-from auvid.stages.synthesise.training import others_of
+from auvid.stages.synthesise.training import ForceSolution, others_of
 
 DAMPING = ("free", "negative", "dissipative")
 ROUNDING = 1e-9
@@ -194,6 +195,19 @@ def _priors(limits: PhysicalLimits, unknowns: Sequence[Unknown]) -> list[NormalP
 def _measured(sources: Sequence[NormalPrior], unknowns: Sequence[Unknown]) -> list[NormalPrior]:
     """Return priors of other measurements, on those unknowns that a model has."""
     return [used for item in sources if (used := item.of(unknowns)).unknowns]
+
+
+def with_inertia(
+    model: ViscousModel, factor: TriangularFactor, inertia: Sequence[str], *, trim: bool
+) -> ForceSolution:
+    """Return the force of a structure with added masses fitted, without limits.
+
+    factor: with the columns of `extra_rows`; inertia: as `N_rdot`.
+    """
+    equations = viscous_equations(model, trim=trim).with_unknowns_of(inertia_equations(inertia))
+    fit = fit_within(factor, equations)
+    values = dict(zip(fit.unknowns, fit.values.tolist(), strict=True))
+    return ForceSolution(fit.by_axis(), added_mass_change(values))
 
 
 def _physics(

@@ -24,6 +24,7 @@ SLOPE_STEP = 1e-4
 CURRENT = "current"
 FORM = "form"
 INERTIA_RATIO = "inertia_ratio"
+UNSTEADY = "unsteady"
 FIGURES = {
     "thrust": "scale of the thrust curve",
     "thrust_lag": "thrust lag",
@@ -34,9 +35,11 @@ FIGURES = {
     CURRENT: "steady current",
     FORM: "what the form lacks",
     INERTIA_RATIO: "ratio of inertias",
+    UNSTEADY: "unsteady force",
 }
 """Assumed figures by their key in the vehicle file; the current is the dive's, what a form
-lacks the model's, and a ratio of inertias that of a model without newtons.
+lacks the model's, a ratio of inertias that of a model without newtons, and an unsteady
+force what the model leaves of the measured one.
 """
 
 

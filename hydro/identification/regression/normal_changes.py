@@ -124,6 +124,12 @@ class StridedLeg:
             )
             yield place, replace(piece, weight=weight)
 
+    def of_terms(self, terms: Sequence[str]) -> StridedLeg:
+        """Return it with the columns of some terms and the constant."""
+        names = (*terms, CONSTANT)
+        at = [self.terms.index(name) for name in names]
+        return replace(self, terms=names, rows=self.rows[:, at], slopes=self.slopes[:, at])
+
     def with_columns(self, names: Sequence[str], values: Array) -> StridedLeg:
         """Return it with columns (m, c) that no velocity moves, before the constant."""
         return replace(

@@ -10,7 +10,12 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
-from auvid.hydro.identification.regression.assumed_figures import FIGURES, FORM, total_error
+from auvid.hydro.identification.regression.assumed_figures import (
+    FIGURES,
+    FORM,
+    UNSTEADY,
+    total_error,
+)
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, clear_of_zero
 from auvid.stages.number_format import (
@@ -159,7 +164,7 @@ def assumed_most(card: ModelCard) -> str:
             (
                 name
                 for name, shift in item.assumed_shifts.items()
-                if name != FORM and shift**2 > 0.5 * error**2
+                if name not in (FORM, UNSTEADY) and shift**2 > 0.5 * error**2
             ),
             "",
         )

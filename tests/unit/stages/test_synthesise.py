@@ -14,6 +14,7 @@ from typing import Any, cast
 import numpy as np
 import pyarrow as pa
 import pytest
+from scipy.signal import lfilter
 
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.errors import CampaignError, DataError
@@ -1046,6 +1047,33 @@ def test_what_a_form_lacks_widens_the_coefficients_that_stand_for_it() -> None:
     page = str(outputs.section)
     assert "what the form lacks ±" in page
     assert "clear as a mean over the flown motion, but the form lacks X_u|u|" in page
+
+
+def test_a_force_that_moves_the_vehicle_makes_what_it_leans_weak_and_says_so() -> None:
+    """Drag -40 u, and a force of .4 s as large as the thrust; sway and the others have none."""
+    motion, vehicle = rich_motion(90.0, seed=5, ahead=False), shipped_vehicle("bluerov2_heavy")
+    damping = np.array([40.0, 60.0, 70.0, 2.0, 3.0, 5.0])
+    mass, step_s, rng = vehicle.mass_matrix[0, 0], 0.02, np.random.default_rng(4)
+    unsteady = lfilter([5.0], [1.0, -np.exp(-step_s / 0.4)], rng.normal(size=len(motion.t_s)))
+    thrust = 12.0 * np.sign(np.sin(0.7 * motion.t_s))
+    decay = np.exp(-damping[0] / mass * step_s)
+    nu, nu_dot = motion.nu.copy(), motion.nu_dot.copy()
+    nu[:, 0] = lfilter([0.0, (1.0 - decay) / damping[0]], [1.0, -decay], thrust + unsteady)
+    nu_dot[:, 0] = (thrust + unsteady - damping[0] * nu[:, 0]) / mass
+    force = 0.3 * rng.normal(size=nu.shape) - nu * damping
+    force[:, 0] += unsteady
+    inputs = driven(motion.t_s, nu, nu_dot, force, np.zeros_like(force))
+    inputs = replace(inputs, vehicle=replace(vehicle, spreads={}))
+    outputs = synthesise.run(inputs, synthesise.Params(models=("diagonal",), current_m_s=0.0))
+    card = outputs.model_card["diagonal"]
+    (surge,), (sway,) = card.axes["X"].terms, card.axes["Y"].terms
+    assert surge.value is not None
+    assert surge.standard_error is not None
+    lean = surge.value + damping[0]
+    assert lean > 4.0 * surge.standard_error, "noise alone says nothing of it"
+    assert lean < NORMAL_95 * total_error(surge.standard_error, surge.assumed_shifts)
+    assert (surge.verdict, sway.verdict) == ("weak", "identified")
+    assert "clear by noise, but a force that no term has moves the vehicle" in str(outputs.section)
 
 
 @pytest.mark.parametrize("component", ["thrusters", "fins"])

@@ -450,14 +450,17 @@ def test_an_estimated_installation_moves_the_velocity_log(twin: refine.Inputs) -
 def test_shifts_of_a_value_are_those_of_free_data_and_of_a_form_that_lacks_something(
     word: str, agree: bool, verdict: str, shifts: dict[str, float]
 ) -> None:
-    """A prior or a bound holds back what figures move; windows that disagree add a distance."""
+    """A prior or a bound holds back what figures move; windows that disagree add a distance.
+
+    An unsteady force leans least squares alone.
+    """
     item = TermCard.model_validate(
         {
             "term": "p",
             "unit": "N*m*s/rad",
             "value": -1.0,
             "verdict": "weak",
-            "assumed_shifts": {"thrust": 1.3},
+            "assumed_shifts": {"thrust": 1.3, "unsteady": 0.9},
         }
     )
     one, unknown = np.array([-1.7]), Unknown("K", "p")

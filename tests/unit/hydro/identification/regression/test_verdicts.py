@@ -89,6 +89,8 @@ def test_a_sign_that_rests_on_an_assumed_figure_is_weak(nu: np.ndarray) -> None:
     assert judge(fit, figures={"mass": np.array([2.0]), "arm": np.array([2.0])})["v"].status == (
         "weak"
     ), "assumed figures err independently"
+    for lean, word in ((1.6, "identified"), (1.7, "weak")):
+        assert judge(fit, figures={"unsteady": np.array([lean])})["v"].status == word
 
 
 def test_what_is_clear_of_zero() -> None:

@@ -1,0 +1,88 @@
+"""How far a force that moves the vehicle leans the coefficients of least squares.
+
+A force that no term has, as of a wake, waves or a tether, moves the vehicle: the velocities
+go with it, and least squares takes a part of it for damping that is too small, or for
+couplings (simultaneity; Young 2011, Recursive Estimation, chapter 6). A longer dive does not
+cure it. The force error e = tau_bar - K xi has its own past in it, and the inertia of the
+vehicle says what motion that past has caused:
+
+    d_nu(t) = integral over s <= `REACH_S` of Phi(t, t-s) M^-1 e(t-s) ds
+
+with Phi of the linearised motion. X'e has the expectation sum of (dx/dnu d_nu) e', which
+stands here as a change of the normal equations, one for each of the six velocities: what
+they do may cancel, and each is known to a factor only. Noise of a sensor moves nothing: its
+force is a derivative, and what of it goes with its own past adds up to nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.normal_changes import NormalChange, StridedLeg
+
+REACH_S = 1.0
+"""How long ago a force may have acted: some correlation times of an unsteady force, and about
+as long as the damping of a vehicle lets its motion last (decision 0093).
+"""
+LINEARISED = 10
+"""Samples over which the motion is linearised about one of them: a second, of every fifth one
+at 50 Hz.
+"""
+
+
+def unsteady_changes(
+    part: StridedLeg, coefficients: Array, force_slopes: Array, mass: Array, *, step_s: float
+) -> tuple[NormalChange, ...]:
+    """Return what the force error does by each of the six velocities it moves.
+
+    coefficients (6, k): of the terms of `part`; force_slopes (m, 6, 6): of the measured force
+    [axis, velocity]; mass (6, 6): with added mass; step_s: between samples of `part`.
+    """
+    error = part.forces - part.rows @ coefficients.T
+    error = error - error.mean(axis=0)
+    slopes = coefficients @ part.slopes[::LINEARISED] - force_slopes[::LINEARISED]
+    rates = without_gain(np.asarray(np.linalg.solve(mass, slopes), dtype=np.float64), mass)
+    moved = caused_motion(rates, np.linalg.solve(mass, error.T).T, step_s)
+    none = np.zeros((len(part.terms),) * 2)
+    return tuple(
+        NormalChange(
+            part.terms, none, part.weight * (part.slopes[:, :, i] * moved[:, [i]]).T @ error
+        )
+        for i in range(6)
+    )
+
+
+def caused_motion(rates: Array, accelerations: Array, step_s: float) -> Array:
+    """Return what accelerations (m, 6) of the last `REACH_S` add to the velocities.
+
+    accelerations and result (m, 6); rates (ceil(m / LINEARISED), 6, 6): d(nu_dot)/d(nu) of
+    `LINEARISED` samples each. Trapezoids.
+    """
+    half, unit = 0.5 * step_s * rates, np.eye(6)
+    steps = np.linalg.solve(unit - half, unit + half)
+    onward = steps[np.arange(1, len(accelerations)) // LINEARISED]
+    lags = max(1, round(REACH_S / step_s))
+    share = step_s * accelerations
+    moved = 0.5 * share
+    for lag in range(1, lags + 1):
+        earlier = np.zeros_like(share)
+        earlier[1:] = (onward @ share[:-1, :, None])[:, :, 0]
+        share = earlier
+        moved = moved + (share if lag < lags else 0.5 * share)
+    return np.asarray(moved)
+
+
+def without_gain(rates: Array, mass: Array) -> Array:
+    """Return rates (m, 6, 6) by which no motion gains energy.
+
+    Least squares that leans may push: what gains kinetic energy is left out, of the
+    symmetric part of M^1/2 A M^-1/2.
+    """
+    sizes, axes = np.linalg.eigh(mass)
+    root, inverse = (axes * np.sqrt(sizes)) @ axes.T, (axes / np.sqrt(sizes)) @ axes.T
+    scaled = root @ rates @ inverse
+    symmetric = 0.5 * (scaled + scaled.transpose(0, 2, 1))
+    gains, directions = np.linalg.eigh(symmetric)
+    lossy = (directions * np.minimum(gains, 0.0)[:, None, :]) @ directions.transpose(0, 2, 1)
+    return np.asarray(inverse @ (scaled - symmetric + lossy) @ root)

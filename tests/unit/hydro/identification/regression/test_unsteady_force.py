@@ -1,0 +1,69 @@
+"""A force that moves the vehicle leans least squares; its own past says how far."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
+from auvid.hydro.identification.regression.normal_changes import STRIDE, StridedLeg
+from auvid.hydro.identification.regression.unsteady_force import unsteady_changes, without_gain
+
+STEP_S, MASS, DRAG = 0.02, 20.0, 40.0
+COUNT = 30_000
+
+
+def lean(velocity: Array, force: Array) -> tuple[float, float]:
+    """Return X_u of least squares, and how far the force error may have moved it."""
+    nu, forces = np.zeros((2, COUNT, 6))
+    nu[:, 0], forces[:, 0] = velocity, force
+    factor = TriangularFactor.empty(("u",)).update(velocity[None], forces)
+    fit = solve_axis(factor, "X", ("u",))
+    values = np.zeros((6, 2))
+    values[0, 0] = fit.solution[0]
+    changes = unsteady_changes(
+        StridedLeg.of(nu, forces, ("u",), ratio=None),
+        values,
+        np.zeros((len(nu[::STRIDE]), 6, 6)),
+        MASS * np.eye(6),
+        step_s=STRIDE * STEP_S,
+    )
+    shifts = np.array([change.shift(fit)[0] for change in changes])
+    assert np.allclose(shifts[1:], 0.0), "sway and the others do not move"
+    return float(fit.solution[0]), float(shifts[0])
+
+
+@pytest.mark.parametrize("correlation_s", [0.4, 1.5])
+def test_lean_by_a_force_that_moves_the_vehicle_is_seen_and_noise_is_none(
+    correlation_s: float,
+) -> None:
+    """MASS u' = -DRAG u + thrust + unsteady force; u is known, or has noise of a sensor."""
+    rng = np.random.default_rng(3)
+    kept = np.exp(-STEP_S / correlation_s)
+    unsteady = 6.0 * np.sqrt(1.0 - kept**2) * lfilter([1.0], [1.0, -kept], rng.normal(size=COUNT))
+    t_s = STEP_S * np.arange(COUNT)
+    thrust = 8.0 * np.sign(np.sin(2.0 * np.pi * t_s / 9.0))
+
+    def speed(push: Array) -> Array:
+        decay = np.exp(-DRAG / MASS * STEP_S)
+        return np.asarray(lfilter([0.0, (1.0 - decay) / DRAG], [1.0, -decay], push))
+
+    u = speed(thrust + unsteady)
+    value, moved = lean(u, unsteady - DRAG * u)
+    assert value + DRAG > 4.0, "least squares takes the force for less drag"
+    assert 0.4 < moved / (value + DRAG) < 1.1, "most of that is seen in the first step"
+    noise = lfilter([0.1], [1.0, -0.9], rng.normal(scale=0.02, size=COUNT))
+    u = speed(thrust)
+    value, still = lean(u + noise, MASS * np.gradient(noise, STEP_S) - DRAG * u)
+    assert abs(still) < 0.05 * moved
+
+
+def test_rates_that_gain_energy_are_left_out_and_others_stay() -> None:
+    """Of diag(-1, 2, ...) in equal masses the gain goes; a turn without loss stays."""
+    rates = np.diag([-1.0, 2.0, -3.0, 0.0, 0.0, 0.0])
+    rates[3, 4], rates[4, 3] = 5.0, -5.0
+    expected = rates.copy()
+    expected[1, 1] = 0.0
+    assert without_gain(rates[None], 4.0 * np.eye(6))[0] == pytest.approx(expected)
