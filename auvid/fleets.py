@@ -9,7 +9,7 @@ import pandas as pd
 
 from auvid.data_schemas.schemas import schema
 from auvid.frames import as_frame
-from auvid.pipeline.commands.fleet.find_command import find
+from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auvid.pipeline.commands.fleet.catalog_command import recordings_of, segments, served
+from auvid.pipeline.commands.fleet.queries.catalog_command import recordings_of, segments, served
 from auvid.stages.report.recording.rerun_stream import Recording
 
 LIMITS = {"up_s": 3.0, "query_s": 0.5}

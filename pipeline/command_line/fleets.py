@@ -160,6 +160,6 @@ def fleet_find(
 
     Exit codes: 0 some; 1 none, or no fleet there; 2 wrong use.
     """
-    from auvid.pipeline.commands.fleet.find_command import print_matches
+    from auvid.pipeline.commands.fleet.queries.find_command import print_matches
 
     raise typer.Exit(print_matches(fleet_folder, expression))

@@ -137,7 +137,7 @@ def catalog(
     Those of a fleet are drawn first, where none has asked for them before. Each has typed
     properties: vehicle, best model, J/J0, verdicts by axis.
     """
-    from auvid.pipeline.commands.fleet.catalog_command import serve_catalog
+    from auvid.pipeline.commands.fleet.queries.catalog_command import serve_catalog
     from auvid.pipeline.execution.engines import make_engine
 
     serve_catalog(folder, where=where, port=port, engine=make_engine(None, jobs))

@@ -432,7 +432,7 @@ def test_declarations_of_stages_load_nothing_heavy() -> None:
 def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
     loaded = loaded_by(
         "import auvid.pipeline.commands.fleet.report.fleet_page,"
-        " auvid.pipeline.commands.fleet.find_command"
+        " auvid.pipeline.commands.fleet.queries.find_command"
     )
     assert not loaded & {stage.run.__module__ for stage in STAGES}
     assert not loaded & {"auvid.stages.registry", "scipy", "pandas"}

@@ -16,7 +16,7 @@ import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.fleet import fleet_run, log_work
 from auvid.pipeline.commands.fleet.dive_reports import draw_reports
-from auvid.pipeline.commands.fleet.find_command import find
+from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
 from auvid.pipeline.commands.fleet.fleet_tables import FleetMemory

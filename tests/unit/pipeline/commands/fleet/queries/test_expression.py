@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from auvid.data_schemas.errors import UsageError
-from auvid.pipeline.commands.fleet.expression import parse
+from auvid.pipeline.commands.fleet.queries.expression import parse
 
 FIELDS = ("state", "surge", "ratio", "vehicle", "start_utc", "log", "file", "model")
 ROW = {

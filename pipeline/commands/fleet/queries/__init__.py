@@ -1,0 +1,1 @@
+"""Questions to a fleet: logs of which something holds, and their recordings."""
