@@ -9,9 +9,10 @@ import pandas as pd
 
 from auvid.data_schemas.schemas import schema
 from auvid.frames import as_frame
-from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
+from auvid.pipeline.commands.fleet.pooled_campaign import pool_campaign
+from auvid.pipeline.commands.fleet.queries.find_command import find
 
 
 class Fleet:
@@ -79,6 +80,32 @@ class Fleet:
         rows = find(self._fleet, expression)
         columns = list(schema(TABLES["runs"]).columns)
         return pd.DataFrame(rows, columns=columns)
+
+    def pool(
+        self, vehicle: str | None = None, *, name: str | None = None, since: str | None = None
+    ) -> Path:
+        """Write one campaign of all dives of a vehicle; nothing runs.
+
+        Parameters
+        ----------
+        vehicle : str, optional
+            As `runs` names it; needed where the fleet has several.
+        name : str, optional
+            Of the campaign; `VEHICLE_dives` by default.
+        since : str, optional
+            Log of the first dive that counts, as after a change.
+
+        Returns
+        -------
+        pathlib.Path
+            Folder of the campaign, for `auvid run`.
+
+        Raises
+        ------
+        PipelineError
+            A vehicle or log that is not there, fewer than two dives, a campaign of that name.
+        """
+        return pool_campaign(self._fleet, vehicle, name=name, since=since).folder
 
     def _table(self, name: str) -> pd.DataFrame:
         return as_frame(read_table(self._fleet, name), TABLES[name])

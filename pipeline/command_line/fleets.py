@@ -1,4 +1,4 @@
-"""Commands over many dives: fleet run, fleet report, fleet find."""
+"""Commands over many dives: fleet run, report, pool and find."""
 
 from __future__ import annotations
 
@@ -133,6 +133,45 @@ def fleet_report(
     answer({"report": place.page, "tables": {name: place.table(name) for name in TABLES}})
     if open_it:
         typer.launch(place.page.as_uri())
+
+
+@fleet.command(
+    "pool",
+    cls=Command,
+    rich_help_panel=RUNNING,
+    epilog="Example: auvid fleet pool bluerov2_heavy --in fleet",
+)
+@answering
+def fleet_pool(
+    vehicle: Annotated[
+        str | None,
+        typer.Argument(metavar="VEHICLE", help="Vehicle, where the fleet has several."),
+    ] = None,
+    fleet_folder: Annotated[
+        Path, typer.Option("--in", metavar="FLEETDIR", help="Folder of the fleet.")
+    ] = Path("fleet"),
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Name of the campaign. (default: VEHICLE_dives)"),
+    ] = None,
+    since: Annotated[
+        str | None,
+        typer.Option(metavar="LOG", help="First dive that counts, as after a change."),
+    ] = None,
+) -> None:
+    """Write one campaign of all dives of a vehicle: one model of all.
+
+    auvid run then fits each model to the training legs of all dives together, leaves out
+    one part of them at a time, and writes report and model files as of any campaign.
+    Dives that are not done, or whose vehicle file or settings are not those of most, are
+    left out and named.
+
+    Exit codes: 0 written; 1 no fleet there, fewer than two dives, or a campaign of that
+    name; 2 wrong use.
+    """
+    from auvid.pipeline.commands.fleet.pooled_campaign import print_pooled_campaign
+
+    raise typer.Exit(print_pooled_campaign(fleet_folder, vehicle, name=name, since=since))
 
 
 @fleet.command(

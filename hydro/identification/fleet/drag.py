@@ -8,7 +8,7 @@ on and what alarms watch.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
 
@@ -24,10 +24,6 @@ MOST_SCATTER = 0.5
 """Of one dive, over the mean: an axis that scatters more does not count."""
 FEWEST_AXES = 2
 """That tell what a further axis scatters by."""
-TRADING = 0.95
-"""Correlation from which on two terms are one figure: each has 3.2 times the error that
-it would have, were the other one sure. Normal velocities about rest have -.92.
-"""
 
 
 @dataclass(frozen=True)
@@ -42,11 +38,6 @@ class DragAtSpeed:
     force: float
     standard_error: float
     trade: float
-
-    @property
-    def terms_trade(self) -> bool:
-        """Return whether linear and quadratic term are one figure."""
-        return abs(self.trade) >= TRADING
 
 
 def drag_terms(axis: str) -> tuple[str, str]:
@@ -148,11 +139,3 @@ def expected_scatters(drags: Sequence[Array]) -> list[float]:
         mean = abs(float(np.nanmean(values))) if enough else math.nan
         expected.append(mean * float(np.median(others)) if enough else math.nan)
     return expected
-
-
-def common_speed(conditions: Sequence[Mapping[str, float]], axis: str) -> float:
-    """Return the speed at which dives are compared: the median of their rms velocities.
-
-    `conditions`: velocity u, v, w, p, q or r -> its rms on the training legs of a dive.
-    """
-    return float(np.median([dive[drag_terms(axis)[0]] for dive in conditions]))

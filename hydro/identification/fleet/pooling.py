@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.data_schemas.records.models import FactorRecord
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.fleet.scatter import BetweenDives, between_dives, typical_error
-from auvid.hydro.identification.regression.least_squares import TriangularFactor
 
 FEWEST_DIVES = 3
 """Two dives say nothing of a scatter between dives."""
@@ -156,21 +152,3 @@ def numbers_of(values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
             value=float(s[numbers].min()),
         )
     return y[numbers], s[numbers]
-
-
-def merged_factor(records: Sequence[FactorRecord]) -> TriangularFactor:
-    """Return the triangular factor of the training data of all dives together.
-
-    R'R = sum R_i'R_i; every model, axis and term subset of the pooled data follows from
-    it as from the data. Raises `DataError` for no dive, `PipelineError` for other terms.
-    """
-    if not records:
-        raise DataError("no dive to merge", value=0, allowed="1 or more")
-    return reduce(TriangularFactor.merge, map(factor_of, records))
-
-
-def factor_of(record: FactorRecord) -> TriangularFactor:
-    """Return the triangular factor of a record, ready to solve and to merge."""
-    return TriangularFactor(
-        tuple(record.terms), np.asfortranarray(record.factor, dtype=np.float64), record.samples
-    )

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.arrays import Array, Index
 from auvid.hydro.dynamics.simulation.plant_constants import Tables
 from auvid.hydro.identification.maximum_likelihood.gauss_newton import (
     Evaluate,
@@ -116,12 +116,6 @@ class Likelihood:
     filtering: bool
     start_sd: Array
     prior: ParameterPrior | None = None
-
-    @cached_property
-    def biased(self) -> Mask:
-        """Return which biases are fitted (legs, 6): those of sensors that exist."""
-        rows = [["accel" in leg.sensors] * 3 + ["gyro" in leg.sensors] * 3 for leg in self.legs]
-        return np.array(rows, dtype=bool)
 
     @property
     def unknowns(self) -> int:

@@ -180,7 +180,7 @@ def write_campaign(
         else "",
     )
     texts["campaign.yaml"] = campaign_text(content)
-    _write(folder, texts, sources, link=link)
+    write_files(folder, texts, sources, link=link)
     marks = {file: text.count("# check:") for file, text in texts.items() if "# check:" in text}
     lines = [
         f"{feed.kind}: {len(legs.legs)} leg{'s' * (len(legs.legs) != 1)} from"
@@ -400,7 +400,7 @@ def _stages(
     return stages
 
 
-def _write(
+def write_files(
     folder: Path, texts: Mapping[str, str], sources: Mapping[str, Path], *, link: bool
 ) -> None:
     """Write all files of a campaign, or none."""

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.pipeline.commands.fleet.dive_reports import draw_reports
-from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import FleetFolder, open_fleet
+from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.look.inspect.rerun_viewer import require_rerun
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.output import answer, note

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.schemas import schema
-from auvid.pipeline.commands.fleet.queries.expression import parse
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_tables import read_table
+from auvid.pipeline.commands.fleet.queries.expression import parse
 from auvid.pipeline.output import FAILED, FINE, answer
 from auvid.pipeline.terminal import table
 from auvid.stages.number_format import fixed

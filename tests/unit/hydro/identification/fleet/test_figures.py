@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from auvid.data_schemas.records.models import AxisCard, CovarianceCard, ModelCard, TermCard
+from auvid.data_schemas.records.models import AxisCard, CovarianceCard, TermCard
 from auvid.data_schemas.records.motion import InstallationFigure, InstallationRecord
 from auvid.hydro.identification.fleet.figures import (
     covariance_of,
+    drag_of_axis,
     figures_of_installation,
-    figures_of_model,
 )
 
 
@@ -26,16 +26,12 @@ def axis(values: dict[str, float | None], lower: list[list[float]]) -> AxisCard:
     )  # fmt: skip
 
 
-def test_a_card_gives_drag_and_buoyancy() -> None:
+def test_drag_at_a_speed_has_the_errors_of_both_terms() -> None:
     x = axis({"u": -4.0, "u*|u|": -18.0, "r": 2.0}, [[1.0], [-0.5, 4.0], [0.1, 0.2, 1.0]])
-    z = axis({"w": None, "constant": -3.0}, [[0.09]])
-    card = ModelCard.model_construct(axes={"X": x, "Z": z})
-    figures = figures_of_model(card, {"X": 0.5, "Z": 0.2})
-    assert list(figures) == ["drag X", "buoyancy"]
-    assert figures["buoyancy"] == (3.0, 0.3)
-    force, error = figures["drag X"]
+    drag = drag_of_axis(x, "X", 0.5)
+    assert drag is not None
     # 4 .5 + 18 .25; .25 1 - 2 (.5) (.25) .5 + .0625 4.
-    assert_allclose((force, error**2), (6.5, 0.25 - 0.125 + 0.25))
+    assert_allclose((drag.force, drag.standard_error**2), (6.5, 0.25 - 0.125 + 0.25))
     assert_allclose(covariance_of(x), covariance_of(x).T)
     assert np.linalg.eigvalsh(covariance_of(x)).min() > 0.0
 

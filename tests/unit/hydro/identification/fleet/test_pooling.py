@@ -10,12 +10,10 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal, t
 from statsmodels.stats.meta_analysis import combine_effects
 
-from auvid.data_schemas.errors import DataError, PipelineError
-from auvid.data_schemas.records.models import FactorRecord
+from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.fleet.pooling import merged_factor, outside_share, pool
+from auvid.hydro.identification.fleet.pooling import outside_share, pool
 from auvid.hydro.identification.fleet.scatter import between_dives, typical_error
-from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 
 VALUES = np.array([10.0, 11.2, 9.1, 10.5, 9.4, 12.0])
 ERRORS = np.array([0.3, 0.4, 0.5, 0.3, 0.2, 0.6])
@@ -121,34 +119,6 @@ def test_two_dives_are_refused_in_words() -> None:
 
 def test_typical_error_is_between_the_errors() -> None:
     assert ERRORS.min() < typical_error(ERRORS) < ERRORS.max()
-
-
-def record_of(factor: TriangularFactor) -> FactorRecord:
-    return FactorRecord(
-        terms=list(factor.columns), samples=factor.n_samples, factor=factor.R.tolist()
-    )
-
-
-def test_merged_factors_are_the_fit_of_all_data() -> None:
-    random = np.random.default_rng(3)
-    terms = ("u", "u*|u|", "r")
-    empty = TriangularFactor.empty(terms)
-    dives = [(random.standard_normal((3, n)), random.standard_normal((n, 6))) for n in (700, 90, 4)]
-    merged = merged_factor([record_of(empty.update(*dive)) for dive in dives])
-    rows, forces = np.hstack([d[0] for d in dives]), np.vstack([d[1] for d in dives])
-    assert merged.n_samples == 794
-    columns = np.vstack([rows, np.ones(794)]).T
-    best, *_ = np.linalg.lstsq(columns, forces, rcond=None)
-    fit = solve_axis(merged, "X", (*terms, "constant"))
-    assert_allclose(fit.coefficients, best[:, 0], rtol=0, atol=1e-9 * np.abs(best).max())
-
-
-def test_factors_of_other_terms_are_refused() -> None:
-    one, other = (record_of(TriangularFactor.empty(terms)) for terms in (("u",), ("v",)))
-    with pytest.raises(PipelineError, match="different columns"):
-        merged_factor([one, other])
-    with pytest.raises(DataError, match="no dive"):
-        merged_factor([])
 
 
 def test_the_next_dive_after_a_change_is_of_the_new_level() -> None:

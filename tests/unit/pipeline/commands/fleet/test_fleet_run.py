@@ -16,10 +16,10 @@ import auvid
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.commands.fleet import fleet_run, log_work
 from auvid.pipeline.commands.fleet.dive_reports import draw_reports
-from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.fleet_folder import TABLES, FleetFolder, open_fleet
 from auvid.pipeline.commands.fleet.fleet_run import FleetOutcome, run_fleet
 from auvid.pipeline.commands.fleet.fleet_tables import FleetMemory
+from auvid.pipeline.commands.fleet.queries.find_command import find
 from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 from auvid.pipeline.commands.new import log_survey
 from auvid.pipeline.commands.open_run import open_run
