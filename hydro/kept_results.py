@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from functools import wraps
 from hashlib import sha256
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeGuard, TypeVar
 
 import numpy as np
 
@@ -24,16 +24,21 @@ Taken = ParamSpec("Taken")
 Result = TypeVar("Result")
 
 
-def kept(compare: Callable[Taken, Result], most: int | None = None) -> Callable[Taken, Result]:
+def kept(
+    compare: Callable[Taken, Result], most: int | None = None, longest: int | None = None
+) -> Callable[Taken, Result]:
     """Return a comparison that computes once for the same contents of its arguments.
 
-    `most` results are kept, else `MOST_RESULTS`. Nobody may change a result that is returned.
+    `most` results are kept, else `MOST_RESULTS`; none where an argument is an array of more
+    than `longest` rows. Nobody may change a result that is returned.
     """
     results: OrderedDict[bytes, Result] = OrderedDict()
     missing = object()
 
     @wraps(compare)
     def once(*args: Taken.args, **named: Taken.kwargs) -> Result:
+        if longest is not None and any(len(it) > longest for it in args if _is_array(it)):
+            return compare(*args, **named)
         key = contents([*args, *sorted(named.items())])
         result: Any = results.get(key, missing)
         if result is missing:
@@ -45,6 +50,10 @@ def kept(compare: Callable[Taken, Result], most: int | None = None) -> Callable[
         return result  # type: ignore[no-any-return]
 
     return once
+
+
+def _is_array(value: object) -> TypeGuard[Array]:
+    return isinstance(value, np.ndarray) and value.ndim > 0
 
 
 def contents(*values: Any) -> bytes:

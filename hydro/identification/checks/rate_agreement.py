@@ -186,12 +186,10 @@ def other_order(
     With the part of what ZYX leaves over windows of 1 s, and the logarithm of its
     likelihood over ZYX. None for too few intervals.
     """
-    angles = np.asarray(euler, dtype=np.float64)
     left: dict[str, float] = {}
     count = 0
     for order in ("ZYX", *OTHER_ORDERS):
-        turned = angles if order == "ZYX" else in_order(angles, order)
-        turns = _turns(t_s, turned, t_gyro, gyro)
+        turns = _turns(t_s, euler, t_gyro, gyro, order)
         if turns is None:
             return None
         t, rows, expected = turns.t, turns.rows, turns.expected
@@ -274,10 +272,14 @@ class _Turns:
 
 FEW = 8
 """Results with a row for each sample that are kept: candidates come one after another."""
+MOST_KEPT_ROWS = 50_000
+"""Those of a longer record are not: they would stay in memory to the end of a run."""
 
 
-@partial(kept, most=FEW)
-def _turns(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> _Turns | None:
+@partial(kept, most=FEW, longest=MOST_KEPT_ROWS)
+def _turns(
+    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike, order: str = "ZYX"
+) -> _Turns | None:
     """Return the intervals between attitudes, or None for too few."""
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
@@ -285,6 +287,7 @@ def _turns(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike)
         return None
     stride = max(1, int(np.ceil(RATE_INTERVAL_S / np.median(np.diff(t)) - 0.01)))
     t, angles = t[::stride], angles[::stride]
+    angles = angles if order == "ZYX" else in_order(angles, order)
     width = np.diff(t)
     inside = (
         (t[:-1] >= at[0])
@@ -338,7 +341,7 @@ def _turned_by(quaternions: Array, rows: npt.NDArray[np.intp]) -> Array:
     return np.asarray(scale[:, None] * part)
 
 
-@partial(kept, most=FEW)
+@partial(kept, most=FEW, longest=MOST_KEPT_ROWS)
 def _mean_rates(t: Array, of: npt.NDArray[np.intp], at: Array, angle: Array, lags: Array) -> Array:
     """Return what `_Turns.mean_rate` does."""
     late = lags[..., None]

@@ -192,17 +192,16 @@ class LeftOutBlocks:
             fit.scaled_triangle, design / fit.column_norms[kept][:, None], trans="T"
         )
         edges = np.linspace(0, len(target), block_count(residual) + 1).astype(int)
-        changes = []
-        for start, stop in pairwise(edges):
-            block = columns[:, start:stop]
-            share, axes = np.linalg.eigh(block @ block.T)
-            score, left = axes.T @ (block @ residual[start:stop]), 1.0 - share
-            most = np.sqrt(np.maximum(share, 0.0)) * np.linalg.norm(residual[start:stop])
-            # What nothing outside the block determines has no fit without it.
-            change = np.where(left > LEAST_LEFT, score / np.maximum(left, LEAST_LEFT), most)
-            changes.append(axes @ change)
-        d = solve_triangular(fit.scaled_triangle, np.array(changes).T)
-        return LeftOutBlocks(fit, self.squares + d @ d.T, self.count + len(changes))
+        blocks = [(columns[:, a:b], residual[a:b]) for a, b in pairwise(edges)]
+        share, axes = np.linalg.eigh(np.array([block @ block.T for block, _ in blocks]))
+        score = np.array([own.T @ (x @ e) for own, (x, e) in zip(axes, blocks, strict=True)])
+        size = np.array([np.linalg.norm(e) for _, e in blocks])
+        left, most = 1.0 - share, np.sqrt(np.maximum(share, 0.0)) * size[:, None]
+        # What nothing outside the block determines has no fit without it.
+        change = np.where(left > LEAST_LEFT, score / np.maximum(left, LEAST_LEFT), most)
+        changes = (axes @ change[..., None])[..., 0]
+        d = solve_triangular(fit.scaled_triangle, changes.T)
+        return LeftOutBlocks(fit, self.squares + d @ d.T, self.count + len(blocks))
 
     def covariance(self) -> Array:
         """Return the covariance (k, k) in the order of `fit.terms`.
@@ -240,23 +239,39 @@ def block_count(residual: Array) -> int:
     As many as are `MEMORIES` times as long as the residual's memory, the lag at which
     its autocorrelation falls below one half.
     """
-    n = len(residual)
-    return int(np.clip(n // (MEMORIES * max(_memory(residual), 1)), *BLOCKS_OF_A_SEGMENT))
+    fewest, most = BLOCKS_OF_A_SEGMENT
+    longest = len(residual) // (MEMORIES * (fewest + 1))
+    memory = _memory(residual, longest)
+    return fewest if memory is None else min(len(residual) // (MEMORIES * memory), most)
 
 
-def _memory(residual: Array) -> int:
-    """Return the first lag at which the autocorrelation is below one half."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    n, centred = len(residual), residual - residual.mean()
+def _memory(residual: Array, longest: int) -> int | None:
+    """Return the first lag from 1 to `longest` of an autocorrelation below one half."""
+    centred = residual - residual.mean()
     half = 0.5 * (centred @ centred)
-    for lag in range(1, min(DIRECT_LAGS, n)):
+    for lag in range(1, min(DIRECT_LAGS, longest + 1)):
         if centred[lag:] @ centred[:-lag] < half:
             return lag
-    length = next_fast_len(2 * n, real=True)
-    moments = irfft(np.abs(rfft(centred, length)) ** 2, length)[:n]
-    below = np.flatnonzero(moments < 0.5 * moments[0])
-    return int(below[0]) if len(below) else n
+    if longest < DIRECT_LAGS:
+        return None
+    below = np.flatnonzero(_moments(centred, longest) < half)
+    return int(below[0]) if len(below) else None
+
+
+def _moments(values: Array, longest: int) -> Array:
+    """Return sums of the products of values (n,) so many places apart, 0 to `longest`.
+
+    Over pieces that stay in the processor's cache, each with what follows it.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    size = 3 * longest
+    length, count = next_fast_len(size + longest, real=True), -(-len(values) // size)
+    padded = np.zeros(count * size + longest)
+    padded[: len(values)] = values
+    longer = np.lib.stride_tricks.sliding_window_view(padded, size + longest)[::size]
+    of_pieces = rfft(longer[:, :size], length).conj() * rfft(longer, length)
+    return np.asarray(irfft(of_pieces.sum(axis=0), length)[: longest + 1])
 
 
 def _sandwich(inverse: Array, middle: Array, n: int) -> Array:

@@ -38,7 +38,7 @@ MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 
 MOTORS = 8
 SWING_US = 40.0
 """Pulses beyond the dead band of a speed controller."""
-MOST_KEPT_ROWS = 100_000
+MOST_KEPT_ROWS = 200_000
 """Of a stream whose arrays are kept from check to check; it bounds the memory."""
 
 

@@ -36,6 +36,20 @@ def test_only_so_many_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     assert compared == [1, 2, 3, 2]
 
 
+def test_no_result_of_a_record_that_is_too_long_is_kept() -> None:
+    """Eight results of a log of six hours would be 200 MB."""
+    compared: list[int] = []
+
+    def total(values: np.ndarray, factor: np.ndarray) -> float:
+        compared.append(len(values))
+        return float(np.sum(values * factor))
+
+    same = kept(total, longest=4)
+    factor = np.array(2.0)
+    assert [same(np.ones(rows), factor) for rows in (4, 4, 5, 5)] == [8.0, 8.0, 10.0, 10.0]
+    assert compared == [4, 5, 5]
+
+
 def test_a_result_that_another_thread_drops_is_given_all_the_same(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse
-from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.hydro.identification.checks import rate_agreement as comparison
+from auvid.hydro.identification.checks.rate_agreement import (
+    OTHER_ORDERS,
+    other_order,
+    rate_agreement,
+)
 from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.checks.signal_checks import (
     attitude_difference,
@@ -45,6 +50,25 @@ def test_gyro_agrees_with_a_tumbling_attitude_through_the_singularity_and_wraps(
     assert agreement.scale == pytest.approx([1.0] * 3, abs=0.02)
     assert agreement.lag_s == pytest.approx(0.0, abs=0.01)
     assert agreement.jumps == 0
+
+
+def test_orders_of_turns_are_compared_on_the_attitudes_that_are_used(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a log of an hour all samples were turned into five other orders and back."""
+    turned: list[int] = []
+    in_order = comparison.in_order
+
+    def counted(euler: np.ndarray, order: str) -> np.ndarray:
+        turned.append(len(euler))
+        return in_order(euler, order)
+
+    monkeypatch.setattr(comparison, "in_order", counted)
+    at = np.arange(0.0, 60.0, 0.02)
+    other = other_order(at, in_order(tumbling(at), "ZYX"), at, body_rates(at))
+    assert other is not None
+    assert other[1] > 1.0  # the others leave more
+    assert turned == [len(at) // 5] * len(OTHER_ORDERS)
 
 
 @pytest.mark.parametrize(("scale", "within"), [(1.0, 0.05), (2.0, 0.25), (57.3, 0.25)])
