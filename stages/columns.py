@@ -17,6 +17,8 @@ from auvid.hydro.dynamics.equations_of_motion import Control
 
 Span = tuple[float, float]
 
+TOO_COARSE = "too coarse for a velocity"
+"""Said of position fixes that give none."""
 OF_FIXES, OF_POSES = "fixes of ", "pose of "
 """How the sources of streams begin that are made from positions."""
 

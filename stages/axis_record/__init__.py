@@ -20,7 +20,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.axis_record.presentation import record_section, record_views
 from auvid.stages.axis_tables import axis_record_table, effects_of
 from auvid.stages.base import Stage, param, port
-from auvid.stages.columns import leg_window
+from auvid.stages.columns import TOO_COARSE, leg_window
 from auvid.stages.leg_record.record import RecordedLeg, RecordOptions, leg_record
 from auvid.stages.leg_streams import Streams
 
@@ -115,7 +115,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
-    record, drive = result.record, result.drive
+    record, drive, notes = result.record, result.drive, inputs.log_info.notes
     return AxisWindowsRecord.model_validate(
         {
             "leg": inputs.leg.id,
@@ -131,7 +131,7 @@ def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
             "full_force": dict(inputs.vehicle.commands.full_force),
             "full_thrust": dict(drive.full_thrust),
             "thrusters": [] if record.thrusters is None else effects_of(record.thrusters),
-            "notes": list(result.notes),
+            "notes": [*result.notes, *(note for note in notes if TOO_COARSE in note)],
             "warnings": list(result.warnings),
         }
     )

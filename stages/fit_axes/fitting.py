@@ -26,6 +26,7 @@ from auvid.hydro.identification.axes.structure import RIGHTING
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
+from auvid.stages.columns import TOO_COARSE
 from auvid.stages.fit_axes.clocks import (
     MOST_PASSES,
     clock_doubts,
@@ -263,7 +264,10 @@ def _lacking(
         return Lacking(axis, "left out", words)
     records = [leg.record for leg in legs.values()]
     if not any(axis in leg.windows.measured_by for leg in legs.values()):
-        return Lacking(axis, "not observable", "nothing measures its velocity")
+        notes = [note for leg in legs.values() for note in leg.windows.notes]
+        coarse = next((words for words in notes if TOO_COARSE in words), "").partition(". ")[0]
+        words = "nothing measures its velocity" + (f"; {coarse}" if coarse and axis in "XY" else "")
+        return Lacking(axis, "not observable", words)
     reasons = {item.reason for record in records for item in record.left_out if item.axis == axis}
     if not pushed(records, axis) or (not using and reasons == {"not commanded"}):
         return _not_commanded(axis, records)

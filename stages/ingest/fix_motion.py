@@ -17,7 +17,15 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, cross
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.fixes import COARSE, FixTrack, fix_track
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_FIXES, POSITION, named
+from auvid.stages.columns import (
+    ATTITUDE,
+    GYRO,
+    LINEAR_VELOCITY,
+    OF_FIXES,
+    POSITION,
+    TOO_COARSE,
+    named,
+)
 from auvid.stages.ingest.streams.common import Columns, to_body_at
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -68,8 +76,8 @@ def fix_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> FixMot
         about += "; the log's own velocity is taken"
     elif track.too_coarse:
         about += (
-            f", {track.coarseness:.0%} of what is there ({COARSE:.0%} at most): too coarse for a"
-            " velocity. Surge and sway are not measured; heave by depth and yaw by gyro are"
+            f", {track.coarseness:.0%} of what is there ({COARSE:.0%} at most): {TOO_COARSE}."
+            " Surge and sway are not measured; heave by depth and yaw by gyro are"
         )
     elif "attitude" not in streams:
         about += "; without an attitude it cannot be turned into body axes"

@@ -18,6 +18,7 @@ from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
+from auvid.stages.columns import TOO_COARSE
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
@@ -103,6 +104,18 @@ def test_what_is_lacking_has_its_reason() -> None:
         "K": "not commanded",
         "M": "not commanded",
     }
+
+
+def test_fixes_that_are_too_coarse_are_why_surge_is_lacking() -> None:
+    """A remedy that asks for fixes where there are some would mislead."""
+    coarse = f"position fixes (usbl.csv): noise 0.5 m, 70% of what is there: {TOO_COARSE}. Surge"
+    dive = leg(normalised=True)
+    noted = replace(dive, windows=dive.windows.model_copy(update={"notes": [coarse]}))
+    fitted = fit_all({"one": noted}, vehicle("bluerov2_heavy"), FitOptions(axes=("X",)))
+    surge = fitted.lacking[0]
+    assert surge.words.endswith(f"noise 0.5 m, 70% of what is there: {TOO_COARSE}")
+    assert "finer" in lacking_axis(surge).remedy
+    assert "finer" not in lacking_axis(fits(False).lacking[0]).remedy
 
 
 def test_a_run_that_is_lost_has_words_in_place_of_a_fit_in_percent() -> None:
