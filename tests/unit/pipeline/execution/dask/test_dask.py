@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import dask
 import numpy as np
 import pytest
 from distributed import LocalCluster
@@ -174,10 +175,20 @@ def test_a_scheduler_that_is_not_there_is_said(
 def test_workers_that_lack_something_are_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They do not find the toys, as others may not find auvid."""
+    """They do not find the toys, as others may not find auvid.
+
+    Nor do they take samples of what they do: that was a tenth of their CPU.
+    """
     monkeypatch.setattr(sys, "path", program_path())
-    with pytest.raises(PipelineError, match=r"no worker can run .*No module named 'deepen'"):
-        outcomes(Dask(1), task_of(tmp_path))
+    engine = Dask(1)
+    try:
+        with pytest.raises(PipelineError, match=r"no worker can run .*No module named 'deepen'"):
+            list(engine.map([task_of(tmp_path)]))
+        settings = engine._client.run(dask.config.get, "distributed")
+    finally:
+        engine.close()
+    assert [each["worker"]["profile"]["enabled"] for each in settings.values()] == [False]
+    assert [each["admin"]["tick"]["interval"] for each in settings.values()] == ["500ms"]
 
 
 @pytest.mark.release
