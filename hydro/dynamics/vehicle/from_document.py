@@ -159,8 +159,8 @@ def _faults(vehicle: Vehicle) -> Iterator[PipelineError]:
             field="rigid_body.inertia.value",
             value=f"smallest eigenvalue of M_RB {rigid:.4g}",
             remedy=(
-                "Check units, and that the inertia is about the body origin, not about the centre"
-                " of gravity."
+                "Check units, that the inertia is about the body origin, not about the centre of"
+                " gravity, and that the centre of gravity counts from that origin, too."
             ),
         )
     elif smallest <= 0.0:

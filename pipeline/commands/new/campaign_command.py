@@ -41,6 +41,7 @@ from auvid.pipeline.commands.new.feedable import (
 )
 from auvid.pipeline.commands.new.log_survey import (
     SurveyedLog,
+    apart_words,
     command_lines,
     corrected_logs,
     draft_remarks,
@@ -281,7 +282,8 @@ def _sort(
             more = draft_remarks(log)
             refused.append(refusal_of(log.name, log.page, checked(log.page, body), feed, more))
     if not feeds:
-        raise NoCampaignError.of(refused, in_full=OUTPUT.verbose)
+        parted = apart_words(surveyed)
+        raise NoCampaignError.of(refused, parted=parted, in_full=OUTPUT.verbose)
     kinds = {feed.kind for _, feed in feeds}
     kind = next(name for name in KINDS_BY_WORTH if name in kinds)
     kept = [(log, feed) for log, feed in feeds if feed.kind == kind]

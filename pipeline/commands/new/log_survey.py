@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ from auvid.stages.ingest.registry import reader_of
 
 SHARED = 0.5
 """Files of one dive share so much of the time of the shorter one."""
+HOUR_S, ZONE_S, MOST_HOURS = 3600.0, 120.0, 14
+"""Times that are off by whole hours, within so many seconds, are of two time zones."""
 LISTED = 6
 ROUNDS = 5
 """Corrections of a drafted column map, each after a new check of the log."""
@@ -179,6 +182,35 @@ def shared(first: tuple[float, float], other: tuple[float, float]) -> float:
     """Return the share of the shorter span that both have."""
     common = min(first[1], other[1]) - max(first[0], other[0])
     return common / max(min(first[1] - first[0], other[1] - other[0]), 1e-9)
+
+
+def apart_words(logs: Sequence[SurveyedLog]) -> list[str]:
+    """Return which CSV files complete each other but for their times, in words.
+
+    Those of one dive whose clocks are of two time zones, for one.
+    """
+    words = []
+    for first, other in combinations(logs, 2):
+        one, two = (next(iter(log.files)).draft for log in (first, other))
+        if one is None or two is None or one.time["epoch"] != two.time["epoch"]:
+            continue
+        streams = [
+            {name for file in log.files if file.draft for name in file.draft.streams}
+            for log in (first, other)
+        ]
+        lengths = sorted(end - start for start, end in (one.span_s, two.span_s))
+        alike = lengths[0] > SHARED * lengths[1]
+        if alike and streams[0] and streams[1] and not streams[0] & streams[1]:
+            later = two.span_s[0] - one.span_s[0]
+            names = (other.name, first.name) if later > 0.0 else (first.name, other.name)
+            hours = abs(later) / HOUR_S
+            zone = abs(hours - round(hours)) * HOUR_S < ZONE_S and 0 < round(hours) <= MOST_HOURS
+            words.append(
+                f"{names[0]} begins {abs(later):.0f} s after {names[1]}, and so counts as another"
+                " dive: if both are of one, mend the times of one"
+                f"{f' ({hours:.0f} h: another time zone?)' if zone else ''}."
+            )
+    return words
 
 
 def _surveyed(files: Sequence[SurveyedFile], refused: Mapping[Path, str]) -> SurveyedLog:

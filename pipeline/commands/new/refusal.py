@@ -72,9 +72,14 @@ class NoCampaignError(DataError):
     refusals: tuple[Refusal, ...] = ()
 
     @classmethod
-    def of(cls, refusals: Sequence[Refusal], *, in_full: bool = False) -> NoCampaignError:
-        """Return the fault of refused logs, a line each; in full each kind's reason."""
-        lines = []
+    def of(
+        cls, refusals: Sequence[Refusal], *, parted: Sequence[str] = (), in_full: bool = False
+    ) -> NoCampaignError:
+        """Return the fault of refused logs, a line each; in full each kind's reason.
+
+        parted: which files belong together but for their times.
+        """
+        lines = list(parted)
         for item in refusals:
             lines += [item.line, *(f"  {words}" for words in item.routes if in_full)]
         head = "no campaign can be written: "

@@ -18,7 +18,7 @@ import numpy as np
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
-from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
+from auvid.stages.columns import ATTITUDE, FINS, GYRO, LINEAR_VELOCITY, RATES, SPEEDS
 from auvid.stages.ingest.health.actuation.output_order import (
     OTHER_PLACES,
     other_places,
@@ -69,6 +69,8 @@ MOST_MISTAKES = 3
 WORDS = {"velocity": "velocity", "actuators": "outputs", "depth": "depth"}
 """Streams whose clocks may be off, those of most findings first, in words."""
 HALVES = 2.0
+OF_LARGEST = 0.1
+"""Part of the largest moment of a fin from which on a fin turns an axis."""
 ROUNDING = 1e-6
 
 
@@ -301,6 +303,7 @@ def _signs(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
             )
     if names & set(OF_GYRO):
         return  # motion by a wrong gyro is no evidence against outputs
+    yield from _fins(log, left)
     if "response_sign" in names and log.thrusters():
         outputs = tuple(log.thrusters())
         yield Mistake(
@@ -324,6 +327,29 @@ def _signs(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
                 (),
                 1,
                 partial(_placed, words=words),
+            )
+
+
+def _fins(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
+    """Yield the fins that turn an axis, where it answers them the wrong way round."""
+    fins = log.vehicle and log.vehicle.fins
+    if not fins or not log.has("actuators"):
+        return
+    fields = {name for item in left if item["id"] == "response_sign" for name in item["fields"]}
+    for axis in (1, 2):
+        moments = np.abs(fins.linear[3 + axis])
+        own = tuple(np.array(FINS)[moments > OF_LARGEST * moments.max(initial=0.0)].tolist())
+        if GYRO[axis] in fields and set(own) <= set(log.tables["actuators"].column_names):
+            names = listed([name.removesuffix("_rad") for name in own])
+            yield Mistake(
+                "response_sign",
+                f"the fins of {RATES[axis]}, {names}, have the wrong sign",
+                "actuators",
+                own,
+                1,
+                partial(_turned, stream="actuators", fields=own),
+                remedy="Set sign: -1 for the columns of these fins, or correct their columns of"
+                " actuators.fins in the vehicle file.",
             )
 
 

@@ -23,6 +23,10 @@ it is 0.4 s at most.
 """
 DRIVEN = 0.8
 """Share of its changes that fins and drag must explain of an axis that fins drive."""
+ANSWERED, SOON_S = 0.6, 0.3
+"""The same for a sign that is wrong at every lag that fins have: 84 sound axes that are so much
+explained have a gain above 0 at each.
+"""
 SIZES, CLEAR = (0.35, 1.6), 4.0
 """Gain of the fins' moment over inertia: 0.82 to 0.89 in sound runs of a twin, 0.45 to 0.73 of
 a torpedo that an autopilot steers, where the lift of the hull takes part of a turn.
@@ -50,7 +54,12 @@ def fin_findings(log: CheckedLog) -> Iterator[Finding]:
         usual = np.flatnonzero((USUAL_S[0] - 0.01 < LAGS_S) & (USUAL_S[1] > LAGS_S))
         own = max((by_lag[place] for place in usual), key=_explained)
         lag, at_best = float(LAGS_S[best]), by_lag[best]
-        if own is None or max(_explained(own), _explained(at_best)) < DRIVEN:
+        if own is None:
+            continue
+        if _backward([by_lag[place] for place in usual if LAGS_S[place] < SOON_S]):
+            yield from _turned(log, deflection, axis, own)
+            continue
+        if max(_explained(own), _explained(at_best)) < DRIVEN:
             continue
         late = odds[best] - odds[usual].max() > SURE_ODDS and abs(lag) > LEAST_LAG_S
         turned = own.gain[0] + CLEAR * own.sd[0] < 0.0 and _explained(own) > DRIVEN
@@ -62,6 +71,13 @@ def fin_findings(log: CheckedLog) -> Iterator[Finding]:
             nearest = _nearest_to_one([by_lag[place] for place in usual])
             if _wrong_size(nearest):
                 yield from _turned(log, deflection, axis, nearest)
+
+
+def _backward(by_lag: Sequence[AxisGains | None]) -> bool:
+    """Return whether fins turn an axis the wrong way, however soon they act."""
+    there = [gains for gains in by_lag if gains is not None]
+    wrong = [gains.gain[0] < -LEAST_GAIN_SD * gains.sd[0] for gains in there]
+    return len(there) == len(by_lag) and all(wrong) and max(map(_explained, there)) > ANSWERED
 
 
 def _turned(log: CheckedLog, deflection: Array, axis: int, own: AxisGains) -> Iterator[Finding]:

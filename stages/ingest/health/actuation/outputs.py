@@ -319,11 +319,31 @@ def _saturation(log: CheckedLog) -> Iterator[Finding]:
         yield finding("outputs_saturated", text, stream="actuators", value=beyond[0][0])
 
 
+def _curve_voltage(log: CheckedLog, volts: float) -> Iterator[Finding]:
+    thrusters = log.vehicle and log.vehicle.thrusters
+    curve = thrusters.curve if thrusters else None
+    if curve is None or not curve.voltage_exponent:
+        return
+    off = volts / curve.voltage_v - 1.0
+    if abs(off) < limit("curve_voltage"):
+        return
+    scale = max(volts, 0.0) / curve.voltage_v
+    yield finding(
+        "curve_voltage",
+        f"The battery has {volts:.1f} V (median), and the thrust curve of the vehicle file is that"
+        f" of {curve.voltage_v:.1f} V: all thrust is multiplied by"
+        f" {scale**curve.voltage_exponent:.2f}, and damping with it.",
+        stream="battery",
+        value=off,
+    )
+
+
 def battery_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield voltage sag and an impossible current."""
+    """Yield voltages that sag, or that are not those of the thrust, and currents."""
     if not log.has("battery"):
         return
     volts = log.column("battery", "voltage_v")
+    yield from _curve_voltage(log, float(np.nanmedian(volts)))
     low, high = np.percentile(volts, (1.0, 95.0))
     if high > 0.0 and 1.0 - low / high > limit("battery_sag"):
         text = (

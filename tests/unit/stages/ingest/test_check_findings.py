@@ -25,6 +25,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.ingest.health.actuation import force_clocks
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
@@ -439,6 +440,13 @@ def drive(log: Log, order: tuple[int, ...], dead: tuple[int, ...] = ()) -> None:
 @spoils("response_order")
 def _other_order(log: Log) -> None:
     drive(log, (5, 6, 7, 8, 1, 2, 3, 4))
+
+
+@spoils("curve_voltage")
+def _curve_of_four_cells(log: Log) -> None:
+    """Thrusters on six cells, with the curve of the data sheet at 16 V."""
+    drive(log, RIGHT_ORDER)
+    log.streams["battery"]["voltage_v"] = log.streams["battery"]["voltage_v"] + 6.2
 
 
 @spoils("output_dead")
@@ -895,6 +903,29 @@ def test_halves_of_a_drift_of_outputs_are_those_of_the_time_that_they_act(
     log.health()
     assert halves[0][0] == pytest.approx(rest_s, abs=1.0)
     assert halves[0][1] == pytest.approx(0.5 * (rest_s + t_s[-1]), abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("gain", "late", "other", "named"),
+    [(1.0, 0.9, 0.1, True), (1.0, 0.2, 0.1, False), (-1.0, 0.7, 0.8, False)],
+    ids=["late", "joined otherwise", "turned"],
+)
+def test_a_force_that_hardly_acts_or_acts_backward_tells_no_clock(
+    gain: float, late: float, other: float, named: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shares of surge and sway that forces explain 2 s late, and at any other lag."""
+
+    def answer(lag: float) -> AxisGains:
+        at_once = lag < 0.5
+        size = np.array([gain if at_once else 1.0])
+        share = late if lag == 2.0 else other
+        return AxisGains(size, np.array([0.01]), share, 1000, np.array([1.0]))
+
+    by_lag = [answer(lag) for lag in force_clocks.LAGS_S.tolist()]
+    monkeypatch.setattr(force_clocks, "push_lags", lambda *_, **__: [("u", by_lag), ("v", by_lag)])
+    log = cast(CheckedLog, SimpleNamespace(vehicle=None))
+    ids = [item["id"] for item in force_clocks.force_clock_findings(log)]
+    assert ids == (["commands_early"] if named else [])
 
 
 def test_all_stretches_of_zeros_of_a_velocity_are_named() -> None:

@@ -12,8 +12,9 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import FINS
-from auvid.stages.ingest.health.actuation.fin_answers import YAW, _gains, _turned
+from auvid.stages.ingest.health.actuation.fin_answers import YAW, _backward, _gains, _turned
 from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.motions import vehicle_document
 from tests.support.sound_log import Log, micro, sound
@@ -93,7 +94,12 @@ def test_fins_of_a_right_file_have_no_finding() -> None:
     [
         (0.8, (1.0, 1.0, 1.0, 1.0), "command_late", "s before its stamp"),
         (-1.0, (1.0, 1.0, 1.0, 1.0), "commands_early", "s after its stamp"),
-        (0.0, (-1.0, -1.0, -1.0, -1.0), "response_sign", "the wrong way round"),
+        (
+            0.0,
+            (-1.0, -1.0, -1.0, -1.0),
+            "response_sign",
+            "fins of yaw, fin_b and fin_t, have the wrong sign",
+        ),
         (0.0, (1.0, 1.0, 1.0, -1.0), "response_order", "The top fin acts backward"),
         (0.0, (0.2, 0.2, 0.2, 0.2), "response_scale", "times as fast"),
     ],
@@ -104,6 +110,19 @@ def test_a_fault_of_the_fins_is_named(
     (item,) = of_fins(yawing(late_s, factors))
     assert item[0] == name
     assert words in item[1]
+
+
+@pytest.mark.parametrize(
+    ("gains", "explained", "wrong"),
+    [((-0.4, -0.5, -0.2), 0.7, True), ((-0.4, 0.1, -0.2), 0.7, False), ((-0.4,), 0.5, False)],
+)
+def test_fins_are_backward_where_every_lag_that_they_have_says_so(
+    gains: tuple[float, ...], explained: float, wrong: bool
+) -> None:
+    """A feedback turns the sign of a gain at some lag, and of an axis that fins do not drive."""
+    one = np.ones(1)
+    by_lag = [AxisGains(gain * one, 0.01 * one, explained, 800, one) for gain in gains]
+    assert _backward(by_lag) == wrong
 
 
 @pytest.mark.parametrize(("autopilot", "damping"), [(3.0, 6.0), (2.0, 6.0), (1.5, 3.0)])

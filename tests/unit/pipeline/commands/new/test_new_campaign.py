@@ -17,7 +17,7 @@ from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
-from auvid.pipeline.commands.new.log_survey import survey, unused_words
+from auvid.pipeline.commands.new.log_survey import apart_words, survey, unused_words
 from auvid.pipeline.commands.new.refusal import NoCampaignError
 from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
 from auvid.pipeline.output import OUTPUT
@@ -290,6 +290,23 @@ def test_a_forward_left_up_body_under_a_compass_is_one_frame_not_many_signs(
     turned = {field for field, frame in frames.items() if frame != ("", 1)}
     assert turned == set(frames) - {"psi_rad", "depth_m"}
     assert {frames[field] for field in turned} == {("flu", 1)}
+
+
+def test_files_of_two_time_zones_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    t, random = np.arange(0.0, 60.0, 0.2), np.random.default_rng(3)
+    heads = ("UTC [s],Roll [deg],Pitch [deg],Heading [deg],Depth [m]", "UTC [s],Prop [rpm]")
+    paths = []
+    for name, head, zone_s in (("nav", heads[0], 0.0), ("outputs", heads[1], 3600.0)):
+        values = random.standard_normal((t.size, head.count(",")))
+        table = np.column_stack([1.78e9 + zone_s + t, values])
+        paths.append(tmp_path / f"{name}.csv")
+        np.savetxt(paths[-1], table, "%.3f", ",", header=head, comments="")
+    (words,) = apart_words(survey(paths))
+    assert words.startswith("outputs.csv begins 3600 s after nav.csv")
+    assert "1 h: another time zone?" in words
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(NoCampaignError, match="another time zone"):
+        new_campaign("zones", paths)
 
 
 def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
