@@ -168,16 +168,27 @@ def recommendation(
         words += f", but {best.faults[-1]}." if best.faults else "."
     failing = failing_axes(chosen)
     level: Level = "good" if (validation or 1) < 0.5 and not failing else "fair"
-    use = use_words(ranking.usable, flown=chosen.runs > 0)
+    use = use_words(ranking.usable, flown=chosen.runs > 0, simulator=simulator(ranking))
     return level, f"{chosen.title}: {use}" + (", with care" if level == "fair" else ""), words
 
 
-def use_words(usable: UsableFor, *, flown: bool) -> str:
-    """Return what a model is for, in one line: forces and simulation."""
+def simulator(ranking: RankingRecord) -> str:
+    """Return the title of another model to simulate with; empty for the one to take."""
+    titles = {model.name: model.title for model in ranking.models}
+    return titles.get(ranking.simulate_with or "", "")
+
+
+def use_words(usable: UsableFor, *, flown: bool, simulator: str = "") -> str:
+    """Return what a model is for, in one line: forces and simulation.
+
+    simulator: title of the model to simulate with, where it is another one.
+    """
     if not usable.forces:
         return "use it for nothing"
     part = "" if len(usable.forces) == len(AXES) else f" in {axes_listed(usable.forces)}"
     words = f"use it to predict forces{part}"
+    if simulator:
+        return f"{words}, and {simulator} to simulate"
     steadied = usable.under_attitude_hold
     if not usable.simulation and not steadied:
         return f"{words}, not to simulate" if flown else words

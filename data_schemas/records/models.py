@@ -483,6 +483,10 @@ class RankingRecord(Model):
     """The model to take; null where none is better than predicting no force."""
     rule: str
     """Why this one, or why none."""
+    simulate_with: str | None = None
+    """The model to simulate with where free runs of the one to take fail; null where they do
+    not, or none is better.
+    """
     legs_left_out: int
     """Training legs left out in turn; 0 with one leg."""
     horizon_s: float | None

@@ -79,7 +79,9 @@ def use_entry(ranking: RankingRecord, merit: MeritRecord | None, card: ModelCard
         sentence = f"{card.title}: nothing judges it, so use it for nothing"
     else:
         sentence = f"{card.title}: {use_words(usable, flown=merit.runs > 0)}"
-        if ranking.choice:
+        if card.name == ranking.simulate_with:
+            sentence += f"; take {ranking.choice} to predict forces"
+        elif ranking.choice:
             sentence += f"; take {ranking.choice} instead: intervals of this one hold only if its"
             sentence += " form does"
     return UseEntry(recommended=recommended, sentence=sentence, rule=ranking.rule, axes=usable)

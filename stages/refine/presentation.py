@@ -141,7 +141,9 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
         )
     if fit.windows_agree is False:
         words += f" {disagreement(fit)}"
-    blocks = [text(f"{words} {coverage_words(card.coverage_on_twins, card.method)}")]
+    if card.coverage_on_twins:
+        words += f" {coverage_words(card.coverage_on_twins, card.method)}"
+    blocks = [text(words)]
     if fit.left_out:
         blocks.append(remark(f"{card.title}, left out: {'; '.join(fit.left_out)}."))
     return blocks
@@ -152,7 +154,8 @@ def disagreement(fit: LikelihoodFit) -> str:
     return (
         f"Windows differ by {fit.windows_differ:.3g} times what noise explains (mean square): the"
         " form lacks something. Intervals come from leaving windows out, and how far a value is"
-        " from that of least squares counts as what the form lacks."
+        " from that of least squares counts as what the form lacks. How many of them hold the"
+        " truth where a form lacks something is not known."
     )
 
 

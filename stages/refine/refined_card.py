@@ -78,7 +78,10 @@ def refined_card(
             "title": f"{card.title} ({words})",
             "method": words,
             "velocity_errors": None,
-            "coverage_on_twins": dict(COVERAGE_ON_TWINS[estimator]),
+            # Those of twins are of forms that have the truth, whose windows agree.
+            "coverage_on_twins": (
+                dict(COVERAGE_ON_TWINS[estimator]) if fit.estimate.windows_agree else {}
+            ),
             # What least squares says of signs without a leg is not said of this fit.
             "left_out": [],
             "held_out": {part: dict(row) for part, row in held_out.items()},

@@ -99,12 +99,13 @@ def rank(
         )
     models.sort(key=lambda item: (math.inf if item.j is None else item.j, item.terms))
     legs = _legs_left_out(cards)
-    choice, rule = _choice(models, cards, information, judge, constant)
+    choice, rule, flown = _choice(models, cards, information, judge, constant)
     chosen = next((item for item in models if item.name == choice), None)
     return RankingRecord(
         models=models,
         choice=choice,
         rule=rule,
+        simulate_with=flown,
         legs_left_out=legs,
         horizon_s=horizon,
         usable=None if chosen is None else usable_for(chosen, cards[chosen.name], constant),
@@ -201,8 +202,11 @@ def _choice(
     information: Mapping[str, Mapping[str, float]],
     judge: str,
     constant: Mapping[str, float],
-) -> tuple[str | None, str]:
-    """Return the model to take and the rule, of those better than none and the mean."""
+) -> tuple[str | None, str, str | None]:
+    """Return the model to take, the rule, and another one to simulate with.
+
+    Of those better than none and the mean.
+    """
 
     def ratio(item: MeritRecord) -> float | None:
         return item.axes[ALL].validation if judge == "validation" else item.axes[ALL].training
@@ -226,7 +230,8 @@ def _choice(
     ]
     chosen = choose(candidates)
     if chosen is None:
-        return None, "no model predicts the force better than no force at all, or its mean, does"
+        words = "no model predicts the force better than no force at all, or its mean, does"
+        return None, words, None
     words = chosen.rule
     if chosen.name != chosen.best:
         words = words.replace("the best", cards[chosen.best].title, 1)
@@ -250,16 +255,17 @@ def _choice(
                 f"; {cards[other].title} replaces it: sound, and nearer to the validation legs in"
                 " force and in free runs"
             )
-    return name, words + _better_flown(place[name], better, cards)
+    flown, its_words = _better_flown(place[name], better, cards)
+    return name, words + its_words, flown
 
 
 def _better_flown(
     taken: MeritRecord, others: Sequence[MeritRecord], cards: Mapping[str, ModelCard]
-) -> str:
-    """Return in words which model to simulate with, where it is not the one taken.
+) -> tuple[str | None, str]:
+    """Return which model to simulate with, where it is not the one taken, and why.
 
     Where the free runs of the one taken err more than a plain guess: the sound one
-    whose runs err least, and less than that. Empty for none.
+    whose runs err least, and less than that. None and no words for none.
     """
     own = taken.axes[ALL].free_run
     flown = [
@@ -268,11 +274,11 @@ def _better_flown(
         if (ratio := item.axes[ALL].free_run) is not None and not item.faults
     ]
     if own is None or own <= 1.0 or not flown:
-        return ""
+        return None, ""
     ratio, best = min(flown, key=lambda pair: pair[0])
     if ratio >= 1.0:
-        return ""
-    return (
+        return None, ""
+    return best.name, (
         f"; {cards[best.name].title} is the one to simulate with: its free runs err {ratio:.2f}"
         f" times as much as the guess of no change or no motion, these {own:.2f}"
     )

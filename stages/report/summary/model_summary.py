@@ -36,6 +36,7 @@ from auvid.stages.model_use import (
     listed,
     lost_tilts,
     recommendation,
+    simulator,
     tipping_axes,
     unstable_axes,
 )
@@ -147,7 +148,12 @@ def _uses(
         return ()
     uses = [Use("Forces", _some(usable.forces), _except(chosen, usable.forces))]
     horizon = f" after {ranking.horizon_s:g} s" if ranking.horizon_s is not None else ""
-    if not chosen.runs:
+    other = simulator(ranking)
+    if other:
+        reason = (
+            f"take {other}: as a whole free runs of this one err more than the guess of {GUESS}"
+        )
+    elif not chosen.runs:
         reason = "no free run says whether it can be simulated"
     elif chosen.lost:
         reason = f"{chosen.lost} of {chosen.runs} free runs leave all bounds"
@@ -173,7 +179,7 @@ def _uses(
         )
         if set(TILTS) & set(rest) and chosen.motion is None:
             reason += ": in motions unlike those of the validation legs it may tip over"
-    uses.append(Use("Simulation", _some(usable.simulation), reason))
+    uses.append(Use("Simulation", "" if other else _some(usable.simulation), reason))
     if chosen.motion is not None:
         check = chosen.motion
         needs_own = check.verdict == "holds" and any(item.tips_in for item in check.ranges)

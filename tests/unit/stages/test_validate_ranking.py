@@ -9,10 +9,12 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
+from auvid.stages.model_file.contents import use_entry
 from auvid.stages.model_use import (
     damping_verdict,
     form_words,
     growth_words,
+    recommendation,
     usable_for,
     use_words,
 )
@@ -118,10 +120,21 @@ def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
     assert next(m for m in record.models if m.name == "coe").axes["X"].left_out == pytest.approx(
         0.2
     )
+    assert record.simulate_with is None
     assert "to simulate with" not in record.rule
     flown = rows("coe", (0.3,) * 9) + rows("prestero", (0.1,) * 9)[:1]
     words = "; Prestero is the one to simulate with: its free runs err 0.50 times"
-    assert words in ranked(run, flown).rule
+    other = ranked(run, flown)
+    assert words in other.rule
+    merit = next(m for m in other.models if m.name == "coe")
+    _, headline, _ = recommendation(other, merit, judged=True)
+    assert headline.startswith("Coe: use it to predict forces")
+    assert ", and Prestero to simulate" in headline
+    assert [use_entry(other, merit, run.cards[name]).sentence for name in ("coe", "prestero")] == [
+        headline,
+        f"Prestero: {use_words(usable_for(merit, run.cards['prestero']), flown=True)}; take coe to"
+        " predict forces",
+    ]
     near = rows("coe", (0.15,) * 9) + rows("prestero", (0.1,) * 9)[:1]
     assert "to simulate with" not in ranked(run, near).rule
 

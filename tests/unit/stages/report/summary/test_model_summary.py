@@ -201,6 +201,21 @@ def test_simulation_is_promised_only_where_free_runs_hold_and_help(
     assert ("not to simulate" in first_screen.headline) is (axes == "no axis")
 
 
+def test_headline_uses_and_rule_name_one_model_to_simulate_with(run: ExampleRun) -> None:
+    for axis in ("all", *AXES):
+        set_ratio(run, "validation", {"coe": 0.2, "prestero": 0.4}, axis)
+    for name, card in run.cards.items():
+        held_out = {leg: dict.fromkeys(("all", *AXES), 0.2) for leg in ("one", "two", "three")}
+        run.cards[name] = card.model_copy(update={"held_out": held_out if name == "coe" else {}})
+    run.free_run = free_runs("coe", lost=0, error=0.9) + free_runs("prestero", lost=0)[:1]
+    first_screen = summary_of(run)
+    title = run.cards["prestero"].title
+    assert first_screen.headline == f"Coe: use it to predict forces, and {title} to simulate"
+    (use,) = (use for use in first_screen.uses if use.label == "Simulation")
+    assert (use.axes, use.reason.startswith(f"take {title}: as a whole")) == ("", True)
+    assert f"{title} is the one to simulate with" in first_screen.rule
+
+
 def test_an_axis_whose_damping_nothing_excites_is_not_simulated(run: ExampleRun) -> None:
     for axis in ("all", *AXES):
         set_ratio(run, "validation", {"coe": 0.2}, axis)
