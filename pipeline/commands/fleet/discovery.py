@@ -252,12 +252,21 @@ def _log(
         stamps = tuple(map(stamp_of, files))
         file_hashes = [hashes.of(path) for path in files]
     except OSError as fault:
-        folder = any(path.is_dir() for path in files)
-        words = FOLDER if folder else f"cannot be read: {fault.strerror or fault}"
         name = _id(files[0], hash_value(str(files[0].absolute())))
-        return FleetLog(name, files, "", (), vehicle, words)
+        return FleetLog(name, files, "", (), vehicle, _why_unreadable(files, fault))
     log_hash = file_hashes[0] if len(files) == 1 else hash_value(file_hashes)
     return FleetLog(_id(files[0], log_hash), files, log_hash, stamps, vehicle)
+
+
+def _why_unreadable(files: Sequence[Path], fault: OSError) -> str:
+    """Return why the files of a log cannot be read."""
+    if any(path.is_dir() for path in files):
+        return FOLDER
+    for path in files:
+        if path.is_symlink() and not path.exists():
+            target = readable_name(os.readlink(path))
+            return f"is a link to {target}, which is not there: is its disk there?"
+    return f"cannot be read: {fault.strerror or fault}"
 
 
 def _below_folder(path: Path, base: Path) -> Path:

@@ -57,10 +57,12 @@ def test_a_log_that_grows_is_noticed(disk: Path) -> None:
 
 def test_a_list_of_paths(disk: Path, tmp_path: Path) -> None:
     listing = tmp_path / "list.txt"
-    listing.write_text("# dives\ndisk/a/one.BIN\n\ndisk/nosuch.BIN\n")
+    listing.write_text("# dives\ndisk/a/one.BIN\n\ndisk/nosuch.BIN\ndisk/far.BIN\n")
+    (disk / "far.BIN").symlink_to("/media/other/far.BIN")
     logs = {log.files[0].name: log for log in search(listing, tmp_path / "fleet").logs}
-    assert sorted(logs) == ["nosuch.BIN", "one.BIN"]
+    assert sorted(logs) == ["far.BIN", "nosuch.BIN", "one.BIN"]
     assert "cannot be read" in logs["nosuch.BIN"].fault
+    assert "a link to /media/other/far.BIN, which is not there" in logs["far.BIN"].fault
     assert logs["one.BIN"].fault == ""
     noise = tmp_path / "list.dat"
     noise.write_bytes(b"\xff\xfe\xfd")
