@@ -77,7 +77,8 @@ def _history() -> Iterator[Path]:
 def stages(incomplete: str) -> list[str]:
     """Return the stages, as their registry names them."""
     text = (PACKAGE / "stages" / "registry.py").read_text(encoding="utf-8")
-    return _with_start(iter(re.findall(r"^ +(\w+)\.STAGE,", text, re.MULTILINE)), incomplete)
+    names = text.partition("STAGES = ")[2].partition("KINDS")[0]
+    return _with_start(iter(re.findall(r'"(\w+)",', names)), incomplete)
 
 
 def models(incomplete: str) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any
 from auvid.data_schemas.errors import UsageError, nearest
 from auvid.data_schemas.schemas import schema
 from auvid.stages.base import Item, Stage, ports
+from auvid.stages.registry import StageList
 
 AnyStage = Stage[Any, Any, Any]
 MANIFEST_PORTS = (
@@ -194,5 +195,11 @@ def select(
 def stages_of_kind(
     stages: Sequence[AnyStage], kinds: Mapping[str, tuple[str, ...]], kind: str
 ) -> tuple[AnyStage, ...]:
-    """Return the stages of a campaign kind, in the order of STAGES."""
-    return tuple(stage for stage in stages if stage.name in kinds[kind])
+    """Return the stages of a campaign kind in their order; imports no other."""
+    names = names_of(stages)
+    return tuple(stages[place] for place, name in enumerate(names) if name in kinds[kind])
+
+
+def names_of(stages: Sequence[AnyStage]) -> tuple[str, ...]:
+    """Return the names of stages; those of a `StageList` are not imported for it."""
+    return stages.names if isinstance(stages, StageList) else tuple(each.name for each in stages)

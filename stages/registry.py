@@ -1,65 +1,73 @@
 """The stages of auvid in the order of the chain, and those of each kind of campaign.
 
-It imports every stage: whoever needs one module of this package does without it.
+A stage is the module of its name in this package; it is imported when it is asked for.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any, overload
 
-from auvid.stages import (
-    axis_record,
-    check_installation,
-    check_published,
-    check_truth,
-    coast,
-    control,
-    fit_axes,
-    fuse,
-    glide,
-    ingest,
-    model_file,
-    passive,
-    pipendulum,
-    refine,
-    replace_state,
-    report,
-    reproduce,
-    resample,
-    residual,
-    rlse,
-    score_shelf,
-    simulate,
-    synthesise,
-    validate,
-)
 from auvid.stages.base import Stage
 
-STAGES: tuple[Stage[Any, Any, Any], ...] = (
-    simulate.STAGE,
-    ingest.STAGE,
-    axis_record.STAGE,
-    resample.STAGE,
-    check_installation.STAGE,
-    fuse.STAGE,
-    replace_state.STAGE,
-    residual.STAGE,
-    synthesise.STAGE,
-    coast.STAGE,
-    refine.STAGE,
-    validate.STAGE,
-    fit_axes.STAGE,
-    glide.STAGE,
-    passive.STAGE,
-    model_file.STAGE,
-    score_shelf.STAGE,
-    check_truth.STAGE,
-    pipendulum.STAGE,
-    rlse.STAGE,
-    control.STAGE,
-    check_published.STAGE,
-    report.STAGE,
-    reproduce.STAGE,
+AnyStage = Stage[Any, Any, Any]
+
+
+class StageList(Sequence[AnyStage]):
+    """Stages in an order, by `names`: a run imports those of its kind, not all."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = tuple(names)
+
+    @property
+    def modules(self) -> tuple[str, ...]:
+        """Names of the modules that hold them."""
+        return tuple(f"{__package__}.{name}" for name in self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @overload
+    def __getitem__(self, place: int) -> AnyStage: ...
+
+    @overload
+    def __getitem__(self, place: slice) -> tuple[AnyStage, ...]: ...
+
+    def __getitem__(self, place: int | slice) -> AnyStage | tuple[AnyStage, ...]:
+        if isinstance(place, slice):
+            return tuple(self)[place]
+        stage: AnyStage = import_module(self.modules[place]).STAGE
+        return stage
+
+
+STAGES = StageList(
+    (
+        "simulate",
+        "ingest",
+        "axis_record",
+        "resample",
+        "check_installation",
+        "fuse",
+        "replace_state",
+        "residual",
+        "synthesise",
+        "coast",
+        "refine",
+        "validate",
+        "fit_axes",
+        "glide",
+        "passive",
+        "model_file",
+        "score_shelf",
+        "check_truth",
+        "pipendulum",
+        "rlse",
+        "control",
+        "check_published",
+        "report",
+        "reproduce",
+    )
 )
 
 KINDS: dict[str, tuple[str, ...]] = {

@@ -9,10 +9,9 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from auvid.data_schemas.documents.campaign import PriorEntry
-from auvid.data_schemas.documents.twin import TwinDocument
 from auvid.data_schemas.errors import (
     CampaignError,
     PipelineError,
@@ -22,9 +21,11 @@ from auvid.data_schemas.errors import (
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.prior_files import prior_source
-from auvid.pipeline.campaigns.twin import load_twin, with_logs_of_plan
 from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
+
+if TYPE_CHECKING:
+    from auvid.data_schemas.documents.twin import TwinDocument
 
 SIMULATE = "simulate"
 CONTROL = "control"
@@ -74,7 +75,11 @@ class Campaign:
     def document(self) -> Mapping[str, Any]:
         """The manifest; for a twin with the logs and legs of its plan."""
         value: Mapping[str, Any] = self.file.value
-        return value if self.twin is None else with_logs_of_plan(value, self.twin)
+        if self.twin is None:
+            return value
+        from auvid.pipeline.campaigns.twin import with_logs_of_plan
+
+        return with_logs_of_plan(value, self.twin)
 
     @cached_property
     def logs(self) -> dict[str, Mapping[str, Any]]:
@@ -142,6 +147,8 @@ def load_campaign(
     vehicle = load_vehicle(vehicle_file, named_in=file.path).vehicle
     twin = None
     if SIMULATE in kinds[file.value["kind"]]:
+        from auvid.pipeline.campaigns.twin import load_twin
+
         plan = inside(folder, file.value[SIMULATE]["plan"], file.path)
         twin = load_twin(
             file.value[SIMULATE],

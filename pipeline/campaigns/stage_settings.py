@@ -12,17 +12,20 @@ from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
 from auvid.stages.base import Stage, make_params
 
 
-def load_defaults(workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]]) -> YamlFile:
+def load_defaults(
+    workspace: Workspace, stages: Sequence[Stage[Any, Any, Any]], names: Sequence[str] = ()
+) -> YamlFile:
     """Read params.yaml, checked against the stages; empty outside any workspace.
 
-    Raises `CampaignError` for unknown sections or parameters.
+    `names`: of all stages that it may have sections of, where `stages` are those that a
+    campaign runs. Raises `CampaignError` for unknown sections or parameters.
     """
     if not (workspace.root / PARAMS_FILE).exists() and (workspace.root / "campaign.yaml").is_file():
         return YamlFile(workspace.root / PARAMS_FILE, {})
     file = load_yaml(workspace.root / PARAMS_FILE)
     if not isinstance(file.value, Mapping):
         raise CampaignError("needs one section per stage", file=file.path)
-    names = [stage.name for stage in stages]
+    names = names or [stage.name for stage in stages]
     for name, section in file.value.items():
         if name == "campaigns":
             continue

@@ -15,7 +15,7 @@ from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, worksp
 from auvid.pipeline.execution.dvc_inputs import write_inputs
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
-from auvid.pipeline.graph import AnyStage, Graph, stages_of_kind
+from auvid.pipeline.graph import AnyStage, Graph, names_of, stages_of_kind
 from auvid.pipeline.output import OUTPUT
 from auvid.stages.registry import KINDS, STAGES
 
@@ -30,7 +30,7 @@ def open_run(name: str, workspace: Workspace | None = None) -> Run:
     folder = workspace.campaign_folder(name)
     campaign = load_campaign(folder, kinds=KINDS, vehicles=workspace.vehicle_files())
     graph = Graph(stages_of_kind(STAGES, KINDS, campaign.document["kind"]))
-    defaults = load_defaults(workspace, STAGES)
+    defaults = load_defaults(workspace, graph.stages, names_of(STAGES))
     params = {stage.name: stage_params(stage, defaults, campaign) for stage in graph.stages}
     write_code_files(STAGES, workspace.code)
     return Run(campaign, graph, params, workspace.runs / campaign.name)

@@ -14,9 +14,11 @@ from typing import Protocol
 
 from auvid.data_schemas.errors import UsageError, nearest
 from auvid.pipeline.execution.task import Outcome, Task, execute
+from auvid.stages.registry import STAGES
 
 ENGINES = ("serial", "processes", "dask")
-STAGES = ("auvid.pipeline.execution.task", "auvid.stages.registry")
+WORK = ("auvid.pipeline.execution.task", *STAGES.modules)
+"""Modules that workers of a run need."""
 LOGS = (
     "auvid.pipeline.commands.fleet.log_work",
     "auvid.hydro.identification.signals.compiled_filter",
@@ -102,7 +104,7 @@ class Processes:
         self._pool, self._waiting = None, {}
 
 
-def _context(preload: Sequence[str] = STAGES) -> multiprocessing.context.BaseContext:
+def _context(preload: Sequence[str] = WORK) -> multiprocessing.context.BaseContext:
     """Return what starts workers: a server that imports modules first, or each anew."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")

@@ -44,6 +44,7 @@ from auvid.pipeline.graph import (
     Feed,
     Graph,
     Port,
+    names_of,
 )
 from auvid.pipeline.store.atomic_files import (
     refuse_linked_folders,
@@ -502,7 +503,7 @@ def write_code_files(stages: Sequence[AnyStage], folder: Path) -> None:
 
     Unchanged ones are left as they are; nothing is read where no source has changed.
     """
-    names = [f"{stage.name}.txt" for stage in stages]
+    names = [f"{name}.txt" for name in names_of(stages)]
     if code_stamp.unchanged(folder, names):
         return
     remove_temporary_files(folder, shared=True)

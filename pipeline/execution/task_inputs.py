@@ -23,7 +23,6 @@ from auvid.pipeline.store.atomic_files import contents, readable
 from auvid.pipeline.store.file_hashes import hash_value
 from auvid.pipeline.store.manifest import Manifest
 from auvid.stages.base import Collection, RawFile, RawLog
-from auvid.stages.simulate.csv_writer import column_maps
 
 LONG_FILE_BYTES = 8_000_000
 """Before a longer file is loaded, memory of what was loaded earlier is given back."""
@@ -223,6 +222,8 @@ def log_files(campaign: Campaign, log: str, simulated: Path) -> tuple[LogFile, .
             file=campaign.file.path,
             remedy=f"auvid run {campaign.name} --only simulate",
         )
+    from auvid.stages.simulate.csv_writer import column_maps
+
     maps = column_maps(accelerometer=campaign.twin.accelerometer)
     entry = campaign.logs[log]
     files = []

@@ -18,7 +18,7 @@ from auvid.pipeline.campaigns.workspace import workspace_of
 from auvid.pipeline.campaigns.yaml_files import load_yaml
 from auvid.pipeline.commands.check.run_gate import refusal
 from auvid.pipeline.execution.task_inputs import log_files, log_source
-from auvid.pipeline.graph import stages_of_kind
+from auvid.pipeline.graph import names_of, stages_of_kind
 from auvid.stages import ingest
 from auvid.stages.base import Document
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -110,8 +110,8 @@ def campaign_refusal(target: str, pages: Sequence[LogPage]) -> PipelineError | N
     campaign = load_campaign(
         workspace.campaign_folder(target), kinds=KINDS, vehicles=workspace.vehicle_files()
     )
-    defaults = load_defaults(workspace, STAGES)
     stages = stages_of_kind(STAGES, KINDS, campaign.document["kind"])
+    defaults = load_defaults(workspace, stages, names_of(STAGES))
     params = {stage.name: stage_params(stage, defaults, campaign) for stage in stages}
     health = {page.health["log"]: page.health for page in pages if page.health is not None}
     return refusal(campaign, health, [stage.name for stage in stages], params)

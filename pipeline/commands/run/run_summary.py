@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, isnan
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.terminal import path_from_here, plain, table
-from auvid.stages.check_published.presentation import check_of
 from auvid.stages.number_format import fixed, significant
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_bounds
@@ -61,7 +60,7 @@ def print_summary(run: Run) -> None:
     if checks:
         print_checks((), [((), check) for check in checks])
     rows = comparison_rows(run)
-    compared = [check_of(row) for row in rows]
+    compared = _compared(rows)
     if any(check.met is not None for check in compared):
         words = reference_words(row["printed"] is row["corrected"] is None for row in rows)
         print(
@@ -208,6 +207,15 @@ def bounds(run: Run) -> list[ReferenceCheck]:
 def comparison_rows(run: Run) -> list[dict[str, Any]]:
     """Return printed values, those of the run, and their bounds (`comparison`)."""
     return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
+
+
+def _compared(rows: Sequence[Mapping[str, Any]]) -> list[ReferenceCheck]:
+    """Return the checks of rows of `comparison`, which few kinds of campaigns have."""
+    if not rows:
+        return []
+    from auvid.stages.check_published.presentation import check_of
+
+    return [check_of(row) for row in rows]
 
 
 def health_of(run: Run) -> dict[str, dict[str, Any]]:

@@ -31,7 +31,7 @@ from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.commands.run import run_command, run_summary
 from auvid.stages.base import ports
-from auvid.stages.registry import STAGES
+from auvid.stages.registry import KINDS, STAGES
 from tests.support import toy_stages
 
 LOOKING = ("inspect", "diff", "history")
@@ -424,9 +424,20 @@ def loaded_by(statements: str) -> set[str]:
 
 def test_declarations_of_stages_load_nothing_heavy() -> None:
     """Ports and parameters are read without what only the work needs."""
-    loaded = loaded_by("import auvid.stages.registry")
+    loaded = loaded_by("from auvid.stages.registry import STAGES; list(STAGES)")
     assert {stage.run.__module__ for stage in STAGES} <= loaded
     assert not loaded & {"scipy", "pandas", "numba", "rerun", "latex2mathml"}
+
+
+def test_a_run_loads_the_stages_of_its_kind_alone() -> None:
+    loaded = loaded_by(
+        "from auvid.pipeline.commands.run import run_command; from auvid.pipeline.graph import"
+        " stages_of_kind; from auvid.stages.registry import KINDS, STAGES;"
+        " stages_of_kind(STAGES, KINDS, 'identification')"
+    )
+    others = set(STAGES.names) - set(KINDS["identification"])
+    assert {f"auvid.stages.{name}" for name in KINDS["identification"]} <= loaded
+    assert not loaded & {f"auvid.stages.{name}" for name in others}
 
 
 def test_the_page_of_a_fleet_and_its_search_load_no_stage() -> None:
