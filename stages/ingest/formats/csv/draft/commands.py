@@ -86,20 +86,25 @@ def with_commands(
 def with_pulses(columns: Sequence[NamedColumn], values: Mapping[str, Array]) -> list[NamedColumn]:
     """Return the columns, with numbered ones that hold pulses as outputs.
 
-    Only where no name tells an output.
+    Only where no name tells an output. Six numbers may name the parts of a velocity: not
+    where all of them are pulses.
     """
     if any(item.place is not None and item.place[1].startswith("pwm_") for item in columns):
         return list(columns)
     stems: dict[str, list[NamedColumn]] = {}
+    numbers: dict[str, int] = {}
     for item in columns:
-        match = re.fullmatch(r"(.*\D)(\d{1,2})", item.words)
-        if match and item.place is None and are_pulses(values[item.name]):
+        by_number = item.place is not None and item.place[0] in ("velocity", "imu")
+        words = item.name if by_number and not item.unit else item.words
+        match = re.fullmatch(r"(.*\D)(\d{1,2})\]?", words)
+        if match and (item.place is None or by_number) and are_pulses(values[item.name]):
             stems.setdefault(match[1], []).append(item)
+            numbers[item.name] = int(match[2])
     outputs = max(stems.values(), key=len, default=[])
     if len(outputs) < FEWEST_OUTPUTS:
         return list(columns)
     return [
-        replace(item, place=("actuators", f"pwm_{int(item.words.split()[-1])}_us"))
+        replace(item, place=("actuators", f"pwm_{numbers[item.name]}_us"))
         if item in outputs
         else item
         for item in columns

@@ -25,8 +25,11 @@ TURNED_AXES = ("v", "w", "q", "r")
 PLACES = tuple(("position", name) for name in POSITION)
 FULL_TURN, LARGEST_M = 6.4, 100.0
 """Angles beyond are in degrees, positions of a tank beyond in mm."""
-UPWARD_FRAME = re.compile(r"^(?!.*(?:ned|frd)).*(?:map|odom|world|enu|flu)", re.IGNORECASE)
+UPWARD_FRAME = re.compile(
+    r"^(?!.*(?:ned|frd)).*(?:map|odom|world|base_link|enu|flu)", re.IGNORECASE
+)
 """Frames of ROS with z up; one that says ned has z down."""
+MAVROS = "mavros/local_position"
 MORE_LEVEL_RAD = 0.05
 """Numbered parts of a quaternion have w last where the mean tilt is so much smaller then."""
 
@@ -118,23 +121,35 @@ def _by_compass(item: NamedColumn) -> NamedColumn:
 def in_named_frame(
     columns: Sequence[NamedColumn], texts: Mapping[str, Sequence[str]]
 ) -> tuple[list[NamedColumn], tuple[str, ...]]:
-    """Return the columns with the pose in the frame that a header names, and words.
+    """Return the columns in the frame that a header names, and words.
 
-    Messages of ROS name one (`frame_id`): map, odom, world have z up and body axes forward,
-    left, up (REP 103), unless the name says ned.
+    Messages of ROS name one (`frame_id`): map, odom, world, base_link have z up, body axes
+    forward, left, up (REP 103), unless the name says ned. MAVROS gives its poses so.
     """
     names = {
         name: next((text.strip() for text in cells if text.strip()), "")
         for name, cells in texts.items()
         if name.lower().endswith("frame_id")
     }
-    of_pose = [item for item in columns if item.place and item.place[0] == "pose"]
-    turned = next((name for name, value in names.items() if UPWARD_FRAME.search(value)), None)
-    if turned is None or not of_pose or any(item.frame for item in of_pose):
+    upward = [name for name, value in names.items() if UPWARD_FRAME.search(value)]
+    of_ros = any(MAVROS in item.name.lower() for item in columns if item.place is not None)
+    moved = [_upward(item) for item in columns]
+    if not (upward or (of_ros and not names)) or any(item.frame for item in columns):
         return list(columns), ()
-    words = f"{turned} is {names[turned]}: pose east-north-up, as ROS has it (REP 103)."
-    moved = [replace(item, frame="enu") if item in of_pose else item for item in columns]
-    return moved, (words,)
+    if moved == list(columns):
+        return list(columns), ()
+    why = f"{upward[0]} is {names[upward[0]]}" if upward else "a topic of MAVROS"
+    return moved, (f"{why}: z up, as ROS has it (REP 103), east-north-up and forward-left-up.",)
+
+
+def _upward(item: NamedColumn) -> NamedColumn:
+    """Return a column in axes with z up, where it has any."""
+    stream = item.place[0] if item.place else ""
+    if stream in ("pose", "attitude"):
+        return replace(item, frame="enu")
+    if stream in ("velocity", "imu"):
+        return replace(item, frame="flu")
+    return _by_compass(replace(item, frame="enu")) if stream == "position" else item
 
 
 def pose_unit(name: str, size: float) -> tuple[str, str]:

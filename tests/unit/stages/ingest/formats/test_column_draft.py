@@ -233,6 +233,20 @@ def test_outputs_by_their_values() -> None:
     assert "counted from 0" in " ".join(normalised.remarks)
     pulses = drafted({"t_s": T_S, **{f"aux {n}": 1500.0 + wave(200.0) for n in (1, 2, 3)}})
     assert [item.field for item in pulses.columns] == ["pwm_1_us", "pwm_2_us", "pwm_3_us"]
+    # Six numbered columns are a velocity by name (nu 0 to 5), and outputs by their values.
+    array = {f"data_{n}": 1500.0 + wave(200.0) for n in range(6)}
+    assert [item.field for item in drafted({"t_s": T_S, **array}).columns] == [
+        f"pwm_{n}_us" for n in range(1, 7)
+    ]
+    moving = {f"nu_{n}": wave(0.5) for n in range(6)}
+    assert "velocity" in drafted({"t_s": T_S, **moving}).streams
+    topic = "/mavros/local_position/pose/pose/"
+    parts = {f"{topic}position/{axis}": wave(2.0) for axis in "xyz"}
+    parts |= {f"{topic}orientation/{axis}": wave(0.1) for axis in "xyz"}
+    parts |= {f"{topic}orientation/w": 1.0 + wave(0.0)}
+    pose = drafted({"t_s": T_S, **parts})
+    assert pose.streams == ("pose",)
+    assert {item.frame for item in pose.columns} == {"enu"}
 
 
 def test_a_pressure_is_depth_only_with_its_unit() -> None:
@@ -371,6 +385,15 @@ def test_the_frame_that_a_message_of_ros_names_is_that_of_the_pose(
     draft = draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None))
     assert {item.frame for item in draft.columns} == {"enu" if upward else ""}
     assert any("REP 103" in remark for remark in draft.remarks) is upward
+    # A message of odometry has a velocity along the body beside its pose.
+    twist = [f"field.twist.linear.{axis}" for axis in "xyz"]
+    rows = "\n".join(f"{row},0.{n},0.1,0.2" for n, row in enumerate(rows.splitlines()))
+    data = f"%time,field.header.frame_id,{','.join(places + twist)}\n{rows}\n".encode()
+    odometry = draft_columns(RawFile("log.csv", np.frombuffer(data, np.uint8), None))
+    frames = {(item.field, item.column[-1]): item.frame for item in odometry.columns}
+    assert frames[("v_m_s", "y")] == ("flu" if upward else "")
+    assert frames[("q_w", "w")] == ("enu" if upward else "")
+    assert (("y_m", "x") in frames) is upward  # east
 
 
 def test_a_position_east_north_up_beside_a_gyro_goes_by_where_it_points() -> None:
