@@ -21,6 +21,8 @@ TOO_COARSE = "too coarse for a velocity"
 """Said of position fixes that give none."""
 OF_FIXES, OF_POSES = "fixes of ", "pose of "
 """How the sources of streams begin that are made from positions."""
+OF_YAW = "yaw rate of "
+"""How the source of a gyro begins whose roll and pitch rates are those of the attitude."""
 
 POSE = ("x_m", "y_m", "z_m", "phi_rad", "theta_rad", "psi_rad")
 VELOCITY = ("u_m_s", "v_m_s", "w_m_s", "p_rad_s", "q_rad_s", "r_rad_s")

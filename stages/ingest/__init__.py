@@ -18,7 +18,7 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.base import Document, RawLog, Stage, param, port
-from auvid.stages.columns import ACCELEROMETER
+from auvid.stages.columns import ACCELEROMETER, GYRO
 from auvid.stages.ingest.fix_motion import fix_motion
 from auvid.stages.ingest.health.health_check import check_health, health_blocks, other_sources
 from auvid.stages.ingest.health.log_info import (
@@ -49,6 +49,7 @@ from auvid.stages.ingest.rejection import (
 )
 from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import OtherSource, Stream
+from auvid.stages.ingest.yaw_rate import YawRateMotion, yaw_rate_motion
 
 
 @dataclass(frozen=True)
@@ -164,13 +165,20 @@ def _read(inputs: Inputs, params: Params) -> _Read:
             streams[name] = stream
     if not streams:
         raise _no_streams(log, files)
+    of_yaw = "imu" in streams and GYRO[0] not in streams["imu"].columns
+    yaw_rate = streams.pop("imu") if of_yaw else None
     motion = pose_motion(streams, inputs.vehicle)
     streams |= motion.streams
+    turning = YawRateMotion()
+    if yaw_rate is not None:
+        turning = yaw_rate_motion(yaw_rate, streams, inputs.vehicle)
+        streams |= turning.streams
+        rejected += turning.rejected
     acoustic = fix_motion(streams, inputs.vehicle)
     streams |= acoustic.streams
     tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
-    info.notes.extend((*motion.notes, *acoustic.notes))
+    info.notes.extend((*motion.notes, *turning.notes, *acoustic.notes))
     return _Read(
         tables,
         info,

@@ -139,6 +139,8 @@ def complete_rows(stream: str, columns: Columns) -> Mask:
     Of a stream without needed fields, rows with any field there.
     """
     needed = NEEDED[stream]
+    if stream == "imu":  # a yaw rate may stand alone: the attitude gives the others
+        needed = tuple(name for name in needed if name in columns)
     there = [_there(columns[name]) for name in needed or columns if name != "time_us"]
     return np.asarray(np.all(there, axis=0) if needed else np.any(there, axis=0))
 

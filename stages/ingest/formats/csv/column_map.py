@@ -347,7 +347,7 @@ def _check_twice(entries: Sequence[Mapping[str, Any]], faults: MapFaults) -> Non
 def _check_needed(columns: Sequence[MappedColumn], faults: MapFaults) -> None:
     for stream in dict.fromkeys(item.stream for item in columns):
         mapped = {item.field for item in columns if item.stream == stream}
-        missing = lacking_fields(stream, sorted(mapped))
+        missing = lacking_fields({(item.stream, item.field) for item in columns}, stream)
         frames = {item.frame for item in columns if item.stream == stream and item.frame}
         together = [
             item

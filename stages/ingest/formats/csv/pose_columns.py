@@ -6,7 +6,7 @@ all of them must be in one frame.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from auvid.hydro.identification.signals.pose.frames import (
     ned_from_frd,
     quaternion_of_euler,
 )
-from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, POSITION, named
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION, named
 from auvid.stages.ingest.streams.common import to_body_at
 
 Fields = dict[str, npt.NDArray[Any]]
@@ -70,12 +70,20 @@ def turned_together(stream: str, field: str) -> bool:
     return stream == "pose" or field in EXTRA_FIELDS.get(stream, {})
 
 
-def lacking_fields(stream: str, mapped: Sequence[str]) -> list[str]:
-    """Return the needed fields of a stream that the mapped ones do not give."""
-    lacking = [name for name in NEEDED[stream] if name not in mapped]
+def lacking_fields(mapped: Collection[tuple[str, str]], stream: str) -> list[str]:
+    """Return the needed fields of a stream that the mapped ones do not give.
+
+    mapped: stream and field of all columns; a yaw rate needs no others with an attitude.
+    """
+    own = {name for of, name in mapped if of == stream}
+    lacking = [name for name in NEEDED[stream] if name not in own]
+    if stream == "imu" and lacking == list(GYRO[:2]):
+        streams = {of for of, _ in mapped} & {"attitude", "pose"}
+        if any(not lacking_fields(mapped, of) for of in streams):
+            return []
     for group, replaced in REPLACED.items():
-        if any(name in mapped for name in group) and set(replaced) & set(lacking):
-            rest = [name for name in group if name not in mapped]
+        if any(name in own for name in group) and set(replaced) & set(lacking):
+            rest = [name for name in group if name not in own]
             lacking = [*(name for name in lacking if name not in replaced), *rest]
     return lacking
 

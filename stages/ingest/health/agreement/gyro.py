@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
     quaternion_of_euler,
 )
-from auvid.stages.columns import ATTITUDE, GYRO, RATES
+from auvid.stages.columns import ATTITUDE, GYRO, OF_YAW, RATES
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
@@ -95,15 +96,22 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
     agreement = rate_agreement(t_s, angles, *gyro)
     if agreement is None:
         return
+    yaw_alone = log.source("imu").startswith(OF_YAW)
+    if yaw_alone:  # roll and pitch would be compared with themselves
+        agreement = replace(agreement, std=agreement.std * [0.0, 0.0, 1.0])
     gradians = list(_gradians(log, agreement, angles))
     if gradians:
         yield from gradians
         return
-    of_angles = [*_other_order(log, t_s, angles, gyro), *_late_angles(agreement, t_s, angles, gyro)]
-    if of_angles:
-        yield from of_angles
-        return
-    if not agrees(agreement):
+    if not yaw_alone:
+        of_angles = [
+            *_other_order(log, t_s, angles, gyro),
+            *_late_angles(agreement, t_s, angles, gyro),
+        ]
+        if of_angles:
+            yield from of_angles
+            return
+    if not (yaw_alone or agrees(agreement)):
         for other, item in _turned(log, angles):
             again = rate_agreement(t_s, other, *gyro)
             if again is not None and agrees(again):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.checks import checks
+from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
@@ -105,6 +106,34 @@ def test_a_velocity_log_goes_before_poses() -> None:
     )
     assert "velocity is derived" not in " ".join(outputs.log_info.notes)
     assert outputs.imu is not None
+
+
+@pytest.mark.parametrize("stream", ["pose", "attitude"])
+def test_a_yaw_rate_alone_has_roll_and_pitch_rates_of_the_attitude(stream: str) -> None:
+    run = pose_run(T_S, 5)
+    columns = pose_columns(run, *tracked(run, 5, noise_m=1e-3, noise_rad=1e-4))
+    columns["r"] = run.rate[:, 2] + 0.01
+    # The attitude begins a second late: there is no roll rate before.
+    columns["q_w"][T_S < 1.0] = np.nan
+    entries = [
+        {**entry, "stream": stream}
+        for entry in POSE
+        if stream == "pose" or entry["field"] not in POSITION
+    ]
+    entries.append({"column": "r", "stream": "imu", "field": GYRO[2], "unit": "rad/s"})
+    outputs = ingested(columns, entries)
+    assert outputs.imu is not None
+    rate = matrix(outputs.imu, GYRO)
+    rows = -len(rate)
+    assert T_S[rows] == pytest.approx(1.0)
+    np.testing.assert_allclose(rate[:, 2], columns["r"][rows:], atol=1e-6)
+    assert np.sqrt(np.mean((rate - run.rate[rows:])[5:-5, :2] ** 2)) < 15e-3
+    assert "only the yaw rate is logged" in " ".join(outputs.log_info.notes)
+    assert not of(outputs, "gyro_sign")
+    (item,) = of(ingested({**columns, "r": -columns["r"]}, entries), "gyro_sign")
+    assert "Gyro z turns against yaw" in item["text"]
+    with pytest.raises(PipelineError, match="Map a column to gyro_x_rad_s, gyro_y_rad_s too"):
+        ingested(columns, [entries[-1]])
 
 
 def test_a_jump_and_a_freeze_are_cut_and_named_with_their_times() -> None:

@@ -221,10 +221,7 @@ def _with_columns(
         sign = -1 if item.frame in REVERSED else 1
         frame = item.frame if item.frame in ("frd", "flu", "enu") else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
-    partial = {
-        stream: lacking_fields(stream, [name for own, name in chosen if own == stream])
-        for stream, _ in chosen
-    }
+    partial = {stream: lacking_fields(set(chosen), stream) for stream, _ in chosen}
     for stream, lack in partial.items():
         if lack:
             names = ", ".join(SPOKEN.get(name, name) for name in lack)

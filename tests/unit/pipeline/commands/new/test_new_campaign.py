@@ -407,7 +407,7 @@ def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None
         "command_heave": ("cmd1", -1),
     }
     assert not any(line.startswith("commands") for line in written.lines)
-    assert "columns not used: r_radps, cmd0 (run_1.csv)" in written.lines
+    assert "columns not used: cmd0 (run_1.csv)" in written.lines
 
 
 def test_a_long_list_of_columns_without_a_meaning_says_how_many_follow() -> None:
