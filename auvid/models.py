@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -452,8 +453,8 @@ def open_model(name: str | PathLike[str]) -> VehicleModel:
     Returns
     -------
     Model
-        The model. One of a published set has no intervals and no range of validity;
-        ``use`` says what else it lacks.
+        The model, with a warning where it is of an earlier run. One of a published set
+        has no intervals and no range of validity; ``use`` says what else it lacks.
 
     Raises
     ------
@@ -462,7 +463,13 @@ def open_model(name: str | PathLike[str]) -> VehicleModel:
     """
     from auvid.pipeline.commands.model.named_model import named_model
 
-    return VehicleModel(named_model(fspath(name)).model)
+    named = named_model(fspath(name))
+    if named.campaign is not None:
+        from auvid.pipeline.commands.run.staleness import stale_words
+
+        if stale := stale_words(named.campaign, until="model_file"):
+            warnings.warn(stale, stacklevel=2)
+    return VehicleModel(named.model)
 
 
 def _minimum_speed(file: ModelFile) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from functools import cached_property
 from os import PathLike, fspath
@@ -18,6 +19,7 @@ from auvid.models import VehicleModel
 from auvid.pipeline.commands.open_run import open_run as open_folder
 from auvid.pipeline.commands.run.answer import answer_of
 from auvid.pipeline.commands.run.run_command import execute
+from auvid.pipeline.commands.run.staleness import stale_words
 from auvid.pipeline.execution.engines import make_engine
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.execution.task_inputs import Artefact
@@ -193,7 +195,8 @@ def open_run(campaign: str | PathLike[str]) -> RunResults:
     Returns
     -------
     RunResults
-        What has been made so far.
+        What has been made so far; a warning names the first stage with results that are
+        not up to date.
 
     Raises
     ------
@@ -205,6 +208,8 @@ def open_run(campaign: str | PathLike[str]) -> RunResults:
         raise DataError(
             "the campaign has not been run", value=results.name, remedy=f'auvid.run("{campaign}")'
         )
+    if stale := stale_words(fspath(campaign)):
+        warnings.warn(stale, stacklevel=2)
     return results
 
 

@@ -285,7 +285,8 @@ def _faults(file: YamlFile, kinds: Mapping[str, tuple[str, ...]]) -> Iterator[Pi
         )
         return
     stages = kinds[manifest["kind"]]
-    for key, stage in (*DOCUMENTS.values(), ("priors", "synthesise"), ("fill", "fit_axes")):
+    others = {"priors": "synthesise", "fill": "fit_axes", "shelf": "score_shelf"}
+    for key, stage in (*DOCUMENTS.values(), *others.items()):
         if key in manifest and stage not in stages:
             having = [kind for kind, names in kinds.items() if stage in names]
             yield CampaignError(

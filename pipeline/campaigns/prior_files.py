@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from auvid.data_schemas.documents import delivered
 from auvid.data_schemas.documents.campaign import PriorEntry
 from auvid.data_schemas.errors import CampaignError, nearest
+from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.dynamics.viscous.coefficients import viscous_terms
@@ -38,7 +39,7 @@ def prior_source(entry: PriorEntry, path: Path, *, named_in: Path, field: str) -
     else:
         kind, label = "bench" if entry.bench is not None else "campaign", path.name
         file = load_yaml(path, named_in=named_in, what=field)  # JSON is YAML
-        content = _of_bench(file.value, path) if kind == "bench" else _of_card(file.value, path)
+        content = _of_bench(file.value, path) if kind == "bench" else _of_model(file.value, path)
     for index, name in enumerate(entry.terms or ()):
         if name not in content.values:
             raise CampaignError(
@@ -107,9 +108,34 @@ def _of_bench(document: object, path: Path) -> FileValues:
     return FileValues(values, covariances)
 
 
-def _of_card(document: object, path: Path) -> FileValues:
-    """Return the posterior of a card, in the size of the printed standard errors."""
+def _of_model(document: object, path: Path) -> FileValues:
+    """Return the posterior of a model card in newtons, else raise `CampaignError`."""
+    if isinstance(document, Mapping) and "dynamics" in document:
+        raise CampaignError(
+            "a model file is no prior: a model card is",
+            file=path,
+            remedy="Name runs/CAMPAIGN/STAGE/model_card/MODEL.json of the run that made it.",
+        )
     card = delivered(document, "model_card", file=path)
+    for axis, part in card.axes.items():
+        for item in part.terms:
+            unit = coefficient_unit(axis, item.term) if item.term in BASIS_TERMS else item.unit
+            if item.value is not None and item.unit.replace("*", " ") != unit.replace("*", " "):
+                raise CampaignError(
+                    "a model in other units is no prior: without newtons a fit gives damping over"
+                    " mass",
+                    file=path,
+                    field=f"{axis}_{item.term.replace('*', '')}",
+                    value=item.unit,
+                    allowed=unit,
+                    remedy="Give its campaign newtons (full_force, or newtons_from: mass) and run"
+                    " it again.",
+                )
+    return _of_card(card)
+
+
+def _of_card(card: ModelCard) -> FileValues:
+    """Return the posterior of a card, in the size of the printed standard errors."""
     values, covariances = {}, {}
     for axis, part in card.axes.items():
         terms = {
@@ -124,7 +150,7 @@ def _of_card(document: object, path: Path) -> FileValues:
             i: terms[listed[i]].standard_error / lower[i][i] ** 0.5 for i in kept if lower[i][i] > 0
         }
         for i in scale:
-            values[name_of[listed[i]]] = float(terms[listed[i]].value)
+            values[name_of[listed[i]]] = float(terms[listed[i]].value or 0.0)
             for j in scale:
                 if j <= i:
                     covariances[name_of[listed[i]], name_of[listed[j]]] = (

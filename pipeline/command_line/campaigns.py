@@ -27,6 +27,7 @@ from auvid.pipeline.output import (
     Commands,
     answer,
     answering,
+    note,
 )
 
 if TYPE_CHECKING:
@@ -150,8 +151,11 @@ def report(
         page = write_runs_page(campaigns, whole_history=history)
     else:
         from auvid.pipeline.commands.run.run_command import report_file
+        from auvid.pipeline.commands.run.staleness import stale_words
 
         page = report_file(campaigns[0], rebuild=rebuild, compare=compare, against=against)
+        if stale := stale_words(campaigns[0]):
+            note(f"WARNING: the page is of an earlier run: {stale}")
     print(page)
     answer({"report": page})
     if open_it:

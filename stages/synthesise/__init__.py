@@ -120,6 +120,7 @@ from auvid.stages.synthesise.within_limits import (
     refuse_contradicting_priors,
     refuse_pushing_priors,
     refuse_unknown_inertia,
+    refuse_without_structure,
     with_inertia,
     within_limits,
 )
@@ -293,6 +294,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     refuse_pushing_priors(params.damping, prior, sources)
     refuse_contradicting_priors(prior, sources)
     refuse_unknown_inertia(params.inertia)
+    if all(model.name in published for model in declared):
+        refuse_without_structure([m.name for m in declared], params.inertia, params.prior)
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(

@@ -282,6 +282,23 @@ def refuse_unknown_inertia(names: Sequence[str]) -> None:
             ) from None
 
 
+def refuse_without_structure(names: Sequence[str], inertia: Sequence[str], source: str) -> None:
+    """Raise `CampaignError` for settings of structures where none is fitted.
+
+    names: of the models. source: of the prior; that of strip theory is for all models.
+    """
+    for field, value in (("inertia", list(inertia)), ("prior", source)):
+        if value and value not in ("none", "strip_theory"):
+            raise CampaignError(
+                "published forms are plain least squares, and no structure is fitted that takes"
+                " this",
+                field=f"stages.synthesise.{field}",
+                value=value,
+                remedy=f"Name a structure beside {', '.join(names)} under"
+                " stages.synthesise.models, as symmetric, or leave it out.",
+            )
+
+
 def refuse_contradicting_priors(prior: Prior, sources: Sequence[NormalPrior]) -> None:
     """Raise `CampaignError` for two priors of a coefficient that cannot both be true.
 

@@ -12,7 +12,7 @@ from auvid.export.writing import write_files
 from auvid.hydro.arrays import AXES
 from auvid.pipeline.campaigns.workspace import find_workspace
 from auvid.pipeline.commands.model.named_model import named_model
-from auvid.pipeline.execution.kept_output import is_as_last_run
+from auvid.pipeline.commands.run.staleness import stale_words
 from auvid.pipeline.output import answer, note
 from auvid.pipeline.terminal import path_from_here, plain, table
 
@@ -34,8 +34,8 @@ def export(
     check_target(target)
     named = named_model(name)
     model = named.model
-    if named.campaign is not None:
-        warn_of_stale(named.campaign)
+    if named.campaign is not None and (stale := stale_words(named.campaign, until="model_file")):
+        note(f"WARNING: the exported model is of an earlier run: {stale}")
     prepared = prepare(model, target, lossy=lossy, force=force, name=file_name, draws=draws)
     into = folder or default_folder() / f"{prepared.name}_{target}"
     paths = write_files(prepared, into, force=force)
@@ -71,20 +71,6 @@ def default_folder() -> Path:
         return find_workspace(Path.cwd()).root / EXPORTED
     except PipelineError:
         return Path(EXPORTED)
-
-
-def warn_of_stale(campaign: str) -> None:
-    """Print a warning where the models of a campaign are not up to date."""
-    if is_as_last_run(campaign):
-        return
-    from auvid.pipeline.commands.open_run import check_fresh, open_run
-    from auvid.pipeline.graph import select
-
-    try:
-        run = open_run(campaign)
-        check_fresh(run, select(run.graph, until="model_file"))
-    except PipelineError as fault:
-        note(f"WARNING: the exported model may be out of date: {plain(str(fault))}")
 
 
 def print_losses(losses: ExportLosses) -> None:

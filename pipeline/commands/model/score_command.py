@@ -14,6 +14,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.regression.error_measures import TOTAL
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.pipeline.commands.open_run import open_run
+from auvid.pipeline.commands.run.staleness import stale_words
 from auvid.pipeline.execution.runner import Place
 from auvid.pipeline.graph import ONCE
 from auvid.pipeline.output import answer, note
@@ -62,6 +63,8 @@ def score(campaign: str, others: Sequence[str]) -> Scores:
             value=run.campaign.document["kind"],
             allowed="identification, twin",
         )
+    if stale := stale_words(campaign, until="validate"):
+        note(f"WARNING: scores are on an earlier run: {stale}")
     sets, skipped = sets_named(others, run.campaign.vehicle)
     task = run.task(run.graph.stage(STAGE.name), Place(ONCE))
     inputs = Inputs(**{name: source.load() for name, source in task.sources.items()})

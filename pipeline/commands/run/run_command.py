@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Sequence
 from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 
 from auvid.data_schemas.errors import PipelineError
@@ -19,11 +20,12 @@ from auvid.pipeline.commands.run.run_summary import (
     print_summary,
     summary_document,
 )
+from auvid.pipeline.commands.run.staleness import stale_stage
 from auvid.pipeline.execution.engines import Engine, make_engine
 from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
 from auvid.pipeline.execution.memory import available_bytes, shortage
 from auvid.pipeline.execution.runner import Place, Run
-from auvid.pipeline.graph import ONCE, AnyStage, select
+from auvid.pipeline.graph import ONCE, AnyStage, Graph, select
 from auvid.pipeline.output import FAILED, FINE, LOSSES, OUTPUT, answer
 from auvid.pipeline.store.atomic_files import remove_stale_files
 
@@ -54,8 +56,11 @@ def run_campaign(
     document = {"items_run": count}
     with redirect_stdout(Recorder(sys.stdout)) as results:  # type: ignore[type-var]
         if only is None:
-            print_summary(run)
-            document = {**document, **summary_document(run)}
+            printed, rest = _up_to_date(run, stages)
+            print_summary(printed)
+            document = {**document, **summary_document(printed)}
+            if rest:
+                print(f"\nnot printed: results from stage {rest} on, of an earlier run")
     answer(document)
     missed = only is None and bound_missed(run, stages)
     status = FAILED if missed else LOSSES if strict and losses(run) else FINE
@@ -64,6 +69,16 @@ def run_campaign(
         kept = Printed(text, status, {**document, "items_run": 0})
         keep_printed(kept, run, start=start, strict=strict)
     return status
+
+
+def _up_to_date(run: Run, stages: Sequence[AnyStage]) -> tuple[Run, str | None]:
+    """Return the run as far as it is up to date, and the first stage that is not.
+
+    Where one is not, that is the run of the stages that were selected.
+    """
+    rest = [stage for stage in run.graph.stages if stage not in stages]
+    stale = stale_stage(run, rest)
+    return (run if stale is None else replace(run, graph=Graph(tuple(stages)))), stale
 
 
 def execute(

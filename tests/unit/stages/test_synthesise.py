@@ -1388,3 +1388,15 @@ def test_one_leg_is_left_out_of_nothing_and_the_page_says_so() -> None:
     )
     assert "There is one training leg" in str(outputs.section)
     assert "There is one training leg" not in str(run(legs, models=("linear",)).section)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"inertia": ("N_rdot",)}, r"synthesise\.inertia.*no structure is fitted"),
+        ({"prior": "vehicle"}, r"synthesise\.prior.*no structure is fitted"),
+    ],
+)
+def test_settings_of_structures_need_one(settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(CampaignError, match=words):
+        run(noisy_legs(), models=("fossen",), vehicle="bluerov2_heavy", **settings)

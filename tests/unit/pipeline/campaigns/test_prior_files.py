@@ -17,6 +17,7 @@ from auvid.pipeline.campaigns.prior_files import prior_source
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from tests.support.example_run import example_run
+from tests.support.model_files import DAMPED, model_file
 
 BENCH = {
     "title": "roll of leg tank",
@@ -159,3 +160,13 @@ def test_a_campaign_names_a_set_of_the_shelf(tmp_path: Path) -> None:
         loaded("bluerov2_wu_2019")
     assert refused.value.field == "priors[0].shelf"
     assert "bluerov2_wu_2018" in (refused.value.remedy or "")
+
+
+def test_a_model_without_newtons_and_a_model_file_are_no_priors(tmp_path: Path) -> None:
+    """Damping over mass is not damping, however plausible the number."""
+    card = example_run({"train": 4.0, "check": 2.0}).cards["coe"].model_dump(mode="json")
+    card["axes"]["X"]["terms"][0] |= {"value": -1.2, "unit": "1/s"}
+    with pytest.raises(CampaignError, match=r"X_u.*other units.*'1/s'.*newtons_from"):
+        source(tmp_path, card, campaign="results.json")
+    with pytest.raises(CampaignError, match=r"a model file is no prior.*model_card/MODEL"):
+        source(tmp_path, model_file(DAMPED).model_dump(mode="json"), campaign="results.json")

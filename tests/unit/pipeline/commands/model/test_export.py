@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import CampaignError, DataError, PipelineError, UsageError
-from auvid.pipeline import cli, graph
+from auvid.pipeline import cli
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
-from auvid.pipeline.commands import open_run as opening
+from auvid.pipeline.commands.model import export_command
 from auvid.pipeline.commands.model.named_model import named_model
 from auvid.pipeline.store.model_files import write_model
 from tests.support.model_files import DAMPED, model_file
@@ -76,24 +75,25 @@ def test_results_that_are_not_up_to_date_are_warned_of(
 ) -> None:
     """Those of a run, by what `auvid regress` refuses; a file stands for itself."""
 
-    def stale(run: SimpleNamespace, stages: object) -> None:
-        assert (Path(run.name).name, stages) == ("dive", "until model_file")
-        raise DataError("the results of stage fuse are not up to date", remedy="auvid run dive")
+    asked_for: list[tuple[str, str | None]] = []
+
+    def stale(campaign: str, *, until: str | None) -> str:
+        asked_for.append((Path(campaign).name, until))
+        return "results of dive from stage fuse on are not up to date"
 
     def warned(name: str) -> bool:
         words = ["export", name, "--to", "python", "--force", "-o", "sim"]
         output = CliRunner().invoke(cli.app, words, catch_exceptions=False).output
         assert "written into" in output
-        return "may be out of date" in output and "fuse" in output
+        return "of an earlier run" in output and "from stage fuse on" in output
 
-    monkeypatch.setattr(opening, "open_run", lambda name: SimpleNamespace(name=name, graph=None))
-    monkeypatch.setattr(graph, "select", lambda graph, until: f"until {until}")
-    monkeypatch.setattr(opening, "check_fresh", stale)
+    monkeypatch.setattr(export_command, "stale_words", stale)
     assert warned("dive")
     assert warned("dive/fossen")
     assert warned("campaigns/dive")
+    assert set(asked_for) == {("dive", "model_file")}
     assert not warned(str(workspace / "fossen.json"))
-    monkeypatch.setattr(opening, "check_fresh", lambda run, stages: None)
+    monkeypatch.setattr(export_command, "stale_words", lambda campaign, until: "")
     assert not warned("dive")
 
 

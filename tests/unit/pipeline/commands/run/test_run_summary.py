@@ -11,6 +11,7 @@ import pytest
 
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.commands.run import run_command
 from auvid.pipeline.commands.run.run_summary import (
     error_rows,
     losses,
@@ -19,8 +20,9 @@ from auvid.pipeline.commands.run.run_summary import (
     shortened,
     warnings,
 )
+from auvid.pipeline.commands.run.staleness import stale_stage
 from auvid.pipeline.execution.runner import Run
-from auvid.pipeline.graph import Graph, stages_of_kind
+from auvid.pipeline.graph import Graph, select, stages_of_kind
 from auvid.pipeline.store.artefacts import encode
 from auvid.pipeline.store.atomic_files import write_atomically
 from auvid.pipeline.store.file_hashes import hash_bytes
@@ -143,6 +145,12 @@ def test_errors_in_short_and_places(run: Run, capsys: pytest.CaptureFixture[str]
     row = {"model": "fossen", "recommended": True, "identified": 3, "coefficients": 12}
     assert error_rows(run) == [{**row, "training": 0.5, "validation": None}]
     assert result_files(run) == {"error table": run.folder / "validate" / "error_table.parquet"}
+    # Behind another stage these are results of an earlier run.
+    stages = select(run.graph, until="synthesise")
+    printed, stale = run_command._up_to_date(run, stages)
+    assert (stale, list(printed.graph.stages)) == ("validate", list(stages))
+    assert (error_rows(printed), result_files(printed)) == ([], {})
+    assert stale_stage(run, stages) is None
     print_summary(run)
     out = capsys.readouterr().out
     assert "model   identified  training  validation\n" in out
