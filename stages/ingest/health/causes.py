@@ -25,6 +25,7 @@ from auvid.stages.ingest.health.actuation.output_order import (
     placed_otherwise,
 )
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, listed
+from auvid.stages.ingest.health.vehicle import body_findings, other_masses
 
 Mend = Callable[[CheckedLog], CheckedLog]
 Check = Callable[[CheckedLog], Iterable[Finding]]
@@ -63,6 +64,9 @@ OF_MOTION = (
     "commands_unrelated",
 )
 """Findings that compare sensors and outputs with each other."""
+OF_MASSES = ("body_size", "added_mass_size", "weight_in_water", "hull_volume")
+OF_FORCES = ("response_unit", "response_scale", "drag_size", "weight_held")
+"""Findings of a vehicle file, and of forces beside motion, that a wrong mass makes."""
 OF_A_WARNING = 0.3
 """Weight of a finding that stops no run; that of one that does is 1."""
 MOST_MISTAKES = 3
@@ -138,6 +142,45 @@ def by_cause(
         kept = [*(item for item in kept if _key(item) not in away), named]
         log, left = best.log, best.left
     return kept, explained
+
+
+def by_mass(
+    log: CheckedLog, findings: list[Finding], check: Check
+) -> tuple[list[Finding], list[dict[str, Any]], CheckedLog]:
+    """Return the findings with one for wrong masses of a file, and the log mended.
+
+    And those that the masses explain. Masses that leave as little are named beside.
+    """
+    own = [item for item in findings if item["id"] in OF_MASSES]
+    of_forces = [item for item in findings if item["id"] in OF_FORCES]
+    if log.vehicle is None or not own or len(own) + len(of_forces) < 2:
+        return findings, [], log
+    left: dict[str, tuple[CheckedLog, list[Finding]]] = {}
+    for words, vehicle in other_masses(log.vehicle).items():
+        mended = replace(log, vehicle=vehicle)
+        if not any(item["id"] in OF_MASSES for item in body_findings(mended)):
+            again = [item for item in check(mended) if item["id"] in OF_FORCES]
+            left[words] = mended, again
+    if not left:
+        return findings, [], log
+    least = min(weight(again) for _, again in left.values())
+    likely = [name for name, (_, again) in left.items() if weight(again) <= least + ROUNDING]
+    mended, again = left[likely[0]]
+    remaining = {_key(item) for item in again}
+    gone = [item for item in of_forces if _key(item) not in remaining]
+    base = next((item for item in own if item["id"] == "weight_in_water"), own[0])
+    others = [item for item in (*own, *gone) if item is not base]
+    names = dict.fromkeys(_short(item) for item in others)
+    explains = f" This explains {listed(list(names))} as well." if names else ""
+    named = {
+        **base,
+        "text": f"{base['text']} All else fits if {', or '.join(likely)}.{explains}",
+        "remedy": "Correct rigid_body.mass and rigid_body.displaced_mass, or their unit, in the"
+        " vehicle file: mass in air with the water that it encloses.",
+    }
+    away = {id(item) for item in others}
+    kept = [named if item is base else item for item in findings if id(item) not in away]
+    return kept, [{**item, "by": base["id"]} for item in others], mended
 
 
 def _with_equals(

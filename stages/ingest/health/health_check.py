@@ -57,7 +57,7 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     velocity_evidence,
 )
 from auvid.stages.ingest.health.agreement.velocity.velocity_samples import outlier_findings
-from auvid.stages.ingest.health.causes import by_cause
+from auvid.stages.ingest.health.causes import by_cause, by_mass
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
     clock_findings,
@@ -148,9 +148,12 @@ def check_health(
     )
     of_motion = list(_once(chain(*results[:-1]), "clock_drift"))
     measured += results[-1]
-    measured, explained = by_cause(
-        real, [*measured, *of_motion], lambda mended: _compared(mended).findings
-    )
+
+    def again(mended: CheckedLog) -> Iterator[Finding]:
+        return _compared(mended).findings
+
+    measured, of_masses, mended = by_mass(real, [*measured, *of_motion], again)
+    measured, explained = by_cause(mended, measured, again)
     findings = ranked([*with_hold_lag(log, measured), *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -160,7 +163,7 @@ def check_health(
         "status": info.status,
         "duration_s": (info.end_us - info.start_us) / 1e6,
         "findings": findings,
-        "explained": explained,
+        "explained": [*of_masses, *explained],
         "streams": {name: _stream(log, name) for name in tables},
         "shared_spans_s": [list(span) for span in common_spans(log) if np.isfinite(span).all()],
         "verdict": verdict(uses, findings),

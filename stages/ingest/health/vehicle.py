@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
@@ -21,6 +22,13 @@ NEEDED = ("velocity", "attitude", "depth", "imu", "actuators")
 DENSITIES_KG_M3 = (950.0, 1250.0)
 """Fresh water, warm, to brine."""
 POUNDS = 2.2046
+MASS_UNITS: Mapping[float, str] = {
+    1e3: "in g",
+    1e-3: "in t",
+    POUNDS: "in lb",
+    1.0 / POUNDS: "turned from lb to kg twice",
+}
+"""By how many times a mass is too large in another unit."""
 SURE_BELOW = 0.05
 """Part of the radius of a ball of the displaced water; trim errs by less."""
 FIRST_TURN = 3
@@ -124,6 +132,33 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
                 f" of {water:g} kg is {ratio:.2g} times that.",
                 value=ratio,
             )
+
+
+def other_masses(vehicle: Vehicle) -> dict[str, Vehicle]:
+    """Return the vehicle with other masses that a file may have meant, by what is wrong."""
+    mass, water = vehicle.mass_kg, vehicle.displaced_mass_kg
+    others = {
+        f"mass is {_times(mass / water)}": (water, water),
+        f"displaced_mass is {_times(water / mass)}": (mass, mass),
+    }
+    for factor in MASS_UNITS:
+        both = mass / factor, water / factor
+        others[f"mass and displaced_mass are both {_times(factor)}"] = both
+    return {words: _with_masses(vehicle, *masses) for words, masses in others.items()}
+
+
+def _with_masses(vehicle: Vehicle, mass_kg: float, water_kg: float) -> Vehicle:
+    document = vehicle.document.model_dump(mode="python", exclude_none=True)
+    for name, value in (("mass", mass_kg), ("displaced_mass", water_kg)):
+        document["rigid_body"][name] |= {"value": value, "unit": "kg"}
+    return vehicle_from_document(document)
+
+
+def _times(factor: float) -> str:
+    """Return by how much a mass is off, and in which unit it may be."""
+    unit = next((words for of, words in MASS_UNITS.items() if abs(factor / of - 1.0) < 0.1), "")
+    off = f"{max(factor, 1.0 / factor):.4g} times too {'large' if factor > 1.0 else 'small'}"
+    return f"about {off}{f' ({unit})' if unit else ''}"
 
 
 def _sizes(vehicle: Vehicle) -> Iterator[Finding]:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.columns import LINEAR_VELOCITY
-from auvid.stages.ingest.health.causes import by_cause
+from auvid.stages.ingest.health.causes import by_cause, by_mass
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
+from auvid.stages.ingest.health.vehicle import body_findings
+from tests.support.motions import shipped_vehicle
 from tests.support.sound_log import sound
 
 
@@ -50,3 +55,30 @@ def test_arrays_of_a_log_are_made_once_and_anew_where_it_is_mended_or_cut() -> N
     rows = (log.t_s("velocity") >= 10.0) & (log.t_s("velocity") < 20.0)
     cut = log.between(10.0, 20.0).values("velocity", LINEAR_VELOCITY)
     np.testing.assert_array_equal(cut, values[rows])
+
+
+@pytest.mark.parametrize(
+    ("factors", "words", "folded"),
+    [
+        ((1e3, 1.0), "if mass is about 1000 times too large (in g)", "body_size"),
+        ((1.0, 1e-3), "if displaced_mass is about 1000 times too small (in t)", "body_size"),
+        ((1e3, 1e3), "mass and displaced_mass are both about 1000 times", "added_mass_size"),
+        ((2.2046, 1.0), "if mass is about 2.205 times too large (in lb)", "weight_held"),
+    ],
+)
+def test_wrong_masses_of_a_vehicle_file_are_one_finding(
+    factors: tuple[float, float], words: str, folded: str
+) -> None:
+    """Findings that the forces make of it go where a sound mass leaves none, or stay."""
+    document = shipped_vehicle("bluerov2_heavy").document.model_dump(exclude_none=True)
+    for name, factor in zip(("mass", "displaced_mass"), factors, strict=True):
+        document["rigid_body"][name]["value"] *= factor
+    log = replace(checked_log(), vehicle=vehicle_from_document(document))
+    heavy = finding("weight_held", "heavy.", stream="actuators")
+    kept, explained, mended = by_mass(log, [*body_findings(log), heavy], lambda _: ())
+    assert words in kept[0]["text"], kept[0]["text"]
+    assert len(kept) == 1
+    assert {folded, "weight_held"} <= {item["id"] for item in explained}
+    assert not list(body_findings(mended))
+    kept, *_ = by_mass(log, [*body_findings(log), heavy], lambda _: [heavy])
+    assert kept[-1] is heavy
