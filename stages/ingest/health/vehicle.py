@@ -135,7 +135,7 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def other_masses(vehicle: Vehicle) -> dict[str, Vehicle]:
-    """Return the vehicle with other masses that a file may have meant, by what is wrong."""
+    """Return the vehicle with masses that a file may have meant, by what is wrong."""
     mass, water = vehicle.mass_kg, vehicle.displaced_mass_kg
     others = {
         f"mass is {_times(mass / water)}": (water, water),

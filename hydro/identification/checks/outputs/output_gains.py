@@ -124,13 +124,15 @@ class ChangedOrder:
 
     `windows`: the first and the last with which that may begin. `better`: log likelihood
     over no change, as the allocation says or otherwise all log long; `rise`: by how much
-    more of an axis is explained.
+    more of an axis is explained. `by_part`: log likelihood of the one order over the other
+    in the part before and in that after, each with gains of its own; the smaller.
     """
 
     pair: tuple[int, int]
     windows: tuple[int, int]
     better: float
     rise: float
+    by_part: float
 
 
 def changed_order(motion: Answered, direction: Array) -> ChangedOrder | None:
@@ -141,7 +143,8 @@ def changed_order(motion: Answered, direction: Array) -> ChangedOrder | None:
     )
     as_it_is = motion.pushed.sum(axis=2)
     before, power = _sums(as_it_is, motion.changes)
-    energy = (motion.changes**2).sum(axis=1)
+    energy_sums = np.cumsum(motion.changes**2, axis=1)
+    energy = energy_sums[:, -1]
     usual = float(_fit(before[:, -1], power[:, -1], energy, count)[0].sum())
     best: ChangedOrder | None = None
     pairs = [*combinations(range(number), 2), *((place, place) for place in range(number))]
@@ -161,11 +164,30 @@ def changed_order(motion: Answered, direction: Array) -> ChangedOrder | None:
         place = int(np.argmax(odds.sum(axis=0)))
         better = float(odds[:, place].sum()) - max(usual, float(all_along.sum()))
         if best is None or better > best.better:
-            own = _fit(before[:, -1], power[:, -1], energy, count)[1]
-            rise = float((share[:, place] - own).max())
+            as_stated = _fit(before[:, -1], power[:, -1], energy, count)[1]
+            rise = float((share[:, place] - as_stated).max())
             near = cuts[odds.sum(axis=0) > float(odds[:, place].sum()) - AS_LIKELY]
-            best = ChangedOrder((first, second), (int(near[0]), int(near[-1])), better, rise)
+            own = _of_parts(before, power, energy_sums, int(cuts[place]))
+            other = _of_parts(after, other_power, energy_sums, int(cuts[place]))
+            by_part = min(own[0] - other[0], other[1] - own[1])
+            windows = int(near[0]), int(near[-1])
+            best = ChangedOrder((first, second), windows, better, rise, by_part)
     return best
+
+
+def odds_without(motion: Answered, places: Sequence[int]) -> float:
+    """Return the log likelihood of thrusters that give nothing over that of all."""
+    rest = np.delete(motion.pushed, places, axis=2).sum(axis=2)
+    return float((_log_odds(rest, motion) - _log_odds(motion.pushed.sum(axis=2), motion)).sum())
+
+
+def _of_parts(along: Array, power: Array, energy: Array, cut: int) -> tuple[float, float]:
+    """Return log likelihoods over none before and after a cut, by sums (k, n)."""
+    count = along.shape[1]
+    before = _fit(along[:, cut], power[:, cut], energy[:, cut], cut)
+    rest = [part[:, -1] - part[:, cut] for part in (along, power, energy)]
+    after = _fit(rest[0], rest[1], rest[2], count - cut)
+    return float(before[0].sum()), float(after[0].sum())
 
 
 def _sums(pushed: Array, changes: Array) -> tuple[Array, Array]:

@@ -30,6 +30,7 @@ from auvid.hydro.identification.checks.outputs.output_gains import (
     OutputGains,
     answered,
     changed_order,
+    odds_without,
     output_gains,
 )
 from auvid.stages.columns import ATTITUDE, GYRO, RATES, SPEEDS
@@ -49,9 +50,11 @@ CLEARLY_DEAD = 3.0
 """Standard deviations by which an output without effect stays below the limit."""
 LEAST_FOLLOWED = 0.3
 """Share of some axis that the outputs must explain to tell which of them does nothing."""
-SURE_CHANGE, RISE_OF_CHANGE = 30.0, 0.14
-"""Log likelihood of outputs that change under way over those that do not, and by how much more
-of an axis they explain so: 300 sound logs and parts of them have 16 and .12, or 46 and .11.
+SURE_CHANGE, RISE_OF_CHANGE, SURE_PART = 30.0, 0.14, 12.0
+"""Log likelihood of outputs that change under way over those that do not, by how much more of
+an axis they explain so, and the log likelihood of the one order over the other in each of both
+parts: 300 sound logs and parts of them have 16 and .12, or 46 and .11; of 127 none has a part
+beyond 9.1, and those with 16 or more 5.
 """
 FIRST_TURN, MOST_CAUSES = 3, 3
 """Row of roll in an allocation, those before are speeds; and causes named beside the best."""
@@ -114,11 +117,13 @@ def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding
         yield wrong
         return
     motion = answered(answers, impulse, thrusters.allocation[driven])
-    single = list(_without_effect(output_gains(motion), thrusters.outputs))
-    if not single:
-        single = list(_changed(changed_order(motion, thrusters.direction), thrusters, at))
-    yield from single
-    if single:
+    gains, change = output_gains(motion), changed_order(motion, thrusters.direction)
+    dead = _without_effect(gains)
+    if change is not None and _is_sure(change) and change.better > odds_without(motion, dead):
+        yield _changed(change, thrusters, at)
+        return
+    if gains is not None and dead:
+        yield _dead(gains, dead, thrusters.outputs)
         return
     if len(joined.unseen) == len(names):
         yield finding(
@@ -176,15 +181,19 @@ def directions_by_motion(log: CheckedLog, vehicle: Vehicle) -> Array | None:
     return motor_directions(answers, (ahead, back), thrusters.allocation[driven])
 
 
-def _without_effect(gains: OutputGains | None, outputs: tuple[int, ...]) -> Iterator[Finding]:
-    """Yield outputs whose force the motion does not follow, unlike the others."""
+def _without_effect(gains: OutputGains | None) -> list[int]:
+    """Return the places of outputs whose force the motion does not follow."""
     if gains is None or gains.explained < LEAST_FOLLOWED or np.count_nonzero(gains.acts) < 3:
-        return
+        return []
     usual = float(np.median(gains.gain[gains.acts]))
     dead = gains.acts & (gains.gain + CLEARLY_DEAD * gains.sd < limit("output_dead") * usual)
     places = np.flatnonzero(dead & (gains.gain + CLEARLY_DEAD * gains.sd > -usual)).tolist()
-    if not places or len(places) > np.count_nonzero(gains.acts) // 2:
-        return
+    return places if len(places) <= np.count_nonzero(gains.acts) // 2 else []
+
+
+def _dead(gains: OutputGains, places: list[int], outputs: tuple[int, ...]) -> Finding:
+    """Return the finding of outputs whose force the motion does not follow."""
+    usual = float(np.median(gains.gain[gains.acts]))
     parts = [
         f"output {outputs[place]} ({gains.gain[place]:.2f} +- {2.0 * gains.sd[place]:.2f} of the"
         " force that the vehicle file gives it)"
@@ -192,7 +201,7 @@ def _without_effect(gains: OutputGains | None, outputs: tuple[int, ...]) -> Iter
     ]
     several = len(places) > 1
     rest = np.delete(gains.gain, places)[np.delete(gains.acts, places)]
-    yield finding(
+    return finding(
         "output_dead",
         f"The motion does not follow {listed(parts)}, and the others with {rest.min():.2f} to"
         f" {rest.max():.2f}: {'their columns are' if several else 'its column is'} another signal,"
@@ -203,10 +212,17 @@ def _without_effect(gains: OutputGains | None, outputs: tuple[int, ...]) -> Iter
     )
 
 
-def _changed(change: ChangedOrder | None, thrusters: Thrusters, at: Array) -> Iterator[Finding]:
-    """Yield outputs that are joined otherwise from some time on."""
-    if change is None or change.better < SURE_CHANGE or change.rise < RISE_OF_CHANGE:
-        return
+def _is_sure(change: ChangedOrder) -> bool:
+    """Return whether outputs clearly change under way, by the log and both parts."""
+    return (
+        change.better >= SURE_CHANGE
+        and change.rise >= RISE_OF_CHANGE
+        and change.by_part >= SURE_PART
+    )
+
+
+def _changed(change: ChangedOrder, thrusters: Thrusters, at: Array) -> Finding:
+    """Return the finding of outputs that are joined otherwise from some time on."""
     first, second = (thrusters.outputs[place] for place in change.pair)
     start, last = (float(at[window]) for window in change.windows)
     what = (
@@ -214,7 +230,7 @@ def _changed(change: ChangedOrder | None, thrusters: Thrusters, at: Array) -> It
         if first == second
         else f"outputs {first} and {second} are exchanged"
     )
-    yield finding(
+    return finding(
         "response_order",
         f"From a time between {start:.0f} and {last:.0f} s on {what}: so the motion answers the"
         " thrusters of the vehicle file all log long, and as it stands only until then.",

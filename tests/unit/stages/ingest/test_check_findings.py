@@ -1064,17 +1064,28 @@ def test_thrusters_are_named_where_they_give_nothing_and_else_not(
     assert of_dead == ([[f"pwm_{number}_us" for number in dead]] if dead else [])
 
 
-def test_outputs_that_change_places_under_way_are_named_with_the_time() -> None:
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [((1, 3), "outputs 1 and 3 are exchanged"), ((2, 2), "output 2 acts backward")],
+)
+def test_outputs_that_change_under_way_are_named_with_the_time(
+    numbers: tuple[int, int], words: str
+) -> None:
+    """One that turns halfway gives nothing on average, and is not named as dead."""
     log = sound()
     drive(log, RIGHT_ORDER)
     outputs, late = log.streams["actuators"], log.t_s("actuators") > 36.0
-    first, third = outputs["pwm_1_us"], outputs["pwm_3_us"]
-    outputs["pwm_1_us"], outputs["pwm_3_us"] = (
-        np.where(late, third, first),
-        np.where(late, first, third),
-    )
+    first, second = (f"pwm_{number}_us" for number in numbers)
+    if first == second:
+        outputs[first] = np.where(late, 3000.0 - outputs[first], outputs[first])
+    else:
+        outputs[first], outputs[second] = (
+            np.where(late, outputs[second], outputs[first]),
+            np.where(late, outputs[first], outputs[second]),
+        )
     item = log.finding("response_order")
-    assert "outputs 1 and 3 are exchanged" in item["text"]
+    assert words in item["text"], item["text"]
+    assert "output_dead" not in log.ids()
     start, last = re.findall(r"between (\d+) and (\d+) s", item["text"])[0]
     assert int(start) - 1 <= 36 <= int(last) + 1
 
