@@ -37,7 +37,9 @@ def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
     if by_depth < -SURE_BY_DEPTH:
         text = (
             f"The accelerometer ({log.source('imu')}) comes {abs(lag):.2f} s {AFTER[lag < 0.0]}"
-            " attitude, gyro and velocity, which agree with each other and with the depth."
+            " attitude, gyro and velocity, which agree with each other and with the depth; or"
+            f" attitude, gyro and depth all come so much {AFTER[lag > 0.0]} accelerometer and"
+            " velocity."
         )
         return _read_later(log, ACCELEROMETER, -lag), [_late(text, lag, ACCELEROMETER)]
     times = {name: log.t_s(name) for name in log.tables}

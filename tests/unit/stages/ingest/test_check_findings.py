@@ -292,7 +292,7 @@ def _compass_beside_iron(log: Log) -> None:
 
 @spoils("gyro_lag")
 def _late(log: Log) -> None:
-    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 200_000
+    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 120_000
 
 
 @spoils("inertial_lag")
@@ -877,10 +877,10 @@ def test_a_heading_that_is_late_by_itself_is_named_with_its_own_lag() -> None:
 
 def test_an_attitude_behind_a_filter_is_late_without_its_gyro() -> None:
     log = sound()
-    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 120_000
+    log.streams["attitude"]["time_us"] = log.streams["attitude"]["time_us"] + 96_000
     late = log.finding("inertial_lag")
     assert late["fields"] == ["phi_rad", "theta_rad", "psi_rad"]
-    assert "0.12 s after the gyro" in late["text"]
+    assert "0.10 s after the gyro" in late["text"]
 
 
 def test_halves_of_a_drift_of_outputs_are_those_of_the_time_that_they_act(
@@ -1218,7 +1218,7 @@ def test_measured_values() -> None:
         "held_samples": (0.75, 0.02),
         "gyro_scale": (56.3, 0.6),
         "gyro_bias": (0.04, 0.002),  # rad/s
-        "gyro_lag": (0.2, 0.02),  # s
+        "gyro_lag": (0.12, 0.02),  # s
         "gap": (4.0, 0.3),  # s
         "attitude_jumps": (np.degrees(1.0), 3.0),  # deg
         "accelerometer_direction": (
