@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +40,6 @@ from auvid.hydro.identification.regression.verdicts import (
 )
 from auvid.stages.refine.fitting import SensorFit
 
-S = TypeVar("S")
 UNITS = ("rad",) * 3 + ("rad/s",) * 3 + ("m/s^2",) * 3 + ("m/s",) * 3 + ("m",)
 CHANGED = 0.1
 """Share of the standard error from which on limits changed a value."""
@@ -161,9 +160,7 @@ def _axis(
             "covariance": CovarianceCard(
                 terms=[unknowns[i].term for i in kept],
                 lower=[[float(fit.covariance[i, j]) for j in kept if j <= i] for i in kept],
-                shifts=_of_figures(
-                    part.covariance.shifts_of([_free_term(unknowns[i], status) for i in kept])
-                ),
+                shifts=part.covariance.shifts_of([_free_term(unknowns[i], status) for i in kept]),
             ),
             "combinations": [_combination(axis, item, fit) for item in part.combinations],
         }
@@ -249,7 +246,7 @@ def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombin
     )
 
 
-def _of_figures(shifts: Mapping[str, S]) -> dict[str, S]:
+def _of_figures(shifts: Mapping[str, float]) -> dict[str, float]:
     """Return shifts without those of an unsteady force, which leans least squares."""
     return {name: shift for name, shift in shifts.items() if name != UNSTEADY}
 

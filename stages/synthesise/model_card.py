@@ -219,7 +219,9 @@ def _axis_entry(
             for item in determined
         ],
         covariance=_covariance_entry(
-            fit.terms, wide, {name: rows for name, rows in figures.items() if name != FORM}
+            fit.terms,
+            wide,
+            {name: rows for name, rows in figures.items() if name not in (FORM, UNSTEADY)},
         ),
     )
 
@@ -237,8 +239,9 @@ def _covariance_entry(
 ) -> CovarianceCard:
     """Return the lower triangles over the terms that carry a number in `solution`.
 
-    shifts: of each assumed figure (c, k). What the form lacks is none of them: the force of
-    the form itself is known over the flown motion, whatever its coefficients stand for.
+    shifts: of each assumed figure (c, k). What the form lacks, and what an unsteady force
+    leans, are none of them: the force of the form itself is known over the flown motion,
+    whatever its coefficients stand for.
     """
     kept = np.flatnonzero(np.isfinite(np.diag(covariance))).tolist()
     return CovarianceCard(

@@ -16,7 +16,7 @@ from auvid.hydro.identification.constrained.equations import (
     Unknown,
     extra_rows,
 )
-from auvid.hydro.identification.regression.assumed_figures import FORM, total_error
+from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY, total_error
 from auvid.hydro.identification.regression.least_squares import TriangularFactor
 from auvid.stages.card_errors import axis_errors
 
@@ -121,8 +121,8 @@ __all__ = ["AXES", "VELOCITIES", "Dive", "design", "index", "oracle", "solve"]
 def drawn_as_printed(card: ModelCard) -> int:
     """Assert that draws of each free coefficient have its printed error; return how many.
 
-    That is of noise and assumed figures, not of what the form lacks (decision 0083); a
-    number without an error is not drawn from data.
+    That is of noise and assumed figures, not of what the form lacks (decision 0083) or an
+    unsteady force leans (0093); a number without an error is not drawn from data.
     """
     unknowns = [Unknown(a, term) for a, part in card.axes.items() for term in part.covariance.terms]
     items = {Unknown(a, item.term): item for a, part in card.axes.items() for item in part.terms}
@@ -131,7 +131,9 @@ def drawn_as_printed(card: ModelCard) -> int:
     count = 0
     for item, variance in zip((items[u] for u in unknowns), np.diag(covariance), strict=True):
         if item.value is not None and item.standard_error:
-            drawn = {name: x for name, x in item.assumed_shifts.items() if name != FORM}
+            drawn = {
+                name: x for name, x in item.assumed_shifts.items() if name not in (FORM, UNSTEADY)
+            }
             total = total_error(item.standard_error, drawn)
             assert np.sqrt(variance) == pytest.approx(total, rel=1e-6), item
             count += 1
