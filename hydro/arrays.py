@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -35,6 +38,21 @@ def components(vectors: Array) -> tuple[Array, ...]:
     On small arrays several times faster than `np.moveaxis`.
     """
     return tuple(vectors[..., i] for i in range(vectors.shape[-1]))
+
+
+def numbers_or_components(*vectors: Array) -> list[tuple[Any, ...]]:
+    """Return the components of vectors (..., n), of single ones as numbers of Python.
+
+    Sums of products of those take a tenth of the time. `joined` makes a vector again.
+    """
+    if all(vector.ndim == 1 for vector in vectors):
+        return [tuple(vector.tolist()) for vector in vectors]
+    return [components(vector) for vector in vectors]
+
+
+def joined(parts: Sequence[Any]) -> Array:
+    """Return the vectors (..., n) of n components: numbers, or arrays of one shape."""
+    return np.array(parts) if isinstance(parts[0], float) else np.stack(parts, axis=-1)
 
 
 def cross(a: Array, b: Array) -> Array:

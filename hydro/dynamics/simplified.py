@@ -19,7 +19,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import CampaignError
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
+from auvid.hydro.arrays import (
+    AXES,
+    VELOCITIES,
+    Array,
+    joined,
+    numbers_or_components,
+    read_only,
+)
 from auvid.hydro.dynamics.mechanics.kinematics import eta_dot
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
@@ -107,9 +114,9 @@ def simplified_of(
 
 def coriolis_terms(model: SimplifiedModel, nu: ArrayLike) -> Array:
     """The products of velocities in (26), C(nu) nu: (..., 6) -> (..., 6) [N, N m]."""
-    u, v, w, p, q, r = _components(nu)
-    m, (i_x, i_y, i_z) = model.mass, model.inertia
-    x, y, z, k, mq, n = model.added_mass
+    ((u, v, w, p, q, r),) = numbers_or_components(np.asarray(nu, dtype=np.float64))
+    m, (i_x, i_y, i_z) = model.mass, model.inertia.tolist()
+    x, y, z, k, mq, n = model.added_mass.tolist()
     terms = [
         -(m - y) * v * r + (m - z) * w * q,
         -(m - z) * w * p + (m - x) * u * r,
@@ -129,7 +136,7 @@ def coriolis_terms(model: SimplifiedModel, nu: ArrayLike) -> Array:
             0.0 * r,
         ]
         terms = [term + more for term, more in zip(terms, extra, strict=True)]
-    return np.stack(terms, axis=-1)
+    return joined(terms)
 
 
 def damping_force(model: SimplifiedModel, nu: ArrayLike) -> Array:
@@ -179,8 +186,3 @@ QUADRATIC = tuple(
 )
 INERTIAS = ("I_x", "I_y", "I_z")
 """Names of the numbers of (26), in the order of the axes."""
-
-
-def _components(nu: ArrayLike) -> tuple[Array, ...]:
-    nu = np.asarray(nu, dtype=np.float64)
-    return tuple(nu[..., index] for index in range(6))

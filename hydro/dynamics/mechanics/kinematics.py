@@ -5,10 +5,12 @@ Attitude Theta = [phi, theta, psi] in rad, Euler angles of the order z, y, x.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, components, stack_matrix
+from auvid.hydro.arrays import Array, components, joined, numbers_or_components, stack_matrix
 
 SINGULAR_COSINE = 1e-6
 """Pitch within 1e-6 rad of 90 degrees: below this |cos(theta)| Euler rates are nan."""
@@ -105,11 +107,19 @@ def eta_dot(eta: ArrayLike, nu: ArrayLike) -> Array:
     >>> eta_dot([0, 0, 5, 0, 0, np.pi], [1.5, 0, 0, 0, 0, 0.1]).round(12).tolist()
     [-1.5, 0.0, 0.0, 0.0, 0.0, 0.1]
     """
-    attitude, nu = np.asarray(eta, dtype=np.float64)[..., 3:], np.asarray(nu, dtype=np.float64)
-    # einsum adds in a fixed order; a product by BLAS differs in the last bit.
-    upper = np.einsum("...ij,...j->...i", rotation_body_to_ned(attitude), nu[..., :3])
-    lower = np.einsum("...ij,...j->...i", euler_rate_matrix(attitude), nu[..., 3:])
-    return np.concatenate([upper, lower], axis=-1)
+    pose, nu = np.asarray(eta, dtype=np.float64), np.asarray(nu, dtype=np.float64)
+    if pose.shape != nu.shape:
+        pose, nu = np.broadcast_arrays(pose, nu)
+    angles = pose[..., 3:]
+    (sf, st, sp), (cf, ct, cp), (u, v, w, p, q, r) = numbers_or_components(
+        np.sin(angles), np.cos(angles), nu
+    )
+    regular: Any = np.where(np.abs(ct) < SINGULAR_COSINE, np.nan, ct)
+    regular = float(regular) if regular.ndim == 0 else regular
+    # The sums stand here: they add in a fixed order, a product by BLAS does not.
+    upper = [x * u + y * v + z * w for x, y, z in rotation_entries(sf, cf, st, ct, sp, cp)]
+    lower = [x * p + y * q + z * r for x, y, z in euler_rate_entries(sf, cf, st, regular)]
+    return joined([*upper, *lower])
 
 
 def _matrix(rows: Rows, shape: tuple[int, ...]) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, components, matrix_product
+from auvid.hydro.arrays import Array, joined, matrix_product, numbers_or_components
 from auvid.hydro.dynamics.mechanics.kinematics import skew
 
 
@@ -61,4 +61,4 @@ def coriolis_force(M: ArrayLike, nu: ArrayLike) -> Array:
     """
     nu = np.asarray(nu, dtype=np.float64)
     momentum = matrix_product(M, nu)
-    return np.stack(coriolis_components(components(nu), components(momentum)), axis=-1)
+    return joined(coriolis_components(*numbers_or_components(nu, momentum)))

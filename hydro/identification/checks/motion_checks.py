@@ -588,8 +588,11 @@ def gains_by_motion(
         lags,
         width_s,
     )
+    unturned = bool((of_force > 0.0).all())
     return [
-        [
+        by_lag
+        if unturned and turn > 0.0
+        else [
             None if gains is None else replace(gains, gain=gains.gain * turn * of_force)
             for gains in by_lag
         ]
