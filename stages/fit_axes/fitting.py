@@ -66,8 +66,8 @@ from auvid.stages.steps import tell
 AS_WELL = 2.0
 """Held-out fit [%] that a lag of other axes may cost."""
 AGAINST = (
-    "it does not move the way that its force pushes: the sign of the command or of the actuator is"
-    " wrong"
+    "it does not move the way that its force pushes: the commands are on another clock than the"
+    " motion, or the sign of the command or of the actuator is wrong"
 )
 
 

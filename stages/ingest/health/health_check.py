@@ -32,6 +32,7 @@ from auvid.stages.ingest.health.actuation.responses import (
 )
 from auvid.stages.ingest.health.actuation.single_outputs import single_output_findings
 from auvid.stages.ingest.health.actuation.unrelated_commands import one_tone, unrelated_commands
+from auvid.stages.ingest.health.agreement.command_clock import command_clock_findings
 from auvid.stages.ingest.health.agreement.exchanged_columns import exchanged_columns
 from auvid.stages.ingest.health.agreement.gravity import accelerometer_findings
 from auvid.stages.ingest.health.agreement.gyro import gyro_findings
@@ -317,6 +318,7 @@ OF_VALUES = (
     velocity_findings,
     outlier_findings,
     pose_findings,
+    command_clock_findings,
     wrap_findings,
     actuation_findings,
     single_output_findings,

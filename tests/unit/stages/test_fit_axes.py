@@ -217,7 +217,7 @@ def test_a_force_of_the_wrong_sign_is_named(sign: float, axis: str) -> None:
     fitted = fit_all({"one": wrong}, vehicle("bluerov2_heavy"), options)
     lacking = {item.axis: item for item in fitted.lacking}
     assert lacking[axis].verdict == "wrong sign"
-    assert "sign of the command or of the actuator" in lacking[axis].words
+    assert "another clock than the motion, or the sign of the command" in lacking[axis].words
     assert lacking["Z" if axis == "N" else "N"].verdict == "left out"
     assert "stages.fit_axes.axes" in lacking["Z" if axis == "N" else "N"].words
 

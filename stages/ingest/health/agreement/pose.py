@@ -1,4 +1,4 @@
-"""Checks of poses: jumps, freezes, outliers, units, handedness, wraps, clocks."""
+"""Checks of poses: jumps, freezes, outliers, units, handedness, wraps."""
 
 from __future__ import annotations
 
@@ -7,26 +7,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
 from auvid.hydro.identification.signals.pose.pose_checks import (
     averaged_across_wrap,
-    command_clock,
     handedness,
 )
 from auvid.hydro.identification.signals.pose.track import PoseFault
 from auvid.stages.columns import ATTITUDE, POSITION
-from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
 
 NAMED = 4
 LEAST_ADVANTAGE = 0.2
 SMALLEST_JUMP_RAD = math.radians(1.0)
 LEAST_EXPLAINED = 0.3
-LEAST_CORRELATION = 0.5
-SHORTEST_HALF_S, CLEAR_CORRELATION = 30.0, 0.7
-LEAST_DRIFT_S, CLEAR_SD = 0.3, 4.0
-"""Change of an offset from half to half of a log that is a drift, in standard deviations too."""
-AXES = {"surge": "u", "sway": "v", "heave": "w", "roll": "p", "pitch": "q", "yaw": "r"}
 
 
 def pose_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -50,7 +42,6 @@ def pose_findings(log: CheckedLog) -> Iterator[Finding]:
             at_s=begin + float(track.outliers_s[0]),
         )
     yield from _mirrored(log, begin)
-    yield from _clock(log, begin)
 
 
 def _faults(faults: tuple[PoseFault, ...], begin: float) -> Iterator[Finding]:
@@ -155,70 +146,6 @@ def _mirrored(log: CheckedLog, begin: float) -> Iterator[Finding]:
         stream="pose",
         value=agreement.mirrored - agreement.as_is,
         fields=(POSITION[1], ATTITUDE[2]),
-    )
-
-
-def _clock(log: CheckedLog, begin: float) -> Iterator[Finding]:
-    """Yield an offset between the clocks of commands and poses."""
-    assert log.track is not None
-    axes = [name.removeprefix("command_") for name in log.commands()]
-    driven = [axis for axis in axes if axis in AXES]
-    if not driven:
-        return
-    motion = np.hstack([log.track.velocity, log.track.rate])
-    columns = ["uvwpqr".index(AXES[axis]) for axis in driven]
-    commands = log.values("actuators", [f"command_{axis}" for axis in driven])
-    t_s, motion, at = log.track.t_s, motion[:, columns], log.t_s("actuators") - begin
-    drift = list(_drift(t_s, motion, at, commands))
-    yield from drift
-    offset = None if drift else command_clock(t_s, motion, at, commands)
-    if offset is None or offset.correlation < LEAST_CORRELATION:
-        return
-    if abs(offset.offset_s) > limit("pose_clock"):
-        yield finding(
-            "pose_clock",
-            f"{listed([MOTION_WORDS[AXES[axis]].capitalize() for axis in driven])} answer the"
-            f" commands {offset.offset_s:+.2f} +- {offset.std_s:.2f} s off (correlation"
-            f" {offset.correlation:.2f} over {offset.overlap_s:.0f} s): two clocks.",
-            stream="actuators",
-            value=offset.offset_s,
-            remedy=(
-                "Give the commands a column map of their own with time: {..., shift_s:"
-                f" {offset.offset_s:.2f}}} (the same file twice under files: of the log, once for"
-                " the poses), or shift them before the export."
-            ),
-        )
-
-
-def _drift(t_s: Array, motion: Array, at: Array, commands: Array) -> Iterator[Finding]:
-    """Yield an offset of commands and poses that changes in a log."""
-    start, end = max(t_s[0], at[0]), min(t_s[-1], at[-1])
-    if end - start < 2.0 * SHORTEST_HALF_S:
-        return
-    middle = 0.5 * (start + end)
-    first, last = (
-        command_clock(t_s[own], motion[own], at[others], commands[others])
-        for own, others in ((t_s < middle, at < middle), (t_s >= middle, at >= middle))
-    )
-    if first is None or last is None:
-        return
-    if min(first.correlation, last.correlation) < CLEAR_CORRELATION:
-        return
-    change, sd = last.offset_s - first.offset_s, math.hypot(first.std_s, last.std_s)
-    if abs(change) < max(LEAST_DRIFT_S, CLEAR_SD * sd):
-        return
-    rate = change / (middle - start)
-    yield finding(
-        "pose_clock",
-        f"The motion answers the commands {first.offset_s:+.2f} s off in the first half and"
-        f" {last.offset_s:+.2f} s in the second (+- {sd:.2f} s): two clocks, one of which drifts by"
-        f" {100.0 * abs(rate):.2g} %.",
-        stream="actuators",
-        value=change,
-        remedy=(
-            f"Multiply the times of the commands by {1.0 + rate:.4f} before the export, or log"
-            " both with one clock."
-        ),
     )
 
 

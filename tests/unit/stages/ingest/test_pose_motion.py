@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -193,6 +194,23 @@ def tank_poses(
     return columns, entries
 
 
+def tank_velocities(run: dict[str, Array]) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """Return velocities, yaw rate, angles and commands of a run, and what they are."""
+    columns, entries = tank_poses(run)
+    entries = [
+        {**entry, "stream": "attitude" if entry["stream"] == "pose" else entry["stream"]}
+        for entry in entries
+        if entry["field"] not in POSITION
+    ]
+    moves = dict(zip(("u_mps", "v_mps", "w_mps"), LINEAR_VELOCITY, strict=True))
+    entries += [
+        {"column": name, "stream": "velocity", "field": field, "unit": "m/s"}
+        for name, field in moves.items()
+    ]
+    entries.append({"column": "r_radps", "stream": "imu", "field": GYRO[2], "unit": "rad/s"})
+    return columns | {name: run[name] for name in (*moves, "r_radps")}, entries
+
+
 @pytest.mark.parametrize("turned", ["y_m", "yaw_rad"])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_left_handed_frame_is_named(turned: str, seed: int) -> None:
@@ -204,18 +222,23 @@ def test_a_left_handed_frame_is_named(turned: str, seed: int) -> None:
     assert "sign -1" in item["remedy"]
 
 
-@pytest.mark.parametrize("late_s", [7.3, -4.1])
-def test_two_clocks_are_named_with_their_offset(late_s: float) -> None:
+@pytest.mark.parametrize(
+    ("late_s", "table"),
+    [(7.3, tank_poses), (-4.1, tank_poses), (3.0, tank_velocities), (-7.3, tank_velocities)],
+)
+def test_two_clocks_are_named_with_their_offset(
+    late_s: float, table: Callable[..., tuple[dict[str, Array], list[dict[str, Any]]]]
+) -> None:
     run = noisy(tank_run(3, duration_s=90.0), 3)
     steps = round(late_s / 0.1)
     for name in COMMANDS:
         run[name] = np.roll(run[name], steps)
     cut = slice(abs(steps), -abs(steps))
-    outputs = ingested(*tank_poses({name: values[cut] for name, values in run.items()}))
+    outputs = ingested(*table({name: values[cut] for name, values in run.items()}))
     (item,) = of(outputs, "pose_clock")
     assert item["value"] == pytest.approx(-late_s, abs=0.5)
     assert "shift_s" in item["remedy"]
-    assert not of(ingested(*tank_poses(noisy(tank_run(3), 3))), "pose_clock")
+    assert not of(ingested(*table(noisy(tank_run(3), 3))), "pose_clock")
 
 
 @pytest.mark.parametrize("rate", [1.01, 0.985])
