@@ -115,7 +115,7 @@ def test_pooled_fit_equals_scipy(
     oracle = least_squares(
         lambda p: errors(p[:, None])[0], start, jac=jacobian, x_scale="jac",
         bounds=(-np.inf, np.array([0.0, 0.0, *(count - 2) * [np.inf]])),
-        loss="linear" if loss == "squares" else "soft_l1", xtol=1e-10, ftol=1e-10, gtol=1e-8,
+        loss="linear" if loss == "squares" else "soft_l1", xtol=1e-8, ftol=1e-8, gtol=1e-8,
     )  # fmt: skip
     # Our unknowns in the cost of the other; both stop where steps change no conclusion.
     squares = errors(np.concatenate([fit.values, fit.local[0, :2]])[:count, None])[0] ** 2
