@@ -125,17 +125,19 @@ def _integral_to(t: Array, values: Array, times: Array) -> Array:
 
 
 def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
-    """Return attitude (n, 3) [rad] at times t (n,), yaw without its wraps."""
-    unwrapped = np.column_stack([euler[:, :2], np.unwrap(euler[:, 2])])
+    """Return attitude (n, 3) [rad] at times t (n,), without its wraps."""
+    unwrapped = np.unwrap(euler, axis=0)
     return np.stack([np.interp(t, t_attitude, column) for column in unwrapped.T], axis=1)
 
 
 def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     """Return down in body axes (n, 3), the last row of the rotation, at times t (n,).
 
-    [-sin(theta), cos(theta) sin(phi), cos(theta) cos(phi)]; yaw does not enter.
+    [-sin(theta), cos(theta) sin(phi), cos(theta) cos(phi)]; yaw does not enter. Roll and
+    pitch may wrap, as those from 0 to 360 degrees do at rest.
     """
-    phi, theta = (np.interp(t, t_attitude, euler[:, column]) for column in (0, 1))
+    tilts = np.unwrap(euler[:, :2], axis=0)
+    phi, theta = (np.interp(t, t_attitude, column) for column in tilts.T)
     level = np.cos(theta)
     return np.stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)], axis=1)
 

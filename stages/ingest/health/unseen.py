@@ -121,6 +121,11 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         "each axis shows its force over its inertia alone; pulls on the bench in surge, sway and"
         " yaw (docs/bench.md), or a pendulum, tell them",
     )
+    yield (
+        "shape of the thrust curve, and a limit to how fast outputs change",
+        "curves turned about neutral, a root or a square of the command, or a limiter explain the"
+        " motion as well but for their mean gain; pulls on the bench over all outputs tell them",
+    )
     borne = borne_weight(log)
     weight = log.vehicle.mass_kg * log.vehicle.gravity
     if borne is None:

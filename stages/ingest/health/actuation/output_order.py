@@ -64,6 +64,10 @@ OTHER_PLACES: Mapping[str, tuple[tuple[int, int, int], tuple[float, float, float
     "x and y of the positions exchanged": ((1, 0, 2), (1.0, 1.0, 1.0)),
 }
 """Order and signs of the coordinates of thrusters in a wrong vehicle file."""
+PLACES_TOO = (
+    " Positions of the thrusters that count from another point than the origin look like outputs in"
+    " another order: compare both with the vehicle."
+)
 
 
 def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding]:
@@ -336,7 +340,7 @@ def _joined_wrong(
     return finding(
         "response_order",
         f"{what} {words[axis]} answers the thrusters of the vehicle file ({otherwise} of what drag"
-        f" leaves of its changes), as it stands it hardly does ({as_it_is}).{also}",
+        f" leaves of its changes), as it stands it hardly does ({as_it_is}).{also}{PLACES_TOO}",
         stream="actuators",
         value=order.log_ratio,
         fields=() if order.geometry is not None else tuple(names),

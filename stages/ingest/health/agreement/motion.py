@@ -100,9 +100,11 @@ NAMED_SCALES: Mapping[float, str] = {
     3.6: "a velocity in m/s declared as km/h",
     3.2808: "depth in ft, or a velocity in m/s declared as ft/s",
     1.4504: "depth in psi of pressure",
+    2.0: "a depth that counts twice, or a velocity that counts half",
     1.9438: "a velocity in m/s declared as knots",
     0.5468: "depth in fathoms declared as m",
     0.5144: "a velocity in knots declared as m/s",
+    0.5: "a depth that counts half, or a velocity that counts twice",
     0.3048: "a velocity in ft/s declared as m/s, or depth in m declared as ft",
     0.2778: "a velocity in km/h declared as m/s",
     0.1: "depth in m declared as dm",
@@ -110,6 +112,8 @@ NAMED_SCALES: Mapping[float, str] = {
     0.001: "a velocity in mm/s declared as m/s, or depth in m declared as mm",
 }
 """Depth rate over vertical velocity, and what makes it so large."""
+NEAR_SCALE = 0.12
+"""Logarithm within which a scale may be a named one."""
 
 
 @dataclass
@@ -394,9 +398,11 @@ def _scale_off(log: CheckedLog, gains: AxisGains, best: int) -> Iterator[Finding
 
 
 def _cause(size: float) -> str:
-    factor = min(NAMED_SCALES, key=lambda each: abs(np.log(size / each)))
-    near = abs(np.log(size / factor)) < 0.12
-    return f"; {factor:g} would be {NAMED_SCALES[factor]}" if near else ""
+    """Return what makes a depth rate so large; all of it where several are as near."""
+    far = {factor: abs(float(np.log(size / factor))) for factor in NAMED_SCALES}
+    near = sorted((each for each in far if far[each] < NEAR_SCALE), key=lambda each: far[each])
+    parts = [f"{factor:g} would be {NAMED_SCALES[factor]}" for factor in near]
+    return f"; {', or '.join(parts)}" if parts else ""
 
 
 def _exchanged(correlation: Array) -> Iterator[Finding]:

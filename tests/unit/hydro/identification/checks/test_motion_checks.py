@@ -137,3 +137,14 @@ def test_many_lags_take_the_memory_of_a_few_and_give_the_same(
     assert len({None if gains is None else float(gains.gain[0]) for gains in few}) == len(lags)
     windows_of_all = 8 * lags.size * t.size * 0.1 / 0.5
     assert used < 8 * windows_of_all  # all at once take 32 times as much as their begins
+
+
+def test_roll_and_pitch_from_0_to_360_degrees_are_those_about_zero() -> None:
+    """They leap at rest, and values between two samples must not lie halfway round."""
+    counted = np.column_stack([euler(T_ATTITUDE)[:, :2] % (2.0 * np.pi), euler(T_ATTITUDE)[:, 2]])
+    down = down_at(T_VELOCITY, T_ATTITUDE, counted)
+    np.testing.assert_allclose(down, down_at(T_VELOCITY, T_ATTITUDE, euler(T_ATTITUDE)), atol=1e-9)
+    tilts = [
+        angles_at(T_VELOCITY, T_ATTITUDE, each)[:, :2] for each in (counted, euler(T_ATTITUDE))
+    ]
+    np.testing.assert_allclose(np.sin(tilts[0]), np.sin(tilts[1]), atol=1e-9)

@@ -510,6 +510,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "depth in cm declared m": (data(lambda z: 100.0 * z, "depth_m"), "velocity_scale", "in cm"),
     "depth in m declared ft": (unit("ft", "depth_m"), "velocity_scale", "declared as ft"),
     "depth in m declared cm": (unit("cm", "depth_m"), "velocity_scale", "declared as cm"),
+    "depth that counts half": (data(lambda z: 0.5 * z, "depth_m"), "velocity_scale", "counts half"),
     "velocity in mm/s declared m/s": (
         data(lambda u: 1000.0 * u, *SPEED),
         "stream 'velocity'",
