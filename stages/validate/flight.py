@@ -265,7 +265,7 @@ def fly(
         if lost.any():
             edges[np.isnan(edges)] = np.inf
         run = measured + off
-        times = motion.t_s[start + steps] - motion.t_s[0]
+        times = motion.t_s[start + steps]  # a segment may begin after its start
         part = [times, measured, run, run + edges[0], run + edges[1]]
         if parts:  # a row of nan lets lines end before the run starts again
             gap = np.full((1, 9), np.nan)
@@ -274,9 +274,8 @@ def fly(
             ]
         parts.append(part)
     t_s, measured, run, low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return FreeFlight(
-        t_s, measured, run, low, high, tuple(starts.tolist()), count, int(np.sum(lost)), cause
-    )
+    began = tuple((motion.t_s[0] + starts).tolist())
+    return FreeFlight(t_s, measured, run, low, high, began, count, int(np.sum(lost)), cause)
 
 
 def starts_of(motion: MeasuredMotion, window_s: float) -> Array:

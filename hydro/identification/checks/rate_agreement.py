@@ -226,8 +226,9 @@ class Deviation:
 def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation | None:
     """Return how a heading deviates with itself against the gyro.
 
-    Change of heading less the gyro's = A (sin psi)' + B (cos psi)' + C gyro + D, over
-    windows of 2 s. None for too few, and for a vehicle that stands on end.
+    Change of heading less the gyro's = A (sin psi)' + B (cos psi)' + C gyro + D, beside the
+    same of 2 psi as of soft iron, over windows of 2 s. None for too few, and for a vehicle
+    that stands on end.
     """
     if np.abs(euler[:, 1]).max() > STEEPEST_RAD:
         return None
@@ -240,8 +241,10 @@ def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation
     heading = np.unwrap(euler[:, 2])
     first, last = (np.interp(side, t_s, heading) for side in (at, at + width))
     turned = integrals(t_gyro, rate[:, None], at, width)[:, 0]
-    swings = [np.sin(last) - np.sin(first), np.cos(last) - np.cos(first), turned]
-    gains = fitted_gains(last - first - turned, np.column_stack(swings))
+    swings = [
+        wave(order * last) - wave(order * first) for order in (1, 2) for wave in (np.sin, np.cos)
+    ]
+    gains = fitted_gains(last - first - turned, np.column_stack([*swings, turned]))
     if gains is None:
         return None
     angle, sd = float(np.hypot(*gains.gain[:2])), float(gains.sd[:2].max())

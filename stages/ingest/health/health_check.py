@@ -20,7 +20,7 @@ from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.long_series.heap import give_back_heap
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
-from auvid.stages.ingest.health.actuation.fin_answers import fin_findings
+from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
@@ -261,6 +261,7 @@ def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Find
     if not drift and log.has("actuators") and late_outputs(log, answers) is None:
         yield from force_clock_findings(log)
     yield from fin_findings(log)
+    yield from propeller_findings(log)
     yield from force_findings(log)
 
 

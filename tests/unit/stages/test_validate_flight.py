@@ -39,6 +39,10 @@ TRUE = {axis: {x: DAMPING[axis]} for axis, x in zip(AXES, VELOCITIES, strict=Tru
 FORCE_SD, MEMORY_S = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.2]), np.full(6, 0.4)
 
 
+FIRST_S = 0.64
+"""When the fused motion begins, after the start of its segment."""
+
+
 def card(errors: dict[str, float], *, damping: str = "dissipative", **values: float) -> ModelCard:
     """A card of damping along each axis with these standard errors by axis."""
     made_up = example_run({"train": 4.0, "check": 2.0}).cards["coe"]
@@ -63,7 +67,7 @@ def drive(seed: int, seconds: float = 14.0) -> MeasuredMotion:
     """A motion of the true model under thrusters and a force that wanders."""
     t = np.arange(0.0, seconds, 0.02)
     thrust = 4.0 * np.sin(np.outer(t, [0.5, 0.7, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8]))
-    still = MeasuredMotion(t, np.zeros((len(t), 12)), Control(thruster_force_N=thrust))
+    still = MeasuredMotion(FIRST_S + t, np.zeros((len(t), 12)), Control(thruster_force_N=thrust))
 
     states, _ = fly_freely(
         VEHICLE,
@@ -160,7 +164,8 @@ def test_the_band_holds_as_often_as_it_says_where_its_force_error_is_the_true_on
 
 def test_a_run_starts_again_from_the_measured_state() -> None:
     flight = usual(1)
-    assert flight.starts_s == (0.0, 8.0)
+    assert flight.starts_s == (FIRST_S, FIRST_S + 8.0)
+    assert flight.t_s[0] == FIRST_S  # on the clock of the segment, beside what was measured
     assert np.all(np.diff(flight.t_s) > 0.0)
     (gap,) = np.flatnonzero(np.isnan(flight.simulated[:, 0]))
     np.testing.assert_allclose(flight.simulated[gap + 1], flight.measured[gap + 1], atol=1e-12)

@@ -1,4 +1,4 @@
-"""Checks of pitch and yaw against the moments of the fins: clock, sign, size."""
+"""Checks of fins by pitch and yaw (clock, sign, size), of the propeller by surge."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ it is 0.4 s at most.
 DRIVEN = 0.8
 """Share of its changes that fins and drag must explain of an axis that fins drive."""
 ANSWERED, SOON_S = 0.6, 0.3
-"""The same for a sign that is wrong at every lag that fins have: 84 sound axes that are so much
+"""The same for a sign that is wrong at every lag that fins have: 26 sound axes that are so much
 explained have a gain above 0 at each.
 """
 SIZES, CLEAR = (0.35, 1.6), 4.0
@@ -35,8 +35,39 @@ SAME_GAIN = 1e-6
 """Of a fin without a moment in this axis, which either way round makes the same gain."""
 LEAST_GAIN_SD, AS_GOOD = 10.0, 0.02
 """Gain over its standard deviation that tells a size, and a share that is no less than another."""
+LEAST_TURNS, FEWEST = 0.1, 100
+"""Part of its highest speed from which on a propeller drives, and samples of it."""
+PROPELLER = "propeller_rev_s"
 PITCH, YAW = 4, 5
 NAMES = ("starboard", "port", "bottom", "top")
+
+
+def propeller_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a propeller that turns far faster or slower than the vehicle goes ahead."""
+    propeller = log.vehicle and log.vehicle.propeller
+    if not propeller or not log.has("velocity", "actuators"):
+        return
+    if PROPELLER not in log.tables["actuators"].column_names:
+        return
+    turns, t_s = log.column("actuators", PROPELLER), log.t_s("actuators")
+    ahead = np.interp(t_s, log.t_s("velocity"), log.body_velocity()[:, 0])
+    tabled = np.asarray(propeller.level_speed_rev_s), np.asarray(propeller.level_speed_m_s)
+    most = tabled[0][-1]
+    level = np.interp(turns, *tabled) * np.maximum(turns / most, 1.0)
+    driven = (turns > LEAST_TURNS * np.nanmax(turns)) & (level > 0.0) & np.isfinite(ahead)
+    if np.count_nonzero(driven) < FEWEST:
+        return
+    factor = float(np.median(ahead[driven] / level[driven]))
+    if 1.0 / limit("propeller_speed") < factor < limit("propeller_speed") or factor <= 0.0:
+        return
+    yield finding(
+        "propeller_speed",
+        f"The vehicle goes {factor:.2f} times as fast as in level running at the speed of its"
+        " propeller (median; level_speed of the vehicle file).",
+        stream="actuators",
+        value=factor,
+        fields=(PROPELLER,),
+    )
 
 
 def fin_findings(log: CheckedLog) -> Iterator[Finding]:

@@ -76,6 +76,10 @@ LEFT_BY_ORDER, SURE_ORDER = 0.8, 40.0
 """What another order of turns may leave of what ZYX leaves, and its least log likelihood:
 clean logs with 2 degrees of roll and pitch have at most 20.
 """
+LEAST_TURNED = 4.0
+"""Range of headings [rad] from which on waves of once and twice a turn are told from each
+other and from the scale of the gyro: over 2.9 rad 15 degrees are found of .9.
+"""
 LEAST_OF_DEVIATION, LARGEST_DEVIATION_DEG, CLEAR = 0.8, 40.0, 4.0
 """Share of what heading and gyro differ by that a deviation explains, how large one is, and in
 how many of its standard deviations it is clear: a gyro of 2 Hz makes one of 74 degrees.
@@ -199,7 +203,7 @@ def _late_angles(
 def _deviation(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterator[Finding]:
     """Yield a heading that deviates with itself, as of a compass beside iron."""
     swing = deviation(t_s, angles, *gyro)
-    if swing is None or swing.turned < math.pi or swing.explained < LEAST_OF_DEVIATION:
+    if swing is None or swing.turned < LEAST_TURNED or swing.explained < LEAST_OF_DEVIATION:
         return
     size, sd = math.degrees(swing.angle), math.degrees(swing.sd)
     if size - CLEAR * sd < limit("heading_deviation") or size > LARGEST_DEVIATION_DEG:

@@ -449,6 +449,13 @@ def _curve_of_four_cells(log: Log) -> None:
     log.streams["battery"]["voltage_v"] = log.streams["battery"]["voltage_v"] + 6.2
 
 
+@spoils("propeller_speed")
+def _turns_of_the_motor(log: Log) -> None:
+    log.vehicle = vehicle_from_document(vehicle_document("vt690"))
+    ahead = velocity(log.t_s("actuators"))[:, 0]
+    log.streams["actuators"]["propeller_rev_s"] = np.where(ahead > 0.05, 140.0, 0.0)
+
+
 @spoils("output_dead")
 def _record_of_another_signal(log: Log) -> None:
     """Output 3 has a wave that its thruster never gave."""

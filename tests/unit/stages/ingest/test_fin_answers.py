@@ -14,13 +14,25 @@ from auvid.hydro.dynamics.actuators.fins import fin_force
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.columns import FINS
-from auvid.stages.ingest.health.actuation.fin_answers import YAW, _backward, _gains, _turned
+from auvid.stages.ingest.health.actuation.fin_answers import (
+    YAW,
+    _backward,
+    _gains,
+    _turned,
+    propeller_findings,
+)
 from auvid.stages.ingest.health.finding import CheckedLog
 from tests.support.motions import vehicle_document
 from tests.support.sound_log import Log, micro, sound
 
 REJECTED = ("stream", "reason", "count", "bytes", "first", "last")
 AHEAD_M_S, STEP_S = 1.8, 0.1
+
+
+def checked(log: Log) -> CheckedLog:
+    tables = {name: make_table(name, columns) for name, columns in log.streams.items()}
+    dropped = make_table("dropped", {name: [] for name in REJECTED})
+    return CheckedLog(tables, LogInfo.model_validate(log.info), dropped, log.vehicle)
 
 
 def yawing(
@@ -85,6 +97,17 @@ def of_fins(log: Log) -> list[tuple[str, str]]:
     ]
 
 
+@pytest.mark.parametrize(("gear", "named"), [(1.0, False), (1.5, False), (2.0, True), (4.0, True)])
+def test_turns_of_a_motor_before_its_gear_are_named(gear: float, named: bool) -> None:
+    log = sound()
+    log.vehicle = vehicle_from_document(vehicle_document("vt690"))
+    columns = log.streams["actuators"]
+    columns["propeller_rev_s"] = np.full(columns["time_us"].size, gear * 35.0)
+    log.streams["velocity"]["u_m_s"] = AHEAD_M_S + 0.1 * log.streams["velocity"]["v_m_s"]
+    ids = [item["id"] for item in propeller_findings(checked(log))]
+    assert ids == (["propeller_speed"] if named else [])
+
+
 def test_fins_of_a_right_file_have_no_finding() -> None:
     assert of_fins(yawing()) == []
 
@@ -135,11 +158,9 @@ def test_an_autopilot_that_follows_the_rate_makes_no_wrong_size(
 def test_a_fin_without_a_moment_in_an_axis_is_not_what_acts_backward_there() -> None:
     log = yawing()
     log.ids()
-    tables = {name: make_table(name, columns) for name, columns in log.streams.items()}
-    dropped = make_table("dropped", {name: [] for name in REJECTED})
-    checked = CheckedLog(tables, LogInfo.model_validate(log.info), dropped, log.vehicle)
-    angles = checked.values("actuators", FINS)
-    (own,) = _gains(checked, angles, YAW, np.zeros(1))
+    recorded = checked(log)
+    angles = recorded.values("actuators", FINS)
+    (own,) = _gains(recorded, angles, YAW, np.zeros(1))
     assert own is not None
-    (item,) = _turned(checked, angles, YAW, replace(own, gain=-own.gain))
+    (item,) = _turned(recorded, angles, YAW, replace(own, gain=-own.gain))
     assert item["id"] == "response_sign"
