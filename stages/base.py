@@ -30,6 +30,8 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.data_schemas.errors import CampaignError, PipelineError, nearest, raise_faults
+from auvid.data_schemas.records.priors import PriorSourcesRecord
+from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
 Item = Literal["log", "leg", "segment", "campaign"]
 Document = Mapping[str, Any]
@@ -58,6 +60,10 @@ class Stage(Generic[I, P, O]):
     yields: Item | None = None
     """What one work item gives. `segment` for a leg stage whose outputs are keyed by
     segment; else the item itself.
+    """
+    check: Callable[[P, Vehicle, PriorSourcesRecord | None], object] | None = None
+    """Raises `CampaignError` for parameters that cannot be with this vehicle and these
+    priors of the campaign: a campaign is refused by it before any stage runs.
     """
     no_views: str = ""
     """Why the stage shows nothing of its own in the recording, where it has no port

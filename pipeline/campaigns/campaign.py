@@ -19,6 +19,7 @@ from auvid.data_schemas.errors import (
     nearest,
     raise_faults,
 )
+from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.prior_files import prior_source
 from auvid.pipeline.campaigns.vehicle_files import load_published, load_vehicle, shelf_files
@@ -80,6 +81,12 @@ class Campaign:
         from auvid.pipeline.campaigns.twin import with_logs_of_plan
 
         return with_logs_of_plan(value, self.twin)
+
+    @property
+    def priors(self) -> PriorSourcesRecord | None:
+        """The priors of other measurements that the manifest names."""
+        document = self.documents.get(PRIORS)
+        return None if document is None else PriorSourcesRecord.model_validate(document)
 
     @cached_property
     def logs(self) -> dict[str, Mapping[str, Any]]:

@@ -58,14 +58,20 @@ def _located(file: YamlFile, fault: PipelineError) -> PipelineError:
 
 
 def stage_params(stage: Stage[Any, Any, Any], defaults: YamlFile, campaign: Campaign) -> Any:
-    """The parameters of a stage: params.yaml, and what the campaign sets on top."""
+    """The parameters of a stage: params.yaml, and what the campaign sets on top.
+
+    Raises `CampaignError` for those that cannot be, alone or together.
+    """
     own = (campaign.document.get("stages") or {}).get(stage.name) or {}
     try:
-        return make_params(
+        params = make_params(
             stage.params,
             {**(defaults.value.get(stage.name) or {}), **own},
             stage=stage.name,
             file=campaign.file.path,
         )
+        if stage.check is not None:
+            stage.check(params, campaign.vehicle, campaign.priors)
     except PipelineError as fault:
         raise campaign.file.located(fault) from None
+    return params

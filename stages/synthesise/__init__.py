@@ -42,6 +42,7 @@ from auvid.hydro.dynamics.viscous.structures import (
 from auvid.hydro.dynamics.viscous.symmetry import MIRRORS, PORT_STARBOARD
 from auvid.hydro.identification.constrained.actuator_lag import measured_lag
 from auvid.hydro.identification.constrained.equations import viscous_equations
+from auvid.hydro.identification.constrained.priors import NormalPrior
 from auvid.hydro.identification.constrained.steady_current import (
     SteadyCurrent,
     measured_currents,
@@ -269,26 +270,40 @@ class Outputs:
     section: Document = port("section")
 
 
-def run(inputs: Inputs, params: Params) -> Outputs:
-    """Return a card per model, and the triangular factor that all are solved from.
+@dataclass(frozen=True)
+class Settings:
+    """What the parameters ask for.
 
-    Raises `CampaignError` for unknown models, `DataError` without a training leg.
+    declared: models to fit; stated: those whose terms are stated, by name. prior: of the
+    vehicle or of strip theory; sources: priors of other measurements.
     """
+
+    declared: list[ViscousModel]
+    stated: dict[str, ViscousModel]
+    prior: Prior
+    choice: ErrorChoice
+    sources: tuple[NormalPrior, ...]
+
+
+def checked_settings(
+    params: Params, vehicle: Vehicle, priors: PriorSourcesRecord | None
+) -> Settings:
+    """Return what the parameters ask for; raise `CampaignError` for what cannot be."""
     declared, stated = _declared(params)
-    prior = Prior(params.prior, params.prior_sd, _prior_means(params.prior, inputs.vehicle))
+    prior = Prior(params.prior, params.prior_sd, _prior_means(params.prior, vehicle))
     choice = ErrorChoice(params.error_function, params.weights, params.minimiser)
     published = {model.name for model in MODELS}
     bound = params.damping != "free" or bool(params.inertia)
     check_choice(
         choice,
         limited=[m.name for m in declared if bound and m.name not in published],
-        prior="of a file" if inputs.priors is not None else params.prior,
+        prior="of a file" if priors is not None else params.prior,
         largest={
             model.name: max(map(len, model.terms.values())) + params.trim for model in declared
         },
     )
     sources = normal_priors(
-        inputs.priors,
+        priors,
         {m.name: viscous_equations(m) for m in declared if m.name not in published},
     )
     refuse_pushing_priors(params.damping, prior, sources)
@@ -296,6 +311,18 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     refuse_unknown_inertia(params.inertia)
     if all(model.name in published for model in declared):
         refuse_without_structure([m.name for m in declared], params.inertia, params.prior)
+    return Settings(declared, stated, prior, choice, sources)
+
+
+def run(inputs: Inputs, params: Params) -> Outputs:
+    """Return a card per model, and the triangular factor that all are solved from.
+
+    Raises `CampaignError` for unknown models, `DataError` without a training leg.
+    """
+    settings = checked_settings(params, inputs.vehicle, inputs.priors)
+    declared, stated = settings.declared, settings.stated
+    prior, choice, sources = settings.prior, settings.choice, settings.sources
+    published = {model.name for model in MODELS}
     training = [key for key, segment in inputs.segment.items() if segment.use == "training"]
     if not training:
         raise DataError(
@@ -732,5 +759,6 @@ STAGE = Stage(
     Params,
     Outputs,
     run,
+    check=checked_settings,
     no_views="coefficients are no signals: they stand in its tables",
 )

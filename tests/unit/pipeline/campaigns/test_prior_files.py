@@ -16,6 +16,7 @@ from auvid.pipeline.campaigns.campaign import Campaign, load_campaign
 from auvid.pipeline.campaigns.prior_files import prior_source
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
+from auvid.pipeline.commands.open_run import open_run
 from tests.support.example_run import example_run
 from tests.support.model_files import DAMPED, model_file
 
@@ -170,3 +171,32 @@ def test_a_model_without_newtons_and_a_model_file_are_no_priors(tmp_path: Path) 
         source(tmp_path, card, campaign="results.json")
     with pytest.raises(CampaignError, match=r"a model file is no prior.*model_card/MODEL"):
         source(tmp_path, model_file(DAMPED).model_dump(mode="json"), campaign="results.json")
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ("models: [symetric]", r"row 8.*synthesise\.models.*Did you mean 'symmetric'"),
+        ("error_function: huber", r"row 8.*physical limits"),
+        ("inertia: [N_rdott]", r"row 8.*synthesise\.inertia.*N_rdott"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused_before_any_stage(
+    tmp_path: Path, settings: str, words: str
+) -> None:
+    """No log is read for that: there is none."""
+    (tmp_path / "params.yaml").write_text("{}\n")
+    folder = tmp_path / "campaigns" / "dive"
+    folder.mkdir(parents=True)
+    manifest = f"""kind: identification
+vehicle: bluerov2_heavy
+logs:
+  - {{id: dive, file: dive.BIN}}
+legs:
+  - {{id: train, log: dive, start_s: 0, end_s: 90, use: training}}
+stages:
+  synthesise: {{{settings}}}
+"""
+    (folder / "campaign.yaml").write_text(manifest)
+    with pytest.raises(CampaignError, match=words):
+        open_run(str(folder))
