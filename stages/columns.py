@@ -19,6 +19,11 @@ Span = tuple[float, float]
 
 TOO_COARSE = "too coarse for a velocity"
 """Said of position fixes that give none."""
+FINER_FIXES = (
+    "Keep each speed for longer (10 s where fixes of 0.5 m come once a second, 20 s where those of"
+    " 1 m do), log finer or more frequent fixes, or log a velocity (DVL)."
+)
+"""What would give one."""
 OF_FIXES, OF_POSES = "fixes of ", "pose of "
 """How the sources of streams begin that are made from positions."""
 OF_YAW = "yaw rate of "

@@ -33,7 +33,7 @@ from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
-from auvid.stages.columns import TOO_COARSE
+from auvid.stages.columns import FINER_FIXES, TOO_COARSE
 from auvid.stages.fit_axes.filling import FilledAxis
 from auvid.stages.fit_axes.fitted import (
     AxisFits,
@@ -59,7 +59,6 @@ REMEDIES = {
     "N": "Log the gyro while the vehicle turns both ways.",
 }
 """Axis -> what would give it, where nothing measures it, and of tilts at all."""
-FINER = "Log finer or more frequent fixes, turn less while they are taken, or log a velocity (DVL)."
 MOVE = "Drive the axis by itself, both ways, for some minutes."
 """What would give surge, sway, heave or yaw that is measured."""
 COMMAND = "Command the axis both ways in a dive"
@@ -162,7 +161,7 @@ def lacking_axis(item: Lacking) -> LackingAxis:
     """Return why an axis is lacking, and what would give it."""
     measured = item.verdict in ("not excited", "not predicted")
     by_axis = MOVE if measured and item.axis in "XYZN" else REMEDIES[item.axis]
-    remedy = REMEDY_OF.get(item.verdict, FINER if TOO_COARSE in item.words else by_axis)
+    remedy = REMEDY_OF.get(item.verdict, FINER_FIXES if TOO_COARSE in item.words else by_axis)
     if item.verdict == "not commanded" and item.axis in "XYZN":
         remedy = {
             True: f"T{ELSEWHERE}",

@@ -11,6 +11,7 @@ from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.stages.columns import FINER_FIXES, TOO_COARSE
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 SIMULATOR = re.compile(r"^(SIM\d?|SIMSTATE|SIM_STATE|.*_groundtruth)$")
@@ -81,10 +82,14 @@ def missing_findings(log: CheckedLog) -> Iterator[Finding]:
                 if "navigation filter" not in str(item.refused)
             ]
             there = f" ({'; '.join(refused)})" if refused else ""
+            coarse = [note for note in log.info.notes if TOO_COARSE in note]
+            if stream == "velocity" and coarse:
+                there = f": {coarse[0].partition('. ')[0]}"
             yield finding(
                 f"no_{stream}",
                 f"The log has no data for the stream {stream}{there}.",
                 stream=stream,
+                remedy=FINER_FIXES if stream == "velocity" and coarse else "",
             )
     if log.has("actuators") and not log.has("battery") and log.thrusters():
         yield finding(

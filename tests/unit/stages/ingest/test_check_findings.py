@@ -1141,7 +1141,8 @@ def test_a_lag_that_the_vehicle_file_states_is_no_finding_and_one_that_is_not_th
 def test_a_body_that_nothing_drives_lacks_no_outputs() -> None:
     heavy = vehicle_from_document(vehicle_document("bluerov2_heavy"))
     for vehicle in (heavy, replace(heavy, thrusters=None, commands=FullCommands())):
-        log = SimpleNamespace(has=lambda stream: False, others=[], vehicle=vehicle)
+        info = SimpleNamespace(notes=[])
+        log = SimpleNamespace(has=lambda stream: False, others=[], vehicle=vehicle, info=info)
         names = [item["id"] for item in missing_findings(cast(CheckedLog, log))]
         assert ("no_actuators" in names) == vehicle.is_driven == (vehicle is heavy)
 

@@ -114,6 +114,32 @@ def streams_of(t_s: Array, measured: Array, heading_rad: float) -> dict[str, Str
     }
 
 
+def ingested(t_s: Array, measured: Array) -> ingest.Outputs:
+    """Return what ingest makes of latitudes, longitudes, a level attitude and a depth."""
+    degrees = np.degrees(
+        [
+            np.radians(63.4) + measured[:, 0] / 6371008.8,
+            np.radians(10.4) + measured[:, 1] / 6371008.8 / np.cos(np.radians(63.4)),
+        ]
+    )
+    rows = [
+        f"{t:.2f},{lat:.9f},{lon:.9f},0,0,{0.1 * np.sin(t):.5f},3.0"
+        for t, lat, lon in zip(t_s, *degrees, strict=True)
+    ]
+    text = "\n".join(["t,lat,lon,roll,pitch,yaw,depth", *rows]) + "\n"
+    fields = {"lat": "latitude_rad", "lon": "longitude_rad"}
+    columns = [
+        {"column": name, "stream": "fixes", "field": field, "unit": "deg"}
+        for name, field in fields.items()
+    ]
+    for name, field in (("roll", "phi_rad"), ("pitch", "theta_rad"), ("yaw", "psi_rad")):
+        columns.append({"column": name, "stream": "attitude", "field": field, "unit": "rad"})
+    columns.append({"column": "depth", "stream": "depth", "field": "depth_m", "unit": "m"})
+    mapping = {"time": {"column": "t", "unit": "s", "epoch": "arbitrary"}, "columns": columns}
+    file = RawFile("usbl.csv", np.frombuffer(text.encode(), dtype=np.uint8), mapping)
+    return ingest.run(ingest.Inputs(RawLog("usbl", (file,)), None, None), ingest.Params())
+
+
 def test_body_axes_come_from_the_attitude_and_heave_from_the_depth() -> None:
     t_s, measured, velocity = fixes(5, noise_m=0.2, every_s=0.5)
     motion = fix_motion(streams_of(t_s, measured, np.pi / 2), None)
@@ -151,32 +177,16 @@ def test_coarse_fixes_leave_heading_and_depth() -> None:
     assert "velocity" not in motion.streams
     assert "too coarse for a velocity" in motion.notes[0]
     assert "heave by depth and yaw by gyro" in motion.notes[0]
+    findings = ingested(t_s, measured).health["findings"]
+    (item,) = (item for item in findings if item["id"] == "no_velocity")
+    assert re.search(r"\d\d% of what is there", item["text"])
+    assert item["text"].endswith("too coarse for a velocity.")
+    assert "Keep each speed for longer" in item["remedy"]
 
 
 def test_a_csv_with_latitude_and_longitude_gives_a_velocity() -> None:
     t_s, measured, _ = fixes(9, noise_m=0.3, every_s=0.5)
-    degrees = np.degrees(
-        [
-            np.radians(63.4) + measured[:, 0] / 6371008.8,
-            np.radians(10.4) + measured[:, 1] / 6371008.8 / np.cos(np.radians(63.4)),
-        ]
-    )
-    rows = [
-        f"{t:.2f},{lat:.9f},{lon:.9f},0,0,{0.1 * np.sin(t):.5f},3.0"
-        for t, lat, lon in zip(t_s, *degrees, strict=True)
-    ]
-    text = "\n".join(["t,lat,lon,roll,pitch,yaw,depth", *rows]) + "\n"
-    fields = {"lat": "latitude_rad", "lon": "longitude_rad"}
-    columns = [
-        {"column": name, "stream": "fixes", "field": field, "unit": "deg"}
-        for name, field in fields.items()
-    ]
-    for name, field in (("roll", "phi_rad"), ("pitch", "theta_rad"), ("yaw", "psi_rad")):
-        columns.append({"column": name, "stream": "attitude", "field": field, "unit": "rad"})
-    columns.append({"column": "depth", "stream": "depth", "field": "depth_m", "unit": "m"})
-    mapping = {"time": {"column": "t", "unit": "s", "epoch": "arbitrary"}, "columns": columns}
-    file = RawFile("usbl.csv", np.frombuffer(text.encode(), dtype=np.uint8), mapping)
-    outputs = ingest.run(ingest.Inputs(RawLog("usbl", (file,)), None, None), ingest.Params())
+    outputs = ingested(t_s, measured)
     assert outputs.fixes is not None
     assert outputs.velocity is not None
     assert outputs.log_info.streams["velocity"].source == "fixes of usbl.csv"
