@@ -123,8 +123,9 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
     )
     yield (
         "shape of the thrust curve, and a limit to how fast outputs change",
-        "curves turned about neutral, a root or a square of the command, or a limiter explain the"
-        " motion as well but for their mean gain; pulls on the bench over all outputs tell them",
+        "no check looks for a curve turned about neutral, a root or a square of the command, or a"
+        " limiter: apart from their mean gain they move a vehicle much alike; pulls on the bench"
+        " over all outputs tell them",
     )
     borne = borne_weight(log)
     weight = log.vehicle.mass_kg * log.vehicle.gravity
