@@ -9,9 +9,12 @@ import numpy as np
 
 from auvid.data_schemas.records.motion import InstallationFigure
 from auvid.hydro.arrays import VELOCITIES, Array, cross
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.windows import stretches
+from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.identification.signals.installation import CERTAIN, departure_verdict
 from auvid.hydro.identification.signals.pose.marker_arm import TurningLeg, marker_arm
@@ -25,6 +28,10 @@ centre of the added mass is no better known."""
 LEAST_ASSUMED_M = 0.02
 """The same from an assumed arm, in every direction; an estimated one has no limit."""
 NAMES = ("arm forward", "arm right", "arm down")
+POSE_MOTION_SD = 0.01
+"""Relative deviation of what motion by poses gives, beside its noise: the smoother passes
+what is slow, and takes of drag by .5 to 2.1 % in twenty tanks (decision 0032).
+"""
 SENSORS = {POSES: "pose", VELOCITY_LOG: "dvl"}
 """What measures a velocity -> its key among the sensors of the vehicle file."""
 REACHES = ("YZN", "XZN", "XY")
@@ -128,6 +135,35 @@ def doubted(item: FittedAxis, markers: Markers | None) -> FittedAxis:
     return replace(item, equation=replace(item.equation, verdicts=verdicts))
 
 
+def by_poses(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
+    """Return an axis with the error of a motion by poses in its intervals.
+
+    All but the constant err together by `POSE_MOTION_SD` of their value: P + d d', d = s x.
+    """
+    if all(leg.record.measured_by.get(item.axis) != POSES for leg in legs.values()):
+        return item
+    equation = item.equation
+    shift = POSE_MOTION_SD * np.array(
+        [
+            0.0 if name == CONSTANT else value
+            for name, value in zip(equation.names, equation.values, strict=True)
+        ]
+    )
+    quantities = tuple(_widened(quantity) for quantity in item.quantities)
+    wide = replace(equation, covariance=equation.covariance + np.outer(shift, shift))
+    return replace(item, equation=wide, quantities=quantities)
+
+
+def _widened(quantity: FitQuantity) -> FitQuantity:
+    shift = POSE_MOTION_SD * abs(quantity.value)
+    low, high = (
+        quantity.value + sign * float(np.hypot(abs(end - quantity.value), NORMAL_95 * shift))
+        for sign, end in ((-1.0, quantity.low), (1.0, quantity.high))
+    )
+    error = float(np.hypot(quantity.standard_error, shift))
+    return replace(quantity, standard_error=error, low=low, high=high)
+
+
 def markers_words(markers: Markers) -> str:
     """Return what the legs say of the place of the sensor, in sentences."""
     name = "Markers sit" if markers.sensor == POSES else "The velocity log sits"
@@ -163,7 +199,7 @@ def markers_words(markers: Markers) -> str:
 
 def _of(leg: LegData, sensor: str | None) -> bool:
     """Return whether a sensor measures the velocity of a leg."""
-    return sensor in leg.windows.measured_by.values()
+    return sensor in (leg.windows.measured_by.get(axis) for axis in "XYZ")
 
 
 def _turning(leg: LegData) -> list[TurningLeg]:

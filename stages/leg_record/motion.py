@@ -24,6 +24,7 @@ PAUSE_STEPS = 4.0
 OVERSAMPLED = 1.5
 """A sensor faster than this many times the clock is averaged between its times."""
 VELOCITY_LOG, POSES, FIXES = "velocity log", "poses", "position fixes"
+GYRO_RATES = "gyro"
 """What measures u, v, w: a sensor, or the slope of places."""
 LETTER = dict(zip(VELOCITIES, "XYZKMN", strict=True))
 
@@ -111,7 +112,7 @@ def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> LegMotion:
             for begin, end in zip(begins.tolist(), ends.tolist(), strict=True):
                 jumps |= (t_s >= begin - NEAR_JUMP_S) & (t_s <= end + NEAR_JUMP_S)
         turn = on_clock(Samples(gyro.t_s, gyro.values - bias), t_s, max_gap_s)
-        source = "gyro"
+        source = GYRO_RATES
     elif euler is not None:
         turn = _turn(euler, t_s, max_gap_s)
         source = "slope of the attitude"

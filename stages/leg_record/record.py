@@ -27,6 +27,7 @@ from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, OF_FIXES, OF_POSES,
 from auvid.stages.leg_record.force import LegDrive, actuator_table, drive_of
 from auvid.stages.leg_record.motion import (
     FIXES,
+    GYRO_RATES,
     POSES,
     VELOCITY_LOG,
     LegMotion,
@@ -156,13 +157,13 @@ def leg_record(
 
 
 def _of_places(motion: LegMotion, info: LogInfo) -> LegMotion:
-    """Return a motion that says where its velocity is the slope of poses or fixes."""
-    stream = info.streams.get("velocity")
-    source = "" if stream is None else stream.source
-    words = POSES if source.startswith(OF_POSES) else FIXES if source.startswith(OF_FIXES) else None
-    if words is None:
-        return motion
-    by = {axis: words if own == VELOCITY_LOG else own for axis, own in motion.by.items()}
+    """Return a motion that says where velocity or rates are slopes of poses or fixes."""
+    by = dict(motion.by)
+    for stream, sensor in (("velocity", VELOCITY_LOG), ("imu", GYRO_RATES)):
+        source = info.streams[stream].source if stream in info.streams else ""
+        for places, words in ((OF_POSES, POSES), (OF_FIXES, FIXES)):
+            if source.startswith(places):
+                by |= {axis: words for axis, own in motion.by.items() if own == sensor}
     return replace(motion, by=by)
 
 

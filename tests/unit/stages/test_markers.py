@@ -52,6 +52,27 @@ def test_markers_off_the_origin_are_said_and_nothing_is_identified() -> None:
     assert "sensors.pose.arm" in markers_words(fits.markers)
 
 
+def test_motion_by_poses_is_a_percent_less_sure() -> None:
+    """Beside its noise, and in the figures that need no newtons too."""
+    legs = off_origin(np.zeros(3))
+    logged = {
+        key: LegData(
+            replace(item.record, measured_by=dict.fromkeys("XYN", VELOCITY_LOG)),
+            item.windows.model_copy(update={"measured_by": dict.fromkeys("XYN", VELOCITY_LOG)}),
+        )
+        for key, item in legs.items()
+    }
+    poses, log = (fit_all(of, body(), OPTIONS).fitted[0] for of in (legs, logged))
+    assert poses.equation.values == pytest.approx(log.equation.values)
+    variances = [np.diag(item.equation.covariance) for item in (poses, log)]
+    moved = [name != "constant" for name in log.equation.names]
+    expected = np.where(moved, 0.01 * log.equation.values, 0.0) ** 2
+    np.testing.assert_allclose(variances[0] - variances[1], expected, rtol=1e-6, atol=1e-15)
+    for wide, plain in zip(poses.quantities, log.quantities, strict=True):
+        half = np.hypot(plain.high - plain.value, 0.0196 * abs(plain.value))
+        assert wide.high - wide.value == pytest.approx(half, rel=1e-3)
+
+
 def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:
     options = replace(OPTIONS, marker_arm="where_assumed")
     fits = fit_all(off_origin(ARM), body(), options)
