@@ -157,7 +157,7 @@ def leg_record(
 
 
 def _of_places(motion: LegMotion, info: LogInfo) -> LegMotion:
-    """Return a motion that says where velocity or rates are slopes of poses or fixes."""
+    """Return a motion that says what of it are slopes of poses or fixes."""
     by = dict(motion.by)
     for stream, sensor in (("velocity", VELOCITY_LOG), ("imu", GYRO_RATES)):
         source = info.streams[stream].source if stream in info.streams else ""

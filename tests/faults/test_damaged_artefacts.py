@@ -104,7 +104,7 @@ def test_no_command_uses_a_flipped_bit(workspace: Path, command: str) -> None:
                 with flipped(path, int(bit)):
                     try:
                         read()
-                    except PipelineError:
+                    except (PipelineError, UserWarning):  # a run that is not as it was left
                         continue
                     silent.append(f"{path}: bit {bit}")
     assert silent == []

@@ -13,6 +13,10 @@ from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 LEAST_CORRELATION = 0.5
+LEAST_OVERLAP = 0.6
+"""Part of the time in common that has to be left behind an offset: any two ramps look alike
+over a few seconds (16 of 102 s of a descent, correlation .92, gave 86 s).
+"""
 SHORTEST_HALF_S, CLEAR_CORRELATION = 30.0, 0.7
 LEAST_DRIFT_S, CLEAR_SD = 0.3, 4.0
 """Change of an offset from half to half of a log that is a drift, in standard deviations too."""
@@ -32,6 +36,8 @@ def command_clock_findings(log: CheckedLog) -> Iterator[Finding]:
     yield from drift
     offset = None if drift else command_clock(t_s, motion, at, commands)
     if offset is None or offset.correlation < LEAST_CORRELATION:
+        return
+    if offset.overlap_s < LEAST_OVERLAP * (min(t_s[-1], at[-1]) - max(t_s[0], at[0])):
         return
     if abs(offset.offset_s) > limit("pose_clock"):
         yield finding(
