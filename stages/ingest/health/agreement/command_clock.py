@@ -19,7 +19,9 @@ over a few seconds (16 of 102 s of a descent, correlation .92, gave 86 s).
 """
 SHORTEST_HALF_S, CLEAR_CORRELATION = 30.0, 0.7
 LEAST_DRIFT_S, CLEAR_SD = 0.3, 4.0
-"""Change of an offset from half to half of a log that is a drift, in standard deviations too."""
+"""Change of an offset from half to half of a log that is a drift; both, and an offset, are
+so many standard deviations at least.
+"""
 AXES = {"surge": "u", "sway": "v", "heave": "w", "roll": "p", "pitch": "q", "yaw": "r"}
 
 
@@ -39,7 +41,7 @@ def command_clock_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     if offset.overlap_s < LEAST_OVERLAP * (min(t_s[-1], at[-1]) - max(t_s[0], at[0])):
         return
-    if abs(offset.offset_s) > limit("pose_clock"):
+    if abs(offset.offset_s) > max(limit("pose_clock"), CLEAR_SD * offset.std_s):
         yield finding(
             "pose_clock",
             f"{listed([MOTION_WORDS[axis].capitalize() for axis in axes])} answer the"
