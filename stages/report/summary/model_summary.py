@@ -480,7 +480,7 @@ def _undetermined(card: ModelCard) -> list[Alert]:
 
 
 _OPEN = {
-    "weak": "are weak (the interval reaches zero or nearly)",
+    "weak": "are weak (size or sign is not sure)",
     "not excited": "are not excited",
     "inseparable": "cannot be told apart, only their combinations can",
     "not applicable": "do not apply to this vehicle",

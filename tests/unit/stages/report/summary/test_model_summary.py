@@ -159,7 +159,7 @@ def test_missing_names_assumed_figures_axes_coefficients_and_logs(run: ExampleRu
     assert "do not excite roll (K) and pitch (M): damping there is not determined" in text
     assert "hardly excite yaw (N)" in text
     assert (
-        "6 are weak (the interval reaches zero or nearly), 6 are not excited and 6 cannot be told"
+        "6 are weak (size or sign is not sure), 6 are not excited and 6 cannot be told"
         " apart" in text
     )
     assert "5 figures assumed, not measured" in text
