@@ -290,6 +290,9 @@ def test_the_answer_of_the_demo_stands_on_the_first_screen(
     assert pictures == 2
     for part in (".answer", ".pictures", "#coefficients"):
         assert browser.evaluate(f"{BOTTOM}({part!r})") <= first_screen_px, part
+    if width > 1000:
+        worst = "#alerts li:nth-child(3)"
+        assert browser.evaluate(f"{BOTTOM}({worst!r})") <= first_screen_px, "the worst alerts"
     assert browser.evaluate(OUTSIDE) == 0
     assert browser.evaluate("document.documentElement.scrollWidth") <= width
 
