@@ -199,7 +199,8 @@ def markers_words(markers: Markers) -> str:
 
 def _of(leg: LegData, sensor: str | None) -> bool:
     """Return whether a sensor measures the velocity of a leg."""
-    return sensor in (leg.windows.measured_by.get(axis) for axis in "XYZ")
+    by = leg.windows.measured_by
+    return sensor in (by.get("X"), by.get("Y"), by.get("Z"))
 
 
 def _turning(leg: LegData) -> list[TurningLeg]:
