@@ -52,7 +52,7 @@ from auvid.hydro.identification.regression.normal_changes import (
 )
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
-from auvid.hydro.identification.regression.unsteady_force import unsteady_changes
+from auvid.hydro.identification.regression.unsteady_force import LINEARISED, unsteady_changes
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.hydro.identification.signals.lost_motion import lost_motion
 from auvid.hydro.long_series.threads import at_once
@@ -219,16 +219,13 @@ class DataErrors:
     @classmethod
     def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> DataErrors:
         """Return the errors of one leg."""
-        slopes, smoothing, figures = np.zeros((len(leg.nu[::STRIDE]), 6, 6)), [], []
+        every, smoothing, figures = None, [], []
         low_pass: tuple[NormalChange, ...] = ()
         if leg.measured is not None:
             every = leg.measured.every(STRIDE)
-            if leg.sd is not None:
-                slopes = every.force_slopes(vehicle)
-            smoothing = [
-                _smoothed(leg.measured, vehicle, index, cutoff)
-                for index, cutoff in enumerate(leg.cutoffs_hz)
-            ]
+            smoothing = at_once(
+                partial(_smoothed, leg.measured, vehicle), list(enumerate(leg.cutoffs_hz))
+            )
             figures = leg.figure_errors(every, vehicle)
             if leg.low_pass_hz is not None:
                 low_pass = (
@@ -236,21 +233,19 @@ class DataErrors:
                         leg.measured, vehicle, terms, ratio=leg.ratio, cutoff_hz=leg.low_pass_hz
                     ),
                 )
-        parts = []
-        for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
-            at = slice(place.start // STRIDE, place.stop // STRIDE)
-            changes: dict[str, tuple[NormalChange, ...]] = {}
-            for figure, d_force, d_nu in figures:
-                change = part.definite(d_force[at], None if d_nu is None else d_nu[at])
-                changes[figure] = (*changes.get(figure, ()), change)
-            parts.append(
-                cls(
-                    None if leg.sd is None else part.random(leg.sd[place], slopes[at]),
-                    tuple(part.definite(force[at]) for force in smoothing),
-                    (),
-                    changes,
-                )
+
+        def of_piece(place: slice, part: StridedLeg) -> DataErrors:
+            at, slopes = strided(place), np.zeros((len(part.rows), 6, 6))
+            if every is not None and leg.sd is not None:
+                slopes = every.rows(at).force_slopes(vehicle)
+            return cls(
+                None if leg.sd is None else part.random(leg.sd[place], slopes),
+                tuple(part.definite(force[at]) for force in smoothing),
+                (),
+                _by_figure(part, figures, at),
             )
+
+        parts = StridedLeg.of_parts(of_piece, leg.nu, leg.force, terms, ratio=leg.ratio)
         return replace(reduce(cls.merge, parts), low_pass=low_pass)
 
     @staticmethod
@@ -262,20 +257,17 @@ class DataErrors:
         Of `terms`, `ACCELERATIONS` and the constant; accelerations themselves stay as
         they are. None where the leg has no state or commands.
         """
-        changes: dict[str, tuple[NormalChange, ...]] = {}
         if leg.measured is None:
-            return changes
+            return {}
         every = leg.measured.every(STRIDE)
         figures = leg.figure_errors(every, vehicle)
-        for place, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
-            at = slice(place.start // STRIDE, place.stop // STRIDE)
-            moving = part.with_columns(ACCELERATIONS, every.nu_dot[at])
-            own: dict[str, tuple[NormalChange, ...]] = {}
-            for figure, d_force, d_nu in figures:
-                change = moving.definite(d_force[at], None if d_nu is None else d_nu[at])
-                own[figure] = (*own.get(figure, ()), change)
-            changes = merged_figures(changes, own) if changes else own
-        return changes
+
+        def of_piece(place: slice, part: StridedLeg) -> dict[str, tuple[NormalChange, ...]]:
+            at = strided(place)
+            return _by_figure(part.with_columns(ACCELERATIONS, every.nu_dot[at]), figures, at)
+
+        parts = StridedLeg.of_parts(of_piece, leg.nu, leg.force, terms, ratio=leg.ratio)
+        return reduce(merged_figures, parts)
 
     def merge(self, other: DataErrors) -> DataErrors:
         """Return the errors of both; what one of them does not know is not known."""
@@ -297,8 +289,28 @@ def merged_figures(
     return {name: _merged(one[name], other[name]) for name in one if name in other}
 
 
-def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, index: int, cutoff_hz: float | None) -> Array:
-    """Return the force (m, 6) that the spline of an acceleration took, strided."""
+def strided(place: slice) -> slice:
+    """Return the place of a piece among every `STRIDE`-th sample of a leg."""
+    return slice(place.start // STRIDE, place.stop // STRIDE)
+
+
+def _by_figure(
+    part: StridedLeg, figures: Sequence[tuple[str, Array, Array | None]], at: slice
+) -> dict[str, tuple[NormalChange, ...]]:
+    """Return what errors by assumed figures do on one piece of a leg."""
+    changes: dict[str, tuple[NormalChange, ...]] = {}
+    for figure, d_force, d_nu in figures:
+        change = part.definite(d_force[at], None if d_nu is None else d_nu[at])
+        changes[figure] = (*changes.get(figure, ()), change)
+    return changes
+
+
+def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, spline: tuple[int, float | None]) -> Array:
+    """Return the force (m, 6) that the spline of an acceleration took, strided.
+
+    spline: which acceleration, and its cutoff.
+    """
+    index, cutoff_hz = spline
     left = leg.nu_dot[:, index]
     passed = left if cutoff_hz is None else spline_lowpass(left, cutoff_hz, step_s=leg.step_s)
     return smoothed_force(left, passed, vehicle.mass_matrix, index)[::STRIDE]
@@ -546,29 +558,40 @@ def moved_by_unsteady_force(
     for leg in legs:
         if leg.measured is None:
             continue
-        every = leg.measured.every(STRIDE)
-        slopes = every.force_slopes(vehicle)
-        for at, part in StridedLeg.parts(leg.nu, leg.force, terms, ratio=leg.ratio):
-            place = slice(at.start // STRIDE, at.stop // STRIDE)
-            for model, (values, added) in solutions.items():
-                used = {term for row in values.values() for term in row}
-                own = part.of_terms([term for term in terms if term in used])
-                own_slopes = slopes[place]
-                if added.any():
-                    nu, nu_dot = every.nu[place], every.nu_dot[place]
-                    by_inertia = nu_dot @ added + coriolis_force(added, nu)
-                    own = replace(own, forces=own.forces - by_inertia)
-                    own_slopes = own_slopes - coriolis_jacobian(added, nu)
-                new = unsteady_changes(
-                    own,
-                    np.array(
-                        [[values.get(a, {}).get(term, 0.0) for term in own.terms] for a in AXES]
-                    ),
-                    own_slopes,
-                    vehicle.mass_matrix - added,
-                    step_s=every.step_s,
-                )
-                changes[model] = _merged(changes[model], new)
+        of_piece = partial(_moved, solutions, leg.measured.every(STRIDE), terms, vehicle)
+        for moved in StridedLeg.of_parts(of_piece, leg.nu, leg.force, terms, ratio=leg.ratio):
+            changes = {model: _merged(changes[model], moved[model]) for model in changes}
+    return changes
+
+
+def _moved(
+    solutions: Mapping[str, ForceSolution],
+    every: MeasuredLeg,
+    terms: Sequence[str],
+    vehicle: Vehicle,
+    place: slice,
+    part: StridedLeg,
+) -> dict[str, tuple[NormalChange, ...]]:
+    """Return what the force errors of models do on one piece of a leg."""
+    measured = every.rows(strided(place))
+    linearised = measured.every(LINEARISED)
+    slopes = linearised.force_slopes(vehicle)
+    changes = {}
+    for model, (values, added) in solutions.items():
+        used = {term for row in values.values() for term in row}
+        own = part.of_terms([term for term in terms if term in used])
+        own_slopes = slopes
+        if added.any():
+            by_inertia = measured.nu_dot @ added + coriolis_force(added, measured.nu)
+            own = replace(own, forces=own.forces - by_inertia)
+            own_slopes = slopes - coriolis_jacobian(added, linearised.nu)
+        changes[model] = unsteady_changes(
+            own,
+            np.array([[values.get(a, {}).get(term, 0.0) for term in own.terms] for a in AXES]),
+            own_slopes,
+            vehicle.mass_matrix - added,
+            step_s=every.step_s,
+        )
     return changes
 
 

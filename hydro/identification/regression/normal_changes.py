@@ -18,8 +18,9 @@ motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +30,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.jacobians import basis_jacobian
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+from auvid.hydro.long_series.threads import at_once
 
 STRIDE = 5
 """Every fifth sample is enough for a mean: velocities are smooth over many samples."""
@@ -38,6 +40,8 @@ SMOOTHED_SHARE = 3.0
 """What a spline took away over what it takes from its own result: 3 to 5 for the pitch
 and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
 """
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -107,22 +111,32 @@ class StridedLeg:
         )
 
     @classmethod
-    def parts(
-        cls, nu: ArrayLike, forces: ArrayLike, terms: Sequence[str], *, ratio: ArrayLike | None
-    ) -> Iterator[tuple[slice, StridedLeg]]:
-        """Yield it in pieces, each with its place among the samples of the leg.
+    def of_parts(
+        cls,
+        work: Callable[[slice, StridedLeg], Result],
+        nu: ArrayLike,
+        forces: ArrayLike,
+        terms: Sequence[str],
+        *,
+        ratio: ArrayLike | None,
+    ) -> list[Result]:
+        """Return what `work` gives of the pieces of a leg, in threads.
 
-        Their changes add up to those of the leg: slopes of a long one take a gigabyte.
+        It takes the place of each among the samples, and the piece. Changes of pieces add up
+        to those of the leg: slopes of a long one take a gigabyte.
         """
         velocity, force = np.asarray(nu), np.asarray(forces)
         eta = None if ratio is None else np.asarray(ratio)
         weight = len(velocity) / len(velocity[::STRIDE])
-        for start in range(0, len(velocity), STRIDE * AT_ONCE):
+
+        def of_piece(start: int) -> Result:
             place = slice(start, start + STRIDE * AT_ONCE)
             piece = cls.of(
                 velocity[place], force[place], terms, ratio=None if eta is None else eta[place]
             )
-            yield place, replace(piece, weight=weight)
+            return work(place, replace(piece, weight=weight))
+
+        return at_once(of_piece, range(0, len(velocity), STRIDE * AT_ONCE))
 
     def of_terms(self, terms: Sequence[str]) -> StridedLeg:
         """Return it with the columns of some terms and the constant."""

@@ -36,12 +36,13 @@ def unsteady_changes(
 ) -> tuple[NormalChange, ...]:
     """Return what the force error does by each of the six velocities it moves.
 
-    coefficients (6, k): of the terms of `part`; force_slopes (m, 6, 6): of the measured force
-    [axis, velocity]; mass (6, 6): with added mass; step_s: between samples of `part`.
+    coefficients (6, k): of the terms of `part`; force_slopes (ceil(m / LINEARISED), 6, 6): of
+    the measured force [axis, velocity] at every `LINEARISED`-th sample; mass (6, 6): with
+    added mass; step_s: between samples of `part`.
     """
     error = part.forces - part.rows @ coefficients.T
     error = error - error.mean(axis=0)
-    slopes = coefficients @ part.slopes[::LINEARISED] - force_slopes[::LINEARISED]
+    slopes = coefficients @ part.slopes[::LINEARISED] - force_slopes
     rates = without_gain(np.asarray(np.linalg.solve(mass, slopes), dtype=np.float64), mass)
     moved = caused_motion(rates, np.linalg.solve(mass, error.T).T, step_s)
     none = np.zeros((len(part.terms),) * 2)
@@ -60,17 +61,17 @@ def caused_motion(rates: Array, accelerations: Array, step_s: float) -> Array:
     `LINEARISED` samples each. Trapezoids.
     """
     half, unit = 0.5 * step_s * rates, np.eye(6)
-    steps = np.linalg.solve(unit - half, unit + half)
-    onward = steps[np.arange(1, len(accelerations)) // LINEARISED]
-    lags = max(1, round(REACH_S / step_s))
-    share = step_s * accelerations
+    onward = np.linalg.solve(unit - half, unit + half).transpose(0, 2, 1)
+    lags, count = max(1, round(REACH_S / step_s)), len(accelerations)
+    share, earlier = np.zeros((2, len(rates) * LINEARISED, 6))
+    share[:count] = step_s * accelerations
     moved = 0.5 * share
     for lag in range(1, lags + 1):
-        earlier = np.zeros_like(share)
-        earlier[1:] = (onward @ share[:-1, :, None])[:, :, 0]
-        share = earlier
-        moved = moved + (share if lag < lags else 0.5 * share)
-    return np.asarray(moved)
+        earlier[1:] = share[:-1]
+        # What a second has of samples goes on by one matrix: one product for all of them.
+        share = (earlier.reshape(-1, LINEARISED, 6) @ onward).reshape(-1, 6)
+        moved += share if lag < lags else 0.5 * share
+    return np.asarray(moved[:count])
 
 
 def without_gain(rates: Array, mass: Array) -> Array:

@@ -22,7 +22,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Ints
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
@@ -30,6 +30,7 @@ from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.normal_changes import NormalChange
 from auvid.hydro.identification.signals.filters import edge_zone_s, zero_phase_lowpass
+from auvid.hydro.long_series.threads import at_once
 
 LOWER = 1.25
 """The second low-pass lies so much below the first: its lean is then that of the first
@@ -64,8 +65,9 @@ def lost_motion(
         level = np.asarray(ratio, dtype=np.float64)[::stride] * speed
     count = max(1, round(len(every.nu) / PIECE))
     places = np.array_split(np.arange(len(every.nu)), count)
-    changes = [
-        _of_piece(
+
+    def of_piece(place: Ints) -> NormalChange:
+        return _of_piece(
             every.rows(slice(place[0], place[-1] + 1)),
             vehicle,
             tuple(terms),
@@ -73,9 +75,8 @@ def lost_motion(
             cutoff_hz=cutoff_hz / LOWER,
             weight=len(leg.nu) / len(every.nu),
         )
-        for place in places
-    ]
-    return reduce(NormalChange.merge, changes)
+
+    return reduce(NormalChange.merge, at_once(of_piece, places))
 
 
 def _of_piece(

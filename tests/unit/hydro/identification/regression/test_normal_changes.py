@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 import pytest
 
@@ -150,15 +152,16 @@ def test_pieces_of_a_leg_add_up_to_it() -> None:
     one_piece = StridedLeg.of(nu, force, TERMS, ratio=None)
     slopes = np.zeros((len(one_piece.rows), 6, 6))
     expected = (*one_piece.random(sd, slopes), one_piece.definite(shift[::STRIDE], shift[::STRIDE]))
-    total: list[NormalChange] = []
-    for place, part in StridedLeg.parts(nu, force, TERMS, ratio=None):
+
+    def of_piece(place: slice, part: StridedLeg) -> list[NormalChange]:
         own = nu[place][::STRIDE]
-        changes = [
-            *part.random(sd[place], np.zeros((len(own), 6, 6))),
-            part.definite(0.1 * own, 0.1 * own),
-        ]
-        total = [a.merge(b) for a, b in zip(total, changes, strict=True)] if total else changes
-    for one, other in zip(total, expected, strict=True):
+        slopes = np.zeros((len(own), 6, 6))
+        return [*part.random(sd[place], slopes), part.definite(0.1 * own, 0.1 * own)]
+
+    pieces = StridedLeg.of_parts(of_piece, nu, force, TERMS, ratio=None)
+    assert len(pieces) == 3
+    for other, *parts in zip(expected, *pieces, strict=True):
+        one = reduce(NormalChange.merge, parts)
         assert one.moment == pytest.approx(other.moment, rel=1e-11, abs=1e-12)
         assert one.target == pytest.approx(other.target, rel=1e-11, abs=1e-12)
 

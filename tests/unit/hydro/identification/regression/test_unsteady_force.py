@@ -9,7 +9,13 @@ from scipy.signal import lfilter
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.regression.normal_changes import STRIDE, StridedLeg
-from auvid.hydro.identification.regression.unsteady_force import unsteady_changes, without_gain
+from auvid.hydro.identification.regression.unsteady_force import (
+    LINEARISED,
+    REACH_S,
+    caused_motion,
+    unsteady_changes,
+    without_gain,
+)
 
 STEP_S, MASS, DRAG = 0.02, 20.0, 40.0
 COUNT = 30_000
@@ -26,7 +32,7 @@ def lean(velocity: Array, force: Array) -> tuple[float, float]:
     changes = unsteady_changes(
         StridedLeg.of(nu, forces, ("u",), ratio=None),
         values,
-        np.zeros((len(nu[::STRIDE]), 6, 6)),
+        np.zeros((len(nu[:: STRIDE * LINEARISED]), 6, 6)),
         MASS * np.eye(6),
         step_s=STRIDE * STEP_S,
     )
@@ -67,3 +73,19 @@ def test_rates_that_gain_energy_are_left_out_and_others_stay() -> None:
     expected = rates.copy()
     expected[1, 1] = 0.0
     assert without_gain(rates[None], 4.0 * np.eye(6))[0] == pytest.approx(expected)
+
+
+def test_motion_of_a_second_goes_on_by_the_rates_of_each_sample() -> None:
+    """Against the sum over what acted, sample by sample, in three stretches of rates."""
+    rng, step_s, count = np.random.default_rng(5), 0.1, 2 * LINEARISED + 7
+    rates, pushes = rng.normal(size=(3, 6, 6)), rng.normal(size=(count, 6))
+    half, unit = 0.5 * step_s * rates, np.eye(6)
+    onward = np.linalg.solve(unit - half, unit + half)
+    expected, lags = 0.5 * step_s * pushes, round(REACH_S / step_s)
+    for now in range(count):
+        reached = unit
+        for lag in range(1, min(lags, now) + 1):
+            reached = reached @ onward[(now - lag + 1) // LINEARISED]
+            weight = step_s if lag < lags else 0.5 * step_s
+            expected[now] += weight * reached @ pushes[now - lag]
+    assert caused_motion(rates, pushes, step_s) == pytest.approx(expected, rel=1e-12)
