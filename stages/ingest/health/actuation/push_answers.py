@@ -74,6 +74,11 @@ ALL_BUT, SURE_SCALE, CLEAR_SCALE = 0.95, 0.1, 1.2
 """Share of a motion from which on, and deviations within which, its gain is that of force
 over mass, and by what factor two speeds have to differ from the vehicle file.
 """
+INERTIA_REMEDY = (
+    "Measure or fit the moments of inertia, added ones too: published ones of one vehicle differ by"
+    " factors of 3 to 10. Then check the unit of the thrust curve."
+)
+"""Where turns alone are slow: what is known of moments of inertia makes no unit wrong."""
 LEAST_FAST = 0.3
 """Share of its changes that the thrusters must explain of a motion that is too fast."""
 
@@ -229,11 +234,13 @@ def weak_forces(response: Mapping[str, AxisGains]) -> Iterator[Finding]:
     if len(slow) > 1:
         words = dict(zip("uvwpqr", (*SPEEDS, *RATES), strict=True))
         parts = [f"{words[axis]} changes {gain:.2f} times as fast" for axis, gain in slow.items()]
+        turns = set(slow) <= set("pqr")
         yield finding(
-            "response_unit",
+            "response_scale" if turns else "response_unit",
             f"Force over mass of the thrusters makes too much of the motion: {listed(parts)}.",
             stream="actuators",
             value=max(slow.values()),
+            remedy=INERTIA_REMEDY if turns else "",
         )
     if len(fast) < 2:
         yield from _off_scale(response)

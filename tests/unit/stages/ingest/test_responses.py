@@ -53,3 +53,12 @@ def test_a_push_that_levels_the_hull_tells_no_scale(
     assert (gains.own[0] > OWN_PUSH, len(findings) == 1) == (apart_from_damping, apart_from_damping)
     if apart_from_damping:
         assert gains.gain[0] == pytest.approx(3.0, rel=0.1)
+
+
+@pytest.mark.parametrize(("slow", "name"), [("pr", "response_scale"), ("ur", "response_unit")])
+def test_turns_that_are_slow_alone_stop_no_run(slow: str, name: str) -> None:
+    """Moments of inertia in files are off by factors, which is no wrong unit of the thrust."""
+    gains = AxisGains(np.array([0.18]), np.array([0.005]), 0.93, 400, np.array([0.6]))
+    (one,) = weak_forces(dict.fromkeys(slow, gains))
+    assert one["id"] == name
+    assert ("moments of inertia" in one["remedy"]) == (slow == "pr")
