@@ -32,7 +32,6 @@ def open_run(name: str, workspace: Workspace | None = None) -> Run:
     graph = Graph(stages_of_kind(STAGES, KINDS, campaign.document["kind"]))
     defaults = load_defaults(workspace, graph.stages, names_of(STAGES))
     params = {stage.name: stage_params(stage, defaults, campaign) for stage in graph.stages}
-    write_code_files(STAGES, workspace.code)
     return Run(campaign, graph, params, workspace.runs / campaign.name)
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.workspace import PARAMS_FILE, SHIPPED_VEHICLES, workspace_of
-from auvid.pipeline.execution.code_stamp import PRINTING, source_files, source_stamp, unchanged
+from auvid.pipeline.execution.code_stamp import PRINTING, source_files, source_stamp
 from auvid.pipeline.output import plain_values
 from auvid.pipeline.store.atomic_files import FILES_READ, write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, SETTLED_S, FileHashes
@@ -79,9 +79,7 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
         kept = json.loads((workspace.runs / name / FILE).read_text(encoding="utf-8"))
         files, folders = kept["files"], kept["folders"]
         same = all(kept["setting"][key] == value for key, value in setting.items())
-        if not same or not unchanged(workspace.code):
-            return None
-        if not {str(path) for path in files_in(map(Path, folders))} <= set(files):
+        if not same or not {str(path) for path in files_in(map(Path, folders))} <= set(files):
             return None
         hashes = FileHashes(workspace.runs / name / HASHES)
         if any(_hash_of(Path(path), hashes) != digest for path, digest in files.items()):

@@ -56,7 +56,6 @@ CHANGES: dict[str, Callable[[Path], object]] = {
     "artefact removed": lambda top: (top / "runs/toy/decode/a/depth.parquet").unlink(),
     "artefact added": lambda top: (top / "runs/toy/decode/a/other.parquet").touch(),
     "record edited": lambda top: edit(top / "runs/toy/cut/manifest.json"),
-    "hash of code lost": lambda top: (top / "runs/.code/cut.txt").unlink(),
     "output damaged": lambda top: edit(top / "runs/toy" / kept_output.FILE),
 }
 
