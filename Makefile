@@ -16,7 +16,7 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 .PHONY: help setup demo campaign report inspect diff gallery reproduce regress test test-all lint typing format declarations docs lock bench agreement clean twin circle fuzz
 
 help:
-	@echo "make setup                set up .venv for working on auvid: run, test, lint"
+	@echo "make setup                set up .venv for working on auvid: run, test, lint; compile the loops"
 	@echo "make demo                 set up .venv and run the bundled real dive"
 	@echo "make campaign NAME=x      bring campaign x up to date through DVC"
 	@echo "make report NAME=x        open the report of campaign x"
@@ -69,9 +69,13 @@ $(WITH_DVC): requirements-dvc.lock pyproject.toml setup.py | $(VENV)/bin/python
 	$(call install,requirements-dvc.lock)
 	@touch $(RUN)
 
+# Machine code of loops and byte code of tests belong to the test environment, too: both are kept beside their sources.
+$(TEST): export PYTHONDONTWRITEBYTECODE =
 $(TEST): requirements-test.lock pyproject.toml setup.py | $(VENV)/bin/python
 	$(call install,requirements-test.lock)
 	@touch $(RUN) $(WITH_DVC)
+	@echo "compiling the loops that the tests run: about a minute"
+	@pytest -n auto -m compiles || echo "not all loops are compiled: the tests compile the others themselves"
 
 # Folder links in which mypy and editors find the package: build/typing/auvid/stages -> stages.
 typing:

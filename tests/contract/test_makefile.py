@@ -144,3 +144,24 @@ def test_a_user_does_not_get_what_only_tests_and_extras_need() -> None:
         "pytest",
     }
     assert {"view", "dvc", "dask", "test"} <= set(project["optional-dependencies"])
+
+
+def test_every_loop_that_is_kept_is_compiled_with_the_test_environment() -> None:
+    """By tests marked `compiles`, which the Makefile runs when it makes the environment."""
+    keeps = re.compile(r"\bcache=(True|not inner)\b|import _compiled\b")
+    folders = ("data_schemas", "hydro", "stages", "export", "pipeline", "auvid", "tests/support")
+    paths = {path for folder in folders for path in (ROOT / folder).rglob("*.py")}
+    kept = {
+        path.relative_to(ROOT).as_posix()
+        for path in paths
+        if keeps.search(path.read_text(encoding="utf-8"))
+    }
+    compiled = {
+        name
+        for path in (ROOT / "tests" / "unit").rglob("test_*.py")
+        for words in re.findall(r"mark\.compiles\(([^)]*)\)", path.read_text(encoding="utf-8"))
+        for name in re.findall(r'"([^"]+)"', words)
+    }
+    assert compiled == kept
+    rule = (ROOT / "Makefile").read_text(encoding="utf-8").split("\n$(TEST): requirements")[1]
+    assert "pytest -n auto -m compiles" in rule.split("\n\n")[0]

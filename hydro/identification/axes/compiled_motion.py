@@ -7,6 +7,7 @@ only where a fit is made: numba takes a second.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 import numba
@@ -25,13 +26,15 @@ DIVERGED = 1e4
 """A velocity beyond this [m/s, rad/s] stays there: the fit sees a large, finite error."""
 
 
-def _compiled(function: F) -> F:
-    jit: Any = numba.njit(cache=True, error_model="numpy")
+def _compiled(function: F, *, inner: bool = False) -> F:
+    # What only loops call is kept with them, and needs no wrapper for Python.
+    options: dict[str, Any] = {"no_cpython_wrapper": inner, "no_cfunc_wrapper": True}
+    jit: Any = numba.njit(cache=not inner, error_model="numpy", **options)
     result: F = jit(function)
     return result
 
 
-@_compiled
+@partial(_compiled, inner=True)
 def _slope(
     y: Array,
     row: Array,

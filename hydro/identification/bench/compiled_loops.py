@@ -8,6 +8,7 @@ this module only where an estimate is made: numba takes a second.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 import numba
@@ -27,8 +28,10 @@ error.
 """
 
 
-def _compiled(function: F) -> F:
-    jit: Any = numba.njit(cache=True, error_model="numpy")
+def _compiled(function: F, *, inner: bool = False) -> F:
+    # What only loops call is kept with them, and needs no wrapper for Python.
+    options: dict[str, Any] = {"no_cpython_wrapper": inner, "no_cfunc_wrapper": True}
+    jit: Any = numba.njit(cache=not inner, error_model="numpy", **options)
     result: F = jit(function)
     return result
 
@@ -119,7 +122,7 @@ def recursive_estimate(
     return error
 
 
-@_compiled
+@partial(_compiled, inner=True)
 def _slope(y: Array, force: float, c: Array, out: Array) -> None:
     """Write to `out` the derivatives of x, s and their sensitivities to c, x(0), s(0).
 

@@ -20,6 +20,7 @@ def test_a_recursion_is_scipy_s_filter(samples: int, feedback: list[float]) -> N
     )
 
 
+@pytest.mark.compiles("hydro/long_series/compiled_bands.py")
 def test_a_long_recursion_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     driven = np.random.default_rng(1).normal(size=(300, 3))
     driven.flags.writeable = False

@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.signals.pose.compiled_track import _compiled
+from auvid.hydro.identification.signals.pose.compiled_track import _compiled, _inner
 
 FAR = 1e4
 """Variance of the position where a track begins [m^2]."""
 
 
-@_compiled
+@_inner
 def _carried(step: float, speed: float, lag: float, P: Array, out: Array, phi: Array) -> None:
     """Write Phi P Phi' + Q to out (2, 2) and Phi to phi (2, 2).
 
@@ -32,7 +32,7 @@ def _carried(step: float, speed: float, lag: float, P: Array, out: Array, phi: A
     out[1, 1] = e * e * p2 + s2 * (1.0 - e * e)
 
 
-@_compiled
+@_inner
 def _corrected(x: Array, P: Array, error: float, variance: float) -> None:
     """Correct x (2,) and P (2, 2) by a fix with an error of that variance."""
     k0, k1, p0, p1 = P[0, 0] / variance, P[1, 0] / variance, P[0, 0], P[0, 1]
@@ -44,7 +44,7 @@ def _corrected(x: Array, P: Array, error: float, variance: float) -> None:
     P[1, 1] -= k1 * p1
 
 
-@_compiled
+@_inner
 def _copied(P: Array, out: Array) -> None:
     """Write P (2, 2) to out; numba compiles `out[:] = P` for a second and more."""
     for i in range(2):

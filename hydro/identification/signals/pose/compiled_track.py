@@ -19,11 +19,19 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _compiled(function: F) -> F:
-    compiled: Any = numba.njit(cache=True, error_model="numpy")(function)
+    options: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+    compiled: Any = numba.njit(cache=True, **options)(function)
     return cast(F, compiled)
 
 
-@_compiled
+def _inner(function: F) -> F:
+    """Have numba compile what only loops call: kept with them, not for Python."""
+    wrappers: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    compiled: Any = numba.njit(error_model="numpy", **wrappers)(function)
+    return cast(F, compiled)
+
+
+@_inner
 def _predict(x: Array, P: Array, dt: float, q: float, x_out: Array, P_out: Array) -> None:
     """Carry place, rate and acceleration over dt: P_out = F P F' + q Q(dt).
 
@@ -48,7 +56,7 @@ def _predict(x: Array, P: Array, dt: float, q: float, x_out: Array, P_out: Array
     P_out[1, 0], P_out[2, 0], P_out[2, 1] = P_out[0, 1], P_out[0, 2], P_out[1, 2]
 
 
-@_compiled
+@_inner
 def _update(x: Array, P: Array, innovation: float, s: float) -> None:
     """Correct x and P by a measurement of the place with innovation variance s."""
     k0, k1, k2 = P[0, 0] / s, P[1, 0] / s, P[2, 0] / s
@@ -65,7 +73,7 @@ def _update(x: Array, P: Array, innovation: float, s: float) -> None:
     P[1, 0], P[2, 0], P[2, 1] = P[0, 1], P[0, 2], P[1, 2]
 
 
-@_compiled
+@_inner
 def _restart(y: float, variance: float, rate: float, x: Array, P: Array) -> None:
     """Set the state to a place about y, at rest within `rate` (and its square root)."""
     x[0], x[1], x[2] = y, 0.0, 0.0
@@ -75,7 +83,7 @@ def _restart(y: float, variance: float, rate: float, x: Array, P: Array) -> None
     P[0, 0], P[1, 1], P[2, 2] = 100.0 * variance, rate * rate, rate * rate
 
 
-@_compiled
+@_inner
 def _copy(x: Array, P: Array, x_out: Array, P_out: Array) -> None:
     """Copy a state and its covariance."""
     for i in range(3):
@@ -191,7 +199,7 @@ def filter_track(
         i += 1
 
 
-@_compiled
+@_inner
 def _after(
     i: int, y: Array, variance: Array, accepted: Mask, x: Array, P: Array, state: Array, cov: Array
 ) -> None:
@@ -202,7 +210,7 @@ def _after(
             _update(state[c], cov[c], y[i, c] - state[c, 0], cov[c, 0, 0] + variance[c])
 
 
-@_compiled
+@_inner
 def _passing(
     t: Array,
     y: Array,
@@ -281,7 +289,7 @@ def smooth_track(
                     P[i, c, a, b] -= less[a, b]
 
 
-@_compiled
+@_inner
 def _turned(A: Array, b: Array) -> Array:
     """Return A' b of (3, 3) and (3,)."""
     out = np.zeros(3)
@@ -290,7 +298,7 @@ def _turned(A: Array, b: Array) -> Array:
     return out
 
 
-@_compiled
+@_inner
 def _squeezed(A: Array, B: Array) -> Array:
     """Return A' B A of (3, 3)."""
     half, out = np.zeros((3, 3)), np.zeros((3, 3))

@@ -75,6 +75,7 @@ def central(
     )
 
 
+@pytest.mark.compiles("hydro/dynamics/simulation/compiled_step.py")
 @pytest.mark.parametrize("plant", [HAUV, VT690], ids=["hauv", "vt690"])
 def test_the_compiled_step_moves_vehicles_as_the_equations_of_the_plant(
     plant: ControlledPlant,

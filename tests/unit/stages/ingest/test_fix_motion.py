@@ -72,6 +72,7 @@ def test_velocity_of_fixes_has_an_honest_deviation(
     assert np.mean(errors) < rms
 
 
+@pytest.mark.compiles("hydro/identification/signals/pose/compiled_fixes.py")
 def test_outliers_are_left_out_and_a_jump_begins_a_new_track() -> None:
     t_s, measured, velocity = fixes(7, noise_m=0.5, every_s=1.0, outliers=0.1)
     track = fix_track(t_s, measured)

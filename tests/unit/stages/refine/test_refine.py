@@ -164,6 +164,7 @@ def limited() -> refine.Inputs:
     return chain("symmetric", duration_s=20.0, trim=True, prior="vehicle", inertia=("N_rdot",))
 
 
+@pytest.mark.compiles("hydro/identification/maximum_likelihood/window_loop/loop.py")
 @pytest.mark.parametrize("estimator", ["output_error", "filter_error"])
 def test_a_known_model_is_recovered_from_the_sensors(twin: refine.Inputs, estimator: str) -> None:
     refined = outputs(twin, estimator=estimator)

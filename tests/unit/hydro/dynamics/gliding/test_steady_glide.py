@@ -26,6 +26,7 @@ def state(pitch: np.ndarray) -> GlideState:
     return GlideState(pitch, drive, np.full(n, 1025.3), np.full(n, 3e5), np.full(n, 284.0))
 
 
+@pytest.mark.compiles("hydro/dynamics/gliding/compiled_balance.py")
 @pytest.mark.parametrize("zero_lift_deg", [0.0, 1.5])
 def test_forces_along_and_across_the_path_balance(zero_lift_deg: float) -> None:
     polar = replace(POLAR, zero_lift_rad=float(np.radians(zero_lift_deg)))

@@ -90,6 +90,7 @@ def runs(
     )
 
 
+@pytest.mark.compiles("hydro/dynamics/simulation/compiled_free_run.py")
 def test_the_true_model_follows_the_motion(
     vehicle: Vehicle, run: tuple[Array, Array, Array]
 ) -> None:

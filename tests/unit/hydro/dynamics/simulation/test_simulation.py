@@ -327,6 +327,7 @@ def test_a_vehicle_that_comes_up_is_stopped_at_the_surface() -> None:
     assert "depth" in flight.stop.reason
 
 
+@pytest.mark.compiles("hydro/dynamics/simulation/compiled.py")
 def test_motion_that_grows_without_bound_leaves_nan_in_a_batch() -> None:
     plant = SimulatedVehicle(VT690, IdentifiedModel("explosion", {"X": {"u*u": 500.0}} | DAMPING))
     start = np.array([plant.start(np.zeros(6), [u, 0.0, 0.0, 0.0, 0.0, 0.0]) for u in (0.0, 3.0)])

@@ -30,6 +30,7 @@ def legs() -> list[AxisRecord]:
     ]
 
 
+@pytest.mark.compiles("hydro/identification/axes/compiled_motion.py", "tests/support/axis_legs.py")
 def test_truth_comes_back_and_legs_left_out_run_free() -> None:
     fit = fit_coupled(legs(), ("u", "v", "r"), inertia=INERTIA, free=())
     for velocity, truth in TRUTH.items():

@@ -61,6 +61,7 @@ def random_form(n: int) -> StaticRegression:
     )
 
 
+@pytest.mark.compiles("hydro/identification/bench/compiled_loops.py")
 @pytest.mark.parametrize("constant", [True, False])
 def test_filter_is_exact_for_its_hold(constant: bool) -> None:
     t = np.array([0.0, 0.1, 0.4, 0.401, 2.0])
@@ -90,6 +91,7 @@ def test_exact_states_give_the_truth_to_a_millionth() -> None:
     np.testing.assert_allclose(theta, THETA, rtol=1e-6)
 
 
+@pytest.mark.compiles("hydro/identification/bench/compiled_loops.py")
 def test_prior_and_start_are_obeyed() -> None:
     form = random_form(50)
     tight = recursive_least_squares(form, prior_spread=1e-12, start=[1.0, 2.0, 3.0])
@@ -212,6 +214,7 @@ def test_output_error_is_exact_without_noise_and_covers_the_truth_with_it() -> N
     assert np.all(hits / seeds > 0.86)
 
 
+@pytest.mark.compiles("hydro/identification/bench/compiled_loops.py")
 def test_output_error_fits_positions_and_a_drifting_rate_sensor() -> None:
     t, p, angle, force = stepped_run(
         LEVELS / 20.0, 4.0, 20.0, lambda x, s, f: f - 0.3 * x - 0.8 * x * abs(x) - 2.0 * np.sin(s)

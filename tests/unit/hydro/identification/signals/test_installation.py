@@ -119,6 +119,7 @@ def test_what_the_accelerometer_holds_is_found(
     assert np.all(estimate.sd[-2:] < 0.15)
 
 
+@pytest.mark.compiles("hydro/identification/signals/compiled_filter.py")
 def test_legs_add_up(motion: Motion) -> None:
     leg = installation_sums(sensors(motion, 4))
     one, twice = installation_faults(leg, PLACE), installation_faults(leg.merge(leg), PLACE)

@@ -25,6 +25,7 @@ def noisy_sine(n: int, seed: int, noise: float = 0.2) -> tuple[np.ndarray, np.nd
     return t, np.sin(t) + noise * rng.standard_normal(n)
 
 
+@pytest.mark.compiles("hydro/long_series/compiled_bands.py")
 @pytest.mark.parametrize("n", [5, 6, 300])
 def test_a_long_series_has_the_same_bits(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled loops in threads give what LAPACK does."""

@@ -96,6 +96,7 @@ def dive() -> Dive:
 T = np.arange(0.0, 30.0, 0.037)
 
 
+@pytest.mark.compiles("hydro/dynamics/simulation/rov/loop.py")
 def test_the_loop_agrees_with_numpy(dive: Dive) -> None:
     rows = slice(100, 3000, 29)
     state = dive.state[rows]

@@ -230,6 +230,7 @@ def test_nothing_to_track_is_refused() -> None:
         pose_track(t[::-1], rng.normal(size=(100, 3)), rng.normal(size=(100, 3)))
 
 
+@pytest.mark.compiles("hydro/identification/signals/pose/compiled_track.py")
 @pytest.mark.parametrize("columns", [1, 3])
 def test_the_loops_are_compiled_once_whatever_the_number_of_columns(columns: int) -> None:
     t = np.arange(0.0, 5.0, 0.05)
