@@ -66,6 +66,8 @@ SCALED = {
     "cm/s": (1e-2, "m/s"),
 }
 """Units of most logs in coherent ones."""
+TIMES_US = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
+"""Units of times of most logs in microseconds."""
 FACTOR = r"(1|rad|kg|m|s|N|Pa)(?:\^([1-9]))?"
 PRODUCT = re.compile(rf"{FACTOR}(?:[*/]{FACTOR})*")
 
@@ -95,10 +97,10 @@ def _registry() -> pint.UnitRegistry[float]:
 def convertible(unit: str, target: str) -> bool:
     """Return whether values in `unit` can be expressed in `target`.
 
-    rad/s and 1/s count as the same, as in SI. Neither the unit itself nor products of
-    SI symbols are looked up: loading pint's registry takes half a second.
+    rad/s and 1/s count as the same, as in SI. Neither the unit itself, times of logs nor
+    products of SI symbols are looked up: loading pint's registry takes half a second.
     """
-    if unit == target:
+    if unit == target or (unit in TIMES_US and target in TIMES_US):
         return True
     _, coherent = SCALED.get(unit, (1.0, unit))
     if (own := _powers(coherent)) is not None and (other := _powers(target)) is not None:
@@ -122,6 +124,8 @@ def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
         return TURNS[unit.strip()], 0.0
     if unit == target:
         return 1.0, 0.0
+    if unit in TIMES_US and target in TIMES_US:
+        return TIMES_US[unit] / TIMES_US[target], 0.0
     if not convertible(unit, target):
         raise SchemaError("unit cannot be converted", value=unit, allowed=f"a unit of {target}")
     scale, coherent = SCALED.get(unit, (1.0, unit))

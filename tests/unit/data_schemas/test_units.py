@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import pytest
 
+from auvid.data_schemas import units
 from auvid.data_schemas.errors import SchemaError
-from auvid.data_schemas.units import SCALED, _powers, _registry, convertible, factor_and_offset
+from auvid.data_schemas.units import (
+    SCALED,
+    TIMES_US,
+    _powers,
+    _registry,
+    convertible,
+    factor_and_offset,
+)
 
 
 @pytest.mark.parametrize(
@@ -54,6 +62,22 @@ def test_products_of_si_symbols_are_read_as_pint_reads_them(unit: str) -> None:
         else:
             with pytest.raises(SchemaError):
                 factor_and_offset(unit, target)
+
+
+@pytest.mark.parametrize("unit", TIMES_US)
+def test_times_are_read_as_pint_reads_them(unit: str) -> None:
+    pint = _registry()
+    for target in TIMES_US:
+        one = pint.Quantity(1.0, unit).to(target).magnitude
+        assert convertible(unit, target)
+        assert factor_and_offset(unit, target) == (pytest.approx(one, rel=1e-15), 0.0)
+    assert not convertible(unit, "m")
+
+
+def test_the_times_of_a_log_load_no_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(units, "_registry", lambda: pytest.fail("pint is loaded"))
+    factor_and_offset.cache_clear()
+    assert [factor_and_offset(unit, "us")[0] for unit in TIMES_US] == [1e6, 1e3, 1.0, 1e-3]
 
 
 @pytest.mark.parametrize(
