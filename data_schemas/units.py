@@ -64,8 +64,14 @@ SCALED = {
     "mm": (1e-3, "m"),
     "cm": (1e-2, "m"),
     "cm/s": (1e-2, "m/s"),
+    "mm/s": (1e-3, "m/s"),
+    "mrad/s": (1e-3, "rad/s"),
+    "mbar": (1e2, "Pa"),
+    "mV": (1e-3, "V"),
 }
 """Units of most logs in coherent ones."""
+NO_UNITS = frozenset({"degheading", "deglatitude", "deglongitude"})
+"""Texts of DataFlash logs that say more than a unit: pint does not read them."""
 TIMES_US = {"s": 1e6, "ms": 1e3, "us": 1.0, "ns": 1e-3}
 """Units of times of most logs in microseconds."""
 FACTOR = r"(1|rad|kg|m|s|N|Pa)(?:\^([1-9]))?"
@@ -102,7 +108,11 @@ def convertible(unit: str, target: str) -> bool:
     """
     if unit == target or (unit in TIMES_US and target in TIMES_US):
         return True
+    if unit in NO_UNITS:
+        return False
     _, coherent = SCALED.get(unit, (1.0, unit))
+    if coherent == target:
+        return True
     if (own := _powers(coherent)) is not None and (other := _powers(target)) is not None:
         return own == other
     if not _harmless(unit):
@@ -129,7 +139,7 @@ def factor_and_offset(unit: str, target: str) -> tuple[float, float]:
     if not convertible(unit, target):
         raise SchemaError("unit cannot be converted", value=unit, allowed=f"a unit of {target}")
     scale, coherent = SCALED.get(unit, (1.0, unit))
-    if _powers(coherent) is not None and _powers(target) is not None:
+    if coherent == target or (_powers(coherent) is not None and _powers(target) is not None):
         return scale, 0.0
     quantity = _registry().Quantity
     zero = float(quantity(0.0, unit).to(target).magnitude)

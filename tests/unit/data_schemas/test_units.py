@@ -7,6 +7,7 @@ import pytest
 from auvid.data_schemas import units
 from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.units import (
+    NO_UNITS,
     SCALED,
     TIMES_US,
     _powers,
@@ -53,7 +54,7 @@ COHERENT = [
 @pytest.mark.parametrize("unit", [*COHERENT, *SCALED])
 def test_products_of_si_symbols_are_read_as_pint_reads_them(unit: str) -> None:
     pint = _registry()
-    for target in COHERENT:
+    for target in (*COHERENT, "V"):
         expected = pint.Unit(unit).is_compatible_with(pint.Unit(target))
         assert convertible(unit, target) == expected
         if expected:
@@ -74,10 +75,17 @@ def test_times_are_read_as_pint_reads_them(unit: str) -> None:
     assert not convertible(unit, "m")
 
 
-def test_the_times_of_a_log_load_no_registry(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_texts_that_are_no_units_are_none_to_pint() -> None:
+    assert not any(text in _registry() for text in NO_UNITS)
+
+
+def test_units_of_most_logs_load_no_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(units, "_registry", lambda: pytest.fail("pint is loaded"))
     factor_and_offset.cache_clear()
     assert [factor_and_offset(unit, "us")[0] for unit in TIMES_US] == [1e6, 1e3, 1.0, 1e-3]
+    for unit, (factor, target) in SCALED.items():
+        assert factor_and_offset(unit, target) == (factor, 0.0)
+    assert not any(convertible(text, "rad") for text in NO_UNITS)
 
 
 @pytest.mark.parametrize(
