@@ -66,6 +66,7 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.axis_terms import SPARSE
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
+from auvid.hydro.long_series.spooled import Spooled
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.presentation import Block, remark
 from auvid.stages.steps import counted
@@ -371,14 +372,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for key in training
         )
 
-    parts: dict[str, TrainingData] = {}
+    factors: dict[str, TriangularFactor] = {}
+    of_legs: TrainingData | None = None
     names = parts_of([inputs.segment[key].leg for key in training])
     for name, leg in zip(names, legs(), strict=True):
         own = TrainingData.of(leg, terms, vehicle, excitation=params.excitation)
-        parts[name] = parts[name].merge(own) if name in parts else own
+        factors[name] = factors[name].merge(own.factor) if name in factors else own.factor
+        of_legs = own if of_legs is None else of_legs.merge(own)
         del leg  # the next pass starts without the samples of the last leg
-    data = reduce(TrainingData.merge, parts.values())
-    factors = {name: part.factor for name, part in parts.items()}
+    assert of_legs is not None
+    data = replace(of_legs, factor=reduce(TriangularFactor.merge, factors.values()))
     others = others_of(factors)
     chosen = choose_terms(to_choose, factors, data.motion, legs, trim=params.trim)
     models = [chosen[m.name].model if m.name in chosen else m for m in models]
@@ -571,8 +574,9 @@ def _lag(
     """
     if params.actuator_lag != MEASURED:
         return None, []
-    legs = [driven_leg(_tables(inputs, key)) for key in training]
-    lag = measured_lag([leg for leg in legs if leg is not None])
+    legs = (driven_leg(_tables(inputs, key)) for key in training)
+    with Spooled(leg for leg in legs if leg is not None) as driven:
+        lag = measured_lag(driven)
     stated, spread = inputs.vehicle.actuator_lag_s, inputs.vehicle.spreads.get("thrust_lag")
     if stated is not None:
         departs = lag is not None and lag.of_thrusters and lag.departs_from(stated, spread or 0.0)
@@ -597,11 +601,9 @@ def _currents(
     """Return log -> its current, of logs whose velocity is over ground."""
     if not usual_m_s:
         return {}
-    legs = [leg_over_ground(_tables(inputs, key), lag_s) for key in training]
-    over_ground = [leg for leg in legs if leg is not None]
-    if not over_ground:
-        return {}
-    return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
+    legs = (leg_over_ground(_tables(inputs, key), lag_s) for key in training)
+    with Spooled(leg for leg in legs if leg is not None) as over_ground:
+        return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
 
 
 def _spread_of(currents: Mapping[str, SteadyCurrent]) -> float:

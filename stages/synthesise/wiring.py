@@ -99,14 +99,13 @@ def thruster_legs(
             return []
         t_s = clock(residual)
         rows = slice(0, None, max(1, round(STEP_S / float(t_s[1] - t_s[0]))))
-        parts.append(
-            ThrusterLeg(
-                t_s[rows],
-                matrix(residual, VELOCITY)[rows],
-                matrix(residual, force_columns("tau_bar"))[rows],
-                matrix(controls, names)[rows],
-            )
+        every = (
+            t_s[rows],
+            matrix(residual, VELOCITY)[rows],
+            matrix(residual, force_columns("tau_bar"))[rows],
+            matrix(controls, names)[rows],
         )
+        parts.append(ThrusterLeg(*(part.copy() for part in every)))  # views would keep the rest
         if sum(part.t_s.size for part in parts) > MOST_SAMPLES:
             break
     return parts

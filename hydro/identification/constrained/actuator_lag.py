@@ -15,8 +15,10 @@ without the loss have to agree: what they differ by stands in its standard devia
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -24,6 +26,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
+from auvid.hydro.long_series.threads import at_once
 
 BLOCK_S = 5.0
 """Pieces of a dive that count as independent for standard errors."""
@@ -106,19 +109,24 @@ class ActuatorLag:
         return SHORTEST_S <= self.value_s <= LONGEST_S
 
 
-def measured_lag(legs: Sequence[DrivenLeg]) -> ActuatorLag | None:
-    """Return the lag of the actuators on legs; None for too short ones."""
-    if not legs:
+def measured_lag(legs: Iterable[DrivenLeg]) -> ActuatorLag | None:
+    """Return the lag of the actuators on legs; None for too short ones.
+
+    They are gone through several times, one leg after the other.
+    """
+    lengths, low, high = [], np.full(6, np.inf), np.full(6, -np.inf)
+    for leg in legs:
+        lengths.append((len(leg.nu), leg.step_s))
+        low = np.minimum(low, leg.actuators.min(axis=0))
+        high = np.maximum(high, leg.actuators.max(axis=0))
+    if not lengths:
         return None
-    blocks = LegBlocks.of([(len(leg.nu), leg.step_s) for leg in legs])
-    acting = np.concatenate([leg.actuators for leg in legs])
-    swing = np.ptp(acting, axis=0)
+    blocks, swing = LegBlocks.of(lengths), high - low
     driven = np.flatnonzero(swing > DRIVEN * swing.max(initial=0.0))
     if len(blocks.early) < FEWEST_BLOCKS or not driven.size:
         return None
-    own = _own_terms(legs)
-    lag = _stepped(legs, own, driven, blocks, loss=True)
-    moved = lag.value_s - _stepped(legs, own, driven, blocks, loss=False).value_s
+    lag, without = _stepped(legs, driven, blocks)
+    moved = lag.value_s - without.value_s
     return replace(lag, sd_s=float(np.hypot(lag.sd_s, 0.5 * moved)))
 
 
@@ -147,37 +155,66 @@ class LegBlocks:
             first += samples
         return cls(np.concatenate(starts), np.concatenate(early))
 
+    def pieces(self, first: int, samples: int) -> list[slice]:
+        """Return the blocks of the leg of so many samples whose first one is `first`."""
+        own = self.starts[(self.starts >= first) & (self.starts < first + samples)] - first
+        return [slice(*edges) for edges in pairwise([*own.tolist(), samples])]
+
 
 def _stepped(
-    legs: Sequence[DrivenLeg], own: Sequence[Array], driven: Ints, blocks: LegBlocks, *, loss: bool
-) -> ActuatorLag:
-    """Return the lag beside columns (n, k) of each axis, and the loss of thrust."""
-    nu = np.concatenate([leg.nu for leg in legs])
-    acting = np.concatenate([leg.actuators for leg in legs])
-    tau_bar = np.concatenate([leg.tau_bar for leg in legs])
-    total = 0.0
+    legs: Iterable[DrivenLeg], driven: Ints, blocks: LegBlocks
+) -> tuple[ActuatorLag, ActuatorLag]:
+    """Return the lag with and without a loss of thrust to inflow."""
+    lags_s, both = [0.0, 0.0], []
     for _ in range(STEPS):
-        late, later = (_late(legs, max(total, 0.0) + step) for step in (0.0, SLOPE_S))
-        left, slope = tau_bar - (late - acting), (later - late) / SLOPE_S
-        taken = np.abs(late) * nu if loss else np.zeros((len(nu), 0))
-        axes = [
-            _Step.of(
-                np.column_stack([slope[:, i], own[i], taken[:, i : i + 1]]), left[:, i], blocks
+        sums, first = [], 0
+        for leg in legs:
+            pieces = blocks.pieces(first, len(leg.nu))
+            first += len(leg.nu)
+            pushes = [_push(leg, lag_s) for lag_s in lags_s]
+            sums.append(at_once(partial(_products, leg, pushes, pieces), driven.tolist()))
+        both = [
+            _Steps(
+                lag_s,
+                [
+                    _Step.of(np.concatenate([of_leg[axis][which] for of_leg in sums]), blocks.early)
+                    for axis in range(len(driven))
+                ],
             )
-            for i in driven
+            for which, lag_s in enumerate(lags_s)
         ]
-        between = _between(axes)
-        weight = np.array([1.0 / (axis.sd**2 + between) for axis in axes])
-        weight /= weight.sum()
-        at = max(total, 0.0)
-        total = at + float(weight @ [axis.change for axis in axes])
-    halves = float(weight @ [axis.halves for axis in axes])
-    noise = float(weight**2 @ [axis.sd**2 for axis in axes])
-    return ActuatorLag(
-        float(total),
-        float(np.sqrt(noise + between + (0.5 * halves) ** 2)),
-        {AXES[i]: (at + axis.change, axis.sd) for i, axis in zip(driven, axes, strict=True)},
+        lags_s = [max(steps.lag_s, 0.0) for steps in both]
+    with_loss, without = (steps.result(driven) for steps in both)
+    return with_loss, without
+
+
+def _push(leg: DrivenLeg, lag_s: float) -> tuple[Array, Array]:
+    """Return the force (n, 6) that is late by a lag, and its slope by the lag."""
+    late, later = (
+        first_order_lag(leg.actuators, lag_s=each, step_s=leg.step_s)
+        for each in (lag_s, lag_s + SLOPE_S)
     )
+    return late, (later - late) / SLOPE_S
+
+
+def _products(
+    leg: DrivenLeg, pushes: Sequence[tuple[Array, Array]], pieces: Sequence[slice], axis: int
+) -> list[Array]:
+    """Return the products (b, k, k) of columns and force on one axis, block by block.
+
+    With the loss of thrust to inflow, and without. The slope by the lag comes first, the
+    force last.
+    """
+    speeds = [x for x in VELOCITIES if allows(AXES[axis], x, (PORT_STARBOARD,))]
+    terms = [*speeds, *(f"{x}*|{x}|" for x in speeds)]
+    own = [np.ones(len(leg.nu)), leg.nu_dot[:, axis], basis_rows(leg.nu.T, terms=terms).T]
+    products = []
+    for (late, slope), loss in zip(pushes, (True, False), strict=True):
+        taken = [np.abs(late[:, axis]) * leg.nu[:, axis]] if loss else []
+        force = leg.tau_bar[:, axis] - (late[:, axis] - leg.actuators[:, axis])
+        columns = np.column_stack([slope[:, axis], *own, *taken, force])
+        products.append(np.array([columns[piece].T @ columns[piece] for piece in pieces]))
+    return products
 
 
 @dataclass(frozen=True)
@@ -189,54 +226,64 @@ class _Step:
     halves: float
 
     @classmethod
-    def of(cls, columns: Array, force: Array, blocks: LegBlocks) -> _Step:
-        size = np.linalg.norm(columns, axis=0)
-        rows = columns / np.where(size > 0.0, size, 1.0)
-        pieces = zip(
-            np.split(rows, blocks.starts[1:]), np.split(force, blocks.starts[1:]), strict=True
-        )
-        parts = [(part.T @ part, part.T @ f) for part, f in pieces]
-        grams, products = (np.array(each) for each in zip(*parts, strict=True))
-        gram, product = grams.sum(axis=0), products.sum(axis=0)
-        count, halves = len(blocks.early), (blocks.early, ~blocks.early)
+    def of(cls, products: Array, early: Mask) -> _Step:
+        """Return it from products (b, k, k) of columns and force, block by block."""
+        size = np.sqrt(np.diag(products.sum(axis=0)))[:-1]
+        scale = np.append(np.where(size > 0.0, size, 1.0), 1.0)
+        scaled = products / np.outer(scale, scale)
+        grams, right = scaled[:, :-1, :-1], scaled[:, :-1, -1]
+        gram, product = grams.sum(axis=0), right.sum(axis=0)
+        count, halves = len(early), (early, ~early)
         systems = [
             (gram, product),
-            *((grams[half].sum(axis=0), products[half].sum(axis=0)) for half in halves),
-            *zip(gram - grams, product - products, strict=True),
+            *((grams[half].sum(axis=0), right[half].sum(axis=0)) for half in halves),
+            *zip(gram - grams, product - right, strict=True),
         ]
         left = np.array([each[0] for each in systems]) + RIDGE * np.eye(len(gram))
-        right = np.array([each[1] for each in systems])
-        lags = np.linalg.solve(left, right[..., None])[:, 0, 0] / max(size[0], 1e-300)
+        lags = np.linalg.solve(left, np.array([each[1] for each in systems])[..., None])
+        lags = lags[:, 0, 0] / max(size[0], 1e-300)
         without = lags[3:] - lags[3:].mean()
         sd = np.sqrt((count - 1) / count * np.sum(without**2))
         return cls(float(lags[0]), max(float(sd), 1e-9), float(lags[2] - lags[1]))
 
 
-def _between(axes: Sequence[_Step]) -> float:
-    """Return the variance between axes beyond their noise (DerSimonian & Laird)."""
-    weight = np.array([1.0 / axis.sd**2 for axis in axes])
-    change = np.array([axis.change for axis in axes])
-    mean = float(weight @ change / weight.sum())
-    beyond = float(weight @ (change - mean) ** 2) - (len(axes) - 1)
-    share = float(weight.sum() - weight @ weight / weight.sum())
-    return max(0.0, beyond / share) if share > 0.0 else 0.0
+@dataclass(frozen=True)
+class _Steps:
+    """One step of each driven axis from a common lag."""
 
+    from_s: float
+    axes: Sequence[_Step]
 
-def _late(legs: Sequence[DrivenLeg], lag_s: float) -> Array:
-    return np.concatenate(
-        [first_order_lag(leg.actuators, lag_s=lag_s, step_s=leg.step_s) for leg in legs]
-    )
+    @cached_property
+    def between(self) -> float:
+        """Return the variance between axes beyond their noise (DerSimonian & Laird)."""
+        weight = np.array([1.0 / axis.sd**2 for axis in self.axes])
+        change = np.array([axis.change for axis in self.axes])
+        mean = float(weight @ change / weight.sum())
+        beyond = float(weight @ (change - mean) ** 2) - (len(self.axes) - 1)
+        share = float(weight.sum() - weight @ weight / weight.sum())
+        return max(0.0, beyond / share) if share > 0.0 else 0.0
 
+    @cached_property
+    def weights(self) -> Array:
+        """Return the weights of the axes."""
+        weight = np.array([1.0 / (axis.sd**2 + self.between) for axis in self.axes])
+        return np.asarray(weight / weight.sum())
 
-def _own_terms(legs: Sequence[DrivenLeg]) -> list[Array]:
-    """Return per axis the columns (n, k): constant, own acceleration, damping."""
-    nu = np.concatenate([leg.nu for leg in legs])
-    nu_dot = np.concatenate([leg.nu_dot for leg in legs])
-    columns = []
-    for i, axis in enumerate(AXES):
-        speeds = [x for x in VELOCITIES if allows(axis, x, (PORT_STARBOARD,))]
-        terms = [*speeds, *(f"{x}*|{x}|" for x in speeds)]
-        columns.append(
-            np.column_stack([np.ones(len(nu)), nu_dot[:, i], basis_rows(nu.T, terms=terms).T])
+    @property
+    def lag_s(self) -> float:
+        """Return the lag after the step."""
+        return self.from_s + float(self.weights @ [axis.change for axis in self.axes])
+
+    def result(self, driven: Ints) -> ActuatorLag:
+        """Return the lag with its deviation."""
+        halves = float(self.weights @ [axis.halves for axis in self.axes])
+        noise = float(self.weights**2 @ [axis.sd**2 for axis in self.axes])
+        return ActuatorLag(
+            self.lag_s,
+            float(np.sqrt(noise + self.between + (0.5 * halves) ** 2)),
+            {
+                AXES[i]: (self.from_s + axis.change, axis.sd)
+                for i, axis in zip(driven, self.axes, strict=True)
+            },
         )
-    return columns

@@ -15,8 +15,9 @@ a current of which nothing is known but its usual size.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from auvid.hydro.identification.constrained.actuator_lag import (
     LegBlocks,
 )
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, through_water
+from auvid.hydro.long_series.threads import at_once
 
 STEPS = 4
 """Linear steps; the last one moves a current by less than a millimetre a second."""
@@ -103,14 +105,18 @@ class SteadyCurrent:
 
 
 def measured_currents(
-    legs: Sequence[LegOverGround], vehicle: Vehicle, *, usual_m_s: float
+    legs: Iterable[LegOverGround], vehicle: Vehicle, *, usual_m_s: float
 ) -> dict[str, SteadyCurrent]:
     """Return the current of every dive; drag is that of all legs together.
 
-    usual_m_s: standard deviation of each component before the legs are looked at.
+    usual_m_s: standard deviation of each component before the legs are looked at. They are
+    gone through several times, one leg after the other.
     """
-    logs = tuple(sorted({leg.log for leg in legs}))
-    blocks = LegBlocks.of([(len(leg.measured.nu), leg.measured.step_s) for leg in legs])
+    lengths = [(leg.log, len(leg.measured.nu), leg.measured.step_s) for leg in legs]
+    logs = tuple(sorted({log for log, *_ in lengths}))
+    if not logs:
+        return {}
+    blocks = LegBlocks.of([(samples, step_s) for _, samples, step_s in lengths])
     usual = usual_m_s**2 * np.eye(2 * len(logs))
     if len(blocks.early) < FEWEST_BLOCKS:
         return {log: SteadyCurrent(np.zeros(2), usual[:2, :2]) for log in logs}
@@ -146,37 +152,36 @@ class _Equations:
     @classmethod
     def of(
         cls,
-        legs: Sequence[LegOverGround],
+        legs: Iterable[LegOverGround],
         vehicle: Vehicle,
         logs: Sequence[str],
         at: Array,
         blocks: LegBlocks,
     ) -> _Equations:
         """Return them linear about currents `at` (l, 2)."""
-        parts = []
-        for rows, force in _linear(legs, vehicle, logs, at):
-            lengths = np.linalg.norm(rows, axis=0)
-            scaled = rows / np.where(lengths > 0.0, lengths, 1.0)
-            left = force - scaled @ np.linalg.lstsq(scaled, force, rcond=RIDGE)[0]
-            parts.append((scaled, force, lengths, float(np.sqrt(np.mean(left**2)))))
-        c = 2 * len(logs)
-        sizes = np.sqrt(sum((lengths[:c] / rms) ** 2 for _, _, lengths, rms in parts))
+        c, legs_of_axis, first = 2 * len(logs), [list[_OfLeg]() for _ in AXES_USED], 0
+        for leg in legs:
+            pieces = blocks.pieces(first, len(leg.tau_bar))
+            first += len(leg.tau_bar)
+            of_axis = _linear(leg, vehicle, at, logs.index(leg.log), pieces)
+            for earlier, own in zip(legs_of_axis, of_axis, strict=True):
+                earlier.append(own)
+        axes = [_Axis.of(of_axis, c, first) for of_axis in legs_of_axis]
+        sizes = np.sqrt(sum((axis.lengths[:c] / axis.rms) ** 2 for axis in axes))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        width = c + sum(rows.shape[1] - c for rows, _, _, _ in parts)
-        edges = blocks.starts
-        grams = np.zeros((len(edges), width, width))
-        products = np.zeros((len(edges), width))
-        start = c
-        for rows, force, lengths, rms in parts:
-            own = np.r_[0:c, start : start + rows.shape[1] - c]
+        width, start = c + sum(len(axis.lengths) - c for axis in axes), c
+        grams = np.zeros((len(blocks.starts), width, width))
+        products = np.zeros((len(blocks.starts), width))
+        for axis in axes:
+            own = np.r_[0:c, start : start + len(axis.lengths) - c]
             start = int(own[-1]) + 1
-            scaled = rows * np.r_[lengths[:c] / rms / sizes, np.ones(rows.shape[1] - c)]
-            for i, (part, f) in enumerate(
-                zip(np.split(scaled, edges[1:]), np.split(force / rms, edges[1:]), strict=True)
-            ):
-                grams[i][np.ix_(own, own)] += part.T @ part
-                products[i, own] += part.T @ f
-        return cls(grams, products, sizes, len(force) / len(edges))
+            scale = np.r_[
+                axis.rms * sizes, np.where(axis.lengths[c:] > 0.0, axis.lengths[c:], 1.0), axis.rms
+            ]
+            scaled = axis.products / np.outer(scale, scale)
+            grams[:, own[:, None], own] += scaled[:, :-1, :-1]
+            products[:, own] += scaled[:, :-1, -1]
+        return cls(grams, products, sizes, first / len(grams))
 
     def step(self, usual: Array, at: Array, kept: Mask | None = None) -> Array:
         """Return the step (l, 2) towards the likeliest currents, with what is usual.
@@ -230,46 +235,92 @@ def _limited(vectors: Array, longest: float) -> Array:
     return np.asarray(vectors * np.minimum(1.0, longest / np.maximum(size, 1e-12)))
 
 
+@dataclass(frozen=True)
+class _OfLeg:
+    """What a leg says on an axis: columns of drag (k), force, what currents change of them.
+
+    Its changes by the one component of the current come before those by the other.
+    triangle (m, m): R of all samples, m = 3 (k + 1); products (b, m, m): block by block;
+    log: whose current it has, by number.
+    """
+
+    triangle: Array
+    products: Array
+    log: int
+
+    def onto(self, drag: Array, c: int) -> Array:
+        """Return what makes c currents, columns and force (m, c + k + 1) of its own."""
+        size = len(drag) + 1
+        matrix = np.zeros((3 * size, c + size))
+        matrix[:size, c:] = np.eye(size)
+        for i in range(2):
+            place = slice((i + 1) * size, (i + 2) * size)
+            matrix[place, 2 * self.log + i] = np.append(drag, -1.0) / (2.0 * SLOPE_M_S)
+        return matrix
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Currents (c), drag (k) and force of an axis over all legs.
+
+    lengths (c + k,): of the columns; rms: what they leave of the force; products
+    (b, c + k + 1, c + k + 1): block by block.
+    """
+
+    lengths: Array
+    rms: float
+    products: Array
+
+    @classmethod
+    def of(cls, legs: Sequence[_OfLeg], c: int, samples: int) -> _Axis:
+        """Return it of legs with c currents, and so many samples."""
+        size = legs[0].triangle.shape[1] // 3
+        drag, _ = _least_squares(np.vstack([leg.triangle[:, :size] for leg in legs]))
+        onto = [leg.onto(drag, c) for leg in legs]
+        rows = np.vstack([leg.triangle @ each for leg, each in zip(legs, onto, strict=True)])
+        return cls(
+            np.linalg.norm(rows[:, :-1], axis=0),
+            _least_squares(rows)[1] / float(np.sqrt(samples)),
+            np.concatenate(
+                [each.T @ leg.products @ each for leg, each in zip(legs, onto, strict=True)]
+            ),
+        )
+
+
+def _least_squares(rows: Array) -> tuple[Array, float]:
+    """Return the factors of all columns but the last that make it, and what they leave."""
+    columns, force = rows[:, :-1], rows[:, -1]
+    sizes = np.linalg.norm(columns, axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    factors = np.linalg.lstsq(columns / sizes, force, rcond=RIDGE)[0] / sizes
+    return factors, float(np.linalg.norm(force - columns @ factors))
+
+
 def _linear(
-    legs: Sequence[LegOverGround], vehicle: Vehicle, logs: Sequence[str], at: Array
-) -> list[tuple[Array, Array]]:
-    """Return columns (n, c + k) of currents and drag, force (n,), of surge and sway."""
+    leg: LegOverGround, vehicle: Vehicle, at: Array, log: int, pieces: Sequence[slice]
+) -> list[_OfLeg]:
+    """Return what a leg says on surge and sway, linear about currents `at` (l, 2)."""
+    still = replace(leg, tau_bar=leg.tau_bar - _force(leg.measured, vehicle))
     points = SLOPE_M_S * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)])
-    parts = []
-    for leg in legs:
-        own = at[logs.index(leg.log)]
-        parts.append([_over_moving_water(leg, vehicle, own + point) for point in points])
-    axes = []
-    for index in AXES_USED:
-        here = [part[0][index] for part in parts]
-        columns, force = (np.concatenate(each) for each in zip(*here, strict=True))
-        sizes = np.linalg.norm(columns, axis=0)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        drag = np.linalg.lstsq(columns / sizes, force, rcond=RIDGE)[0] / sizes
-        currents, start = np.zeros((len(force), 2 * len(logs))), 0
-        for leg, part in zip(legs, parts, strict=True):
-            place = slice(start, start + len(part[0][index][1]))
-            start = place.stop
-            for k in range(2):
-                (rows, push), (other_rows, other_push) = (
-                    part[1 + 2 * k + side][index] for side in range(2)
-                )
-                change = (rows - other_rows) @ drag - (push - other_push)
-                currents[place, 2 * logs.index(leg.log) + k] = change / (2.0 * SLOPE_M_S)
-        axes.append((np.hstack([currents, columns]), force))
-    return axes
+    moved = at_once(partial(_over_moving_water, still, vehicle), list(at[log] + points))
+
+    def of_axis(index: int) -> _OfLeg:
+        here, *others = (axes[index] for axes in moved)
+        changes = [others[i] - others[i + 1] for i in (0, 2)]
+        rows = np.hstack([here, *changes])
+        products = np.array([rows[piece].T @ rows[piece] for piece in pieces])
+        return _OfLeg(np.asarray(np.linalg.qr(rows, mode="r")), products, log)
+
+    return at_once(of_axis, range(len(AXES_USED)))
 
 
-def _over_moving_water(
-    leg: LegOverGround, vehicle: Vehicle, current: Array
-) -> list[tuple[Array, Array]]:
-    """Return for surge and sway the columns (n, k) of drag and the force (n,)."""
+def _over_moving_water(leg: LegOverGround, vehicle: Vehicle, current: Array) -> list[Array]:
+    """Return for surge and sway the columns of drag and the force (n, k + 1).
+
+    The force of `leg` is without what the vehicle's motion over ground says of it.
+    """
     moving = through_water(leg.measured, np.array([*current, 0.0]))
-    before, after = (
-        residual_force(vehicle, each.eta, each.nu, each.nu_dot, each.control).tau_bar
-        for each in (leg.measured, moving)
-    )
-    force, axes = leg.tau_bar + after - before, []
+    force, axes = leg.tau_bar + _force(moving, vehicle), []
     for index in AXES_USED:
         speeds = [x for x in VELOCITIES if allows(AXES[index], x, (PORT_STARBOARD,))]
         terms = [*speeds, *(f"{x}*|{x}|" for x in speeds), *(f"u*{x}" for x in speeds if x != "u")]
@@ -279,6 +330,12 @@ def _over_moving_water(
             moving.nu_dot[:, index],
             basis_rows(moving.nu.T, terms=terms).T,
             np.abs(leg.actuators[:, index]) * own,
+            force[:, index],
         ]
-        axes.append((np.column_stack(columns), force[:, index]))
+        axes.append(np.column_stack(columns))
     return axes
+
+
+def _force(leg: MeasuredLeg, vehicle: Vehicle) -> Array:
+    """Return the force (n, 6) that damping is to explain."""
+    return residual_force(vehicle, leg.eta, leg.nu, leg.nu_dot, leg.control).tau_bar
