@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterable, Iterator
+from os import SEEK_END
 from tempfile import SpooledTemporaryFile
 from typing import Generic, TypeVar
 
@@ -22,16 +23,21 @@ class Spooled(Generic[Item]):
     (['one', 'two'], ['one', 'two'])
     """
 
-    def __init__(self, items: Iterable[Item], *, in_memory: int = IN_MEMORY_BYTES) -> None:
+    def __init__(self, items: Iterable[Item] = (), *, in_memory: int = IN_MEMORY_BYTES) -> None:
         self._file = SpooledTemporaryFile(in_memory)  # noqa: SIM115 - closed by `__exit__`
         self._count = 0
         try:
             for item in items:
-                pickle.dump(item, self._file, protocol=5)
-                self._count += 1
+                self.append(item)
         except BaseException:
             self._file.close()
             raise
+
+    def append(self, item: Item) -> None:
+        """Take in one more item, as its values are now."""
+        self._file.seek(0, SEEK_END)
+        pickle.dump(item, self._file, protocol=5)
+        self._count += 1
 
     def __iter__(self) -> Iterator[Item]:
         self._file.seek(0)

@@ -8,6 +8,8 @@ ratio is the scale of that curve, which every coefficient of the campaign goes w
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +22,12 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import fit_decay
 from auvid.hydro.identification.coasting.finding import CoastRule
-from auvid.hydro.identification.coasting.thrust_scale import common_scale, drag_and_scale
+from auvid.hydro.identification.coasting.thrust_scale import (
+    PoweredLeg,
+    common_scale,
+    drag_and_scale,
+)
+from auvid.hydro.long_series.spooled import Spooled
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.coast.coast_records import (
     COMMANDS,
@@ -42,6 +49,9 @@ from auvid.stages.steps import counted
 NET_BUOYANCY = 0.02
 """Standard deviation of the net buoyancy that the vehicle file does not have, as a share
 of the weight: an ROV is trimmed to a few newtons."""
+
+LEGS_IN_MEMORY_BYTES = 4 << 20
+"""Of the legs on an axis; longer ones are in a file."""
 
 
 @dataclass(frozen=True)
@@ -95,11 +105,14 @@ class Outputs:
 def run(inputs: Inputs, params: Params) -> Outputs:
     """Find the coasts of all segments, fit them, and compare with the powered legs."""
     vehicle = inputs.vehicle
-    legs = {segment.leg for segment in inputs.segment.values()}
-    unknown = [name for name in params.releases if name not in legs]
+    leg_names = {segment.leg for segment in inputs.segment.values()}
+    unknown = [name for name in params.releases if name not in leg_names]
     if unknown:
         raise CampaignError(
-            "no such leg", field="stages.coast.releases", value=unknown[0], allowed=sorted(legs)
+            "no such leg",
+            field="stages.coast.releases",
+            value=unknown[0],
+            allowed=sorted(leg_names),
         )
     rules = {
         name: CoastRule(
@@ -110,6 +123,38 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for name in DEGREES
     }
+    with ExitStack() as files:
+        legs = {
+            name: files.enter_context(Spooled[PoweredLeg](in_memory=LEGS_IN_MEMORY_BYTES))
+            for name in DEGREES
+        }
+        axes = _gathered(inputs, params, rules, legs)
+        for name, axis in axes.items():
+            _fit(axis, legs[name], vehicle, DEGREES[name])
+    scaled = [axis for axis in axes.values() if axis.scale is not None]
+    common = (
+        common_scale(
+            [axis.scale for axis in scaled if axis.scale is not None],
+            [axis.mass_share for axis in scaled],
+        )
+        if scaled
+        else None
+    )
+    return Outputs(
+        make_table("coasts", coast_rows(axes)),
+        make_table("coast_drag", drag_rows(axes)),
+        coast_section(axes, common, vehicle, rules["u"].least_s),
+    )
+
+
+def _gathered(
+    inputs: Inputs,
+    params: Params,
+    rules: Mapping[str, CoastRule],
+    legs: Mapping[str, Spooled[PoweredLeg]],
+) -> dict[str, AxisCoasts]:
+    """Return the coasts of all segments by velocity, and put their powered legs to `legs`."""
+    vehicle = inputs.vehicle
     axes = {name: AxisCoasts() for name in DEGREES}
     for key, segment in counted("segment", list(inputs.segment.items())):
         fusion = inputs.fusion[key]
@@ -130,36 +175,23 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             tables, vehicle, place, rules, lag_s=params.thrust_lag_s, released=released
         )
         for name, part in parts.items():
-            axes[name].add(key, float(segment.leg_start_s), part.search, part.records, part.leg)
-    for name, axis in axes.items():
-        place_of = DEGREES[name]
-        mass = float(vehicle.mass_matrix[place_of, place_of])
-        prior_sd = (NET_BUOYANCY,) if place_of < 3 else ()
-        driven = any(np.any(leg.thrust != 0.0) for leg in axis.legs)
-        axis.mass_share = mass_share(vehicle, place_of)
-        try:
-            if driven:
-                axis.decay, axis.scale = drag_and_scale(
-                    axis.records, axis.legs, mass=mass, prior_sd=prior_sd
-                )
-            else:
-                axis.decay = fit_decay(axis.records, prior_sd=prior_sd)
-        except DataError:  # too few coasts, which the section says
-            continue
-    scaled = [axis for axis in axes.values() if axis.scale is not None]
-    common = (
-        common_scale(
-            [axis.scale for axis in scaled if axis.scale is not None],
-            [axis.mass_share for axis in scaled],
-        )
-        if scaled
-        else None
-    )
-    return Outputs(
-        make_table("coasts", coast_rows(axes)),
-        make_table("coast_drag", drag_rows(axes)),
-        coast_section(axes, common, vehicle, rules["u"].least_s),
-    )
+            axes[name].add(key, float(segment.leg_start_s), part.search, part.records)
+            legs[name].append(part.leg)
+    return axes
+
+
+def _fit(axis: AxisCoasts, legs: Iterable[PoweredLeg], vehicle: Vehicle, place: int) -> None:
+    """Fit the coasts on one axis, and the scale of the thrust where it is driven."""
+    mass = float(vehicle.mass_matrix[place, place])
+    prior_sd = (NET_BUOYANCY,) if place < 3 else ()
+    axis.mass_share = mass_share(vehicle, place)
+    with suppress(DataError):  # too few coasts, which the section says
+        if any(np.any(leg.thrust != 0.0) for leg in legs):
+            axis.decay, axis.scale = drag_and_scale(
+                axis.records, legs, mass=mass, prior_sd=prior_sd
+            )
+        else:
+            axis.decay = fit_decay(axis.records, prior_sd=prior_sd)
 
 
 def mass_share(vehicle: Vehicle, place: int) -> float:

@@ -12,7 +12,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import LEAST_COASTS, CoastDecay, CoastRecord
 from auvid.hydro.identification.coasting.finding import CoastSearch
-from auvid.hydro.identification.coasting.thrust_scale import CommonScale, PoweredLeg, ThrustScale
+from auvid.hydro.identification.coasting.thrust_scale import CommonScale, ThrustScale
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, clear_of_zero
 from auvid.stages.number_format import significant
 from auvid.stages.presentation import (
@@ -40,7 +40,6 @@ class AxisCoasts:
     """Segment, and stop, start and end of each coast [s of the log]."""
     records: list[CoastRecord] = field(default_factory=list)
     short: list[tuple[str, float, float]] = field(default_factory=list)
-    legs: list[PoweredLeg] = field(default_factory=list)
     idle_s: float = 0.0
     slow: int = 0
     decay: CoastDecay | None = None
@@ -53,7 +52,6 @@ class AxisCoasts:
         start_s: float,
         search: CoastSearch,
         records: tuple[CoastRecord, ...],
-        leg: PoweredLeg,
     ) -> None:
         """Take in one segment that starts at `start_s` of its log."""
         for item in search.coasts:
@@ -61,7 +59,6 @@ class AxisCoasts:
             self.places.append((segment, start_s + stop_s, start_s + first_s, start_s + last_s))
         self.records += records
         self.short += [(segment, start_s + first, start_s + last) for first, last in search.short]
-        self.legs.append(leg)
         self.idle_s += search.idle_s
         self.slow += search.slow
 

@@ -7,13 +7,13 @@ the vehicle file, so s is that of thrust over mass.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Index
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.identification.coasting.decay import CoastDecay, CoastRecord, fit_decay
@@ -69,7 +69,7 @@ class ThrustScale:
 
 def drag_and_scale(
     records: Sequence[CoastRecord],
-    legs: Sequence[PoweredLeg],
+    legs: Iterable[PoweredLeg],
     *,
     mass: float,
     prior_sd: Sequence[float] = (),
@@ -77,7 +77,8 @@ def drag_and_scale(
     """Return the drag of the coasts and the scale, each with the other's result.
 
     The thrust that fades after a stop is that of the vehicle file over its scale.
-    Raises `DataError` for too few coasts, and where they determine no drag.
+    Legs are gone through several times, one after the other. Raises `DataError` for too
+    few coasts, and where they determine no drag.
     """
     decay = fit_decay(records, prior_sd=prior_sd)
     if not np.isfinite(decay.drag).all():
@@ -94,7 +95,7 @@ def drag_and_scale(
     return decay, result
 
 
-def thrust_scale(legs: Sequence[PoweredLeg], decay: CoastDecay, *, mass: float) -> ThrustScale:
+def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) -> ThrustScale:
     """Return the scale s of thrust = s (force - drag) + constant + shapes.
 
     drag = -m (d1 x + d2 x|x|) of the coasts, `mass` m the apparent mass of the axis, a
@@ -102,46 +103,93 @@ def thrust_scale(legs: Sequence[PoweredLeg], decay: CoastDecay, *, mass: float) 
     smooth, so that noise of the acceleration in `force` does not pull s to 0. Errors:
     coloured ones of the samples, and the covariance of the coasts.
     """
-    fits = [_fit(legs, decay.drag, mass, lag) for lag in LAGS_S]
-    best = int(np.argmin([fit.error for fit in fits]))
-    lag = float(LAGS_S[best])
-    by_drag = np.array(
-        [
-            (_fit(legs, decay.drag + change, mass, lag).scale - fits[best].scale) / change.max()
-            for change in np.diag(STEP * np.maximum(np.abs(decay.drag), 0.1))
-        ]
-    )
-    variance = fits[best].variance() + float(by_drag @ decay.covariance @ by_drag)
-    return ThrustScale(fits[best].scale, float(np.sqrt(variance)), lag, mass)
+    fits = _Fits.of(legs, [decay.drag], mass, LAGS_S)
+    best = int(np.argmin(fits.errors[0]))
+    lag, scale = float(LAGS_S[best]), float(fits.solutions[0, best, 0])
+    steps = np.diag(STEP * np.maximum(np.abs(decay.drag), 0.1))
+    moved = _Fits.of(legs, list(decay.drag + steps), mass, LAGS_S[[best]])
+    by_drag = (moved.solutions[:, 0, 0] - scale) / steps.max(axis=1)
+    noise = fits.variance(legs, decay.drag, mass, best)
+    variance = noise + float(by_drag @ decay.covariance @ by_drag)
+    return ThrustScale(scale, float(np.sqrt(variance)), lag, mass)
 
 
 @dataclass(frozen=True)
-class _Fit:
-    scale: float
-    error: float
-    variance: Callable[[], float]
+class _Fits:
+    """Fits with d drags and l lags of the thrust; a leg is in memory at a time.
+
+    Unknowns: the scale, factors of the shapes, a constant for each leg. bread (d, k, k),
+    solutions (d, l, k), errors (d, l): sums of squares.
+    """
+
+    bread: Array
+    solutions: Array
+    errors: Array
+
+    @classmethod
+    def of(
+        cls, legs: Iterable[PoweredLeg], drags: Sequence[Array], mass: float, lags_s: Array
+    ) -> _Fits:
+        """Return the fits of legs with each drag and each lag."""
+        products = []
+        for leg in legs:
+            late = np.column_stack(
+                [first_order_lag(leg.thrust, lag_s=lag, step_s=leg.step_s) for lag in lags_s]
+            )
+            pairs = [_columns(leg, drag, mass) for drag in drags]
+            products.append(
+                (
+                    np.array([instrument.T @ design for design, instrument in pairs]),
+                    np.array([design.T @ design for design, _ in pairs]),
+                    np.array([instrument.T @ late for _, instrument in pairs]),
+                    np.array([design.T @ late for design, _ in pairs]),
+                    np.einsum("nl,nl->l", late, late),
+                )
+            )
+        count, size = len(products), products[0][0].shape[-1]
+        unknowns = size - 1 + count
+        cross, square = np.zeros((2, len(drags), unknowns, unknowns))
+        by_instrument, by_design = np.zeros((2, len(drags), unknowns, len(lags_s)))
+        for index, (of_both, of_design, z_late, d_late, _) in enumerate(products):
+            own = _places(size, index)
+            cross[:, own[:, None], own] += of_both
+            square[:, own[:, None], own] += of_design
+            by_instrument[:, own] += z_late
+            by_design[:, own] += d_late
+        bread = np.array([np.linalg.pinv(each) for each in cross])
+        solutions = (bread @ by_instrument).transpose(0, 2, 1)
+        errors = (
+            sum(late for *_, late in products)
+            - 2.0 * np.einsum("dlk,dkl->dl", solutions, by_design)
+            + np.einsum("dlk,dkj,dlj->dl", solutions, square, solutions)
+        )
+        return cls(bread, solutions, errors)
+
+    def variance(self, legs: Iterable[PoweredLeg], drag: Array, mass: float, place: int) -> float:
+        """Return the variance of the scale with the first drag and the lag at a place."""
+        solution, bread = self.solutions[0, place], self.bread[0]
+        moments = np.zeros_like(bread)
+        for index, leg in enumerate(legs):
+            design, instrument = _columns(leg, drag, mass)
+            own = _places(design.shape[1], index)
+            lag_s = float(LAGS_S[place])
+            late = first_order_lag(leg.thrust, lag_s=lag_s, step_s=leg.step_s)
+            left = late - design @ solution[own]
+            moments[np.ix_(own, own)] += long_run(instrument * left[:, None])
+        return float((bread @ moments @ bread.T)[0, 0])
 
 
-def _fit(legs: Sequence[PoweredLeg], drag: Array, mass: float, lag_s: float) -> _Fit:
-    designs, instruments, targets = [], [], []
-    for index, leg in enumerate(legs):
-        x = leg.speed
-        model = -mass * (drag[0] * x + drag[1] * x * np.abs(x))
-        constants = np.zeros((x.size, len(legs)))
-        constants[:, index] = 1.0
-        designs.append(np.column_stack([leg.force - model, leg.shapes, constants]))
-        instruments.append(np.column_stack([-model, leg.shapes, constants]))
-        targets.append(first_order_lag(leg.thrust, lag_s=lag_s, step_s=leg.step_s))
-    instrument, target = np.vstack(instruments), np.concatenate(targets)
-    bread = np.linalg.pinv(instrument.T @ np.vstack(designs))
-    solution = bread @ (instrument.T @ target)
-    residuals = [y - rows @ solution for rows, y in zip(designs, targets, strict=True)]
+def _columns(leg: PoweredLeg, drag: Array, mass: float) -> tuple[Array, Array]:
+    """Return the design and the instruments (n, k) of a leg, its constant last."""
+    x = leg.speed
+    model = -mass * (drag[0] * x + drag[1] * x * np.abs(x))
+    rest = [leg.shapes, np.ones(x.size)]
+    return np.column_stack([leg.force - model, *rest]), np.column_stack([-model, *rest])
 
-    def variance() -> float:
-        scores = [z * e[:, None] for z, e in zip(instruments, residuals, strict=True)]
-        return float((bread @ sum(long_run(z) for z in scores) @ bread.T)[0, 0])
 
-    return _Fit(float(solution[0]), float(sum(e @ e for e in residuals)), variance)
+def _places(size: int, leg: int) -> Index:
+    """Return where the unknowns of a leg stand among those of all."""
+    return np.append(np.arange(size - 1), size - 1 + leg)
 
 
 def long_run(scores: Array) -> Array:
