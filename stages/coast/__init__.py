@@ -153,7 +153,7 @@ def _gathered(
     rules: Mapping[str, CoastRule],
     legs: Mapping[str, Spooled[PoweredLeg]],
 ) -> dict[str, AxisCoasts]:
-    """Return the coasts of all segments by velocity, and put their powered legs to `legs`."""
+    """Return the coasts of all segments by velocity; `legs` take the powered legs."""
     vehicle = inputs.vehicle
     axes = {name: AxisCoasts() for name in DEGREES}
     for key, segment in counted("segment", list(inputs.segment.items())):

@@ -166,7 +166,7 @@ class _Fits:
         return cls(bread, solutions, errors)
 
     def variance(self, legs: Iterable[PoweredLeg], drag: Array, mass: float, place: int) -> float:
-        """Return the variance of the scale with the first drag and the lag at a place."""
+        """Return the variance of the scale with the first drag and one of the lags."""
         solution, bread = self.solutions[0, place], self.bread[0]
         moments = np.zeros_like(bread)
         for index, leg in enumerate(legs):

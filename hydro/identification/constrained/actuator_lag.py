@@ -156,7 +156,7 @@ class LegBlocks:
         return cls(np.concatenate(starts), np.concatenate(early))
 
     def pieces(self, first: int, samples: int) -> list[slice]:
-        """Return the blocks of the leg of so many samples whose first one is `first`."""
+        """Return the blocks of the leg of so many samples that begins at `first`."""
         own = self.starts[(self.starts >= first) & (self.starts < first + samples)] - first
         return [slice(*edges) for edges in pairwise([*own.tolist(), samples])]
 

@@ -237,9 +237,9 @@ def _limited(vectors: Array, longest: float) -> Array:
 
 @dataclass(frozen=True)
 class _OfLeg:
-    """What a leg says on an axis: columns of drag (k), force, what currents change of them.
+    """What a leg says on an axis: drag (k columns), force, and changes by currents.
 
-    Its changes by the one component of the current come before those by the other.
+    Changes by the one component of the current come before those by the other.
     triangle (m, m): R of all samples, m = 3 (k + 1); products (b, m, m): block by block;
     log: whose current it has, by number.
     """
@@ -288,7 +288,7 @@ class _Axis:
 
 
 def _least_squares(rows: Array) -> tuple[Array, float]:
-    """Return the factors of all columns but the last that make it, and what they leave."""
+    """Return the factors of the other columns that make the last, and what is left."""
     columns, force = rows[:, :-1], rows[:, -1]
     sizes = np.linalg.norm(columns, axis=0)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
