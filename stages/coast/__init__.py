@@ -9,7 +9,7 @@ ratio is the scale of that curve, which every coefficient of the campaign goes w
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,6 @@ from auvid.hydro.identification.coasting.thrust_scale import (
     common_scale,
     drag_and_scale,
 )
-from auvid.hydro.long_series.spooled import Spooled
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.coast.coast_records import (
     COMMANDS,
@@ -49,9 +48,6 @@ from auvid.stages.steps import counted
 NET_BUOYANCY = 0.02
 """Standard deviation of the net buoyancy that the vehicle file does not have, as a share
 of the weight: an ROV is trimmed to a few newtons."""
-
-LEGS_IN_MEMORY_BYTES = 4 << 20
-"""Of the legs on an axis; longer ones are in a file."""
 
 
 @dataclass(frozen=True)
@@ -123,14 +119,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for name in DEGREES
     }
-    with ExitStack() as files:
-        legs = {
-            name: files.enter_context(Spooled[PoweredLeg](in_memory=LEGS_IN_MEMORY_BYTES))
-            for name in DEGREES
-        }
-        axes = _gathered(inputs, params, rules, legs)
-        for name, axis in axes.items():
-            _fit(axis, legs[name], vehicle, DEGREES[name])
+    legs: dict[str, list[PoweredLeg]] = {name: [] for name in DEGREES}
+    axes = _gathered(inputs, params, rules, legs)
+    for name, axis in axes.items():
+        _fit(axis, legs[name], vehicle, DEGREES[name])
     scaled = [axis for axis in axes.values() if axis.scale is not None]
     common = (
         common_scale(
@@ -151,7 +143,7 @@ def _gathered(
     inputs: Inputs,
     params: Params,
     rules: Mapping[str, CoastRule],
-    legs: Mapping[str, Spooled[PoweredLeg]],
+    legs: Mapping[str, list[PoweredLeg]],
 ) -> dict[str, AxisCoasts]:
     """Return the coasts of all segments by velocity; `legs` take the powered legs."""
     vehicle = inputs.vehicle

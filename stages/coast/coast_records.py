@@ -131,7 +131,9 @@ def segment_coasts(
                 )
             )
         total = forces(residual, "tau_bar")[:, place_of] + acting[:, place_of]
-        leg = PoweredLeg(total, acting[:, place_of], speed, shapes, float(np.mean(np.diff(t_s))))
+        # Views would keep the columns of the other axes.
+        thrust, own_speed = acting[:, place_of].copy(), speed.copy()
+        leg = PoweredLeg(total, thrust, own_speed, shapes, float(np.mean(np.diff(t_s))))
         out[name] = SegmentCoasts(search, tuple(records), leg)
     return out
 

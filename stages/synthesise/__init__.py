@@ -66,7 +66,6 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.axis_terms import SPARSE
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
-from auvid.hydro.long_series.spooled import Spooled
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.presentation import Block, remark
 from auvid.stages.steps import counted
@@ -575,8 +574,7 @@ def _lag(
     if params.actuator_lag != MEASURED:
         return None, []
     legs = (driven_leg(_tables(inputs, key)) for key in training)
-    with Spooled(leg for leg in legs if leg is not None) as driven:
-        lag = measured_lag(driven)
+    lag = measured_lag([leg for leg in legs if leg is not None])
     stated, spread = inputs.vehicle.actuator_lag_s, inputs.vehicle.spreads.get("thrust_lag")
     if stated is not None:
         departs = lag is not None and lag.of_thrusters and lag.departs_from(stated, spread or 0.0)
@@ -602,8 +600,8 @@ def _currents(
     if not usual_m_s:
         return {}
     legs = (leg_over_ground(_tables(inputs, key), lag_s) for key in training)
-    with Spooled(leg for leg in legs if leg is not None) as over_ground:
-        return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
+    over_ground = [leg for leg in legs if leg is not None]
+    return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
 
 
 def _spread_of(currents: Mapping[str, SteadyCurrent]) -> float:

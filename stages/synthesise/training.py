@@ -451,11 +451,12 @@ def driven_leg(tables: LegTables) -> DrivenLeg | None:
     residual = tables.residual
     step_s = float(np.mean(np.diff(clock(residual))))
     rows = slice(None, None, max(1, round(LAG_STEP_S / step_s)))
+    # Views would keep all samples of all legs.
     return DrivenLeg(
-        matrix(residual, VELOCITY)[rows],
-        matrix(tables.fused, ACCELERATION)[rows],
-        forces(residual, "tau_bar")[rows],
-        acting(residual, ACTUATORS)[rows],
+        matrix(residual, VELOCITY)[rows].copy(),
+        matrix(tables.fused, ACCELERATION)[rows].copy(),
+        forces(residual, "tau_bar")[rows].copy(),
+        acting(residual, ACTUATORS)[rows].copy(),
         step_s * rows.step,
     )
 
@@ -483,8 +484,8 @@ def leg_over_ground(tables: LegTables, lag_s: float) -> LegOverGround | None:
     return LegOverGround(
         tables.segment.log,
         measured.every(stride),
-        (forces(residual, "tau_bar") - late_change(residual, lag_s))[::stride],
-        acting(residual, ACTUATORS, lag_s)[::stride],
+        (forces(residual, "tau_bar") - late_change(residual, lag_s))[::stride].copy(),
+        acting(residual, ACTUATORS, lag_s)[::stride].copy(),
     )
 
 

@@ -68,8 +68,19 @@ class MeasuredLeg:
     step_s: float
 
     def every(self, stride: int) -> MeasuredLeg:
-        """Return every so-many-th sample."""
-        return replace(self.rows(slice(None, None, stride)), step_s=self.step_s * stride)
+        """Return every so-many-th sample, without the memory of the others."""
+        chosen = self.rows(slice(None, None, stride))
+        parts = {
+            name: None if part is None else np.array(part)
+            for name, part in vars(chosen.control).items()
+        }
+        return MeasuredLeg(
+            chosen.eta.copy(),
+            chosen.nu.copy(),
+            chosen.nu_dot.copy(),
+            Control(**parts),
+            self.step_s * stride,
+        )
 
     def rows(self, place: slice) -> MeasuredLeg:
         """Return the samples at a place, on the same clock."""

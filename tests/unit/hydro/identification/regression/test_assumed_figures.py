@@ -33,6 +33,15 @@ def leg() -> MeasuredLeg:
     return MeasuredLeg(eta, motion.nu, motion.nu_dot, Control(thruster_force_N=force), 0.02)
 
 
+def test_every_fifth_sample_does_not_keep_the_others_in_memory() -> None:
+    whole, every = leg(), leg().every(STRIDE)
+    for few, many in ((every.nu, whole.nu), (every.eta, whole.eta), (every.nu_dot, whole.nu_dot)):
+        np.testing.assert_array_equal(few, many[::STRIDE])
+        assert few.base is None
+    assert every.control.thruster_force_N is not None
+    assert np.asarray(every.control.thruster_force_N).base is None
+
+
 def fit_of(vehicle: Vehicle, data: MeasuredLeg, axis: str) -> AxisFit:
     force = residual_force(vehicle, data.eta, data.nu, data.nu_dot, data.control).tau_bar
     factor = TriangularFactor.empty(TERMS).update(basis_rows(data.nu.T, None, TERMS), force)
