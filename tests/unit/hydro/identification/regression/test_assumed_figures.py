@@ -34,8 +34,8 @@ def leg() -> MeasuredLeg:
 
 
 def test_every_fifth_sample_does_not_keep_the_others_in_memory() -> None:
-    whole, every = leg(), leg().every(STRIDE)
-    for few, many in ((every.nu, whole.nu), (every.eta, whole.eta), (every.nu_dot, whole.nu_dot)):
+    data, every = leg(), leg().every(STRIDE)
+    for few, many in ((every.nu, data.nu), (every.eta, data.eta), (every.nu_dot, data.nu_dot)):
         np.testing.assert_array_equal(few, many[::STRIDE])
         assert few.base is None
     assert every.control.thruster_force_N is not None
