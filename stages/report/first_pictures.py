@@ -16,7 +16,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix, split_by
 from auvid.hydro.arrays import AXES, Array
-from auvid.stages.base import Document
+from auvid.stages.base import Document, part_of
 from auvid.stages.columns import AXIS_UNITS, FINS, POSITION, VELOCITY, force_columns
 from auvid.stages.page.first_screen import AXIS_WORDS, Summary
 from auvid.stages.page.pictures.answer_picture import ForceCloud, answer_picture, cloud_picture
@@ -24,6 +24,7 @@ from auvid.stages.page.pictures.dive_picture import (
     ActuatorUse,
     DrawnLeg,
     dive_picture,
+    largest_of_bins,
     track_picture,
 )
 from auvid.stages.page.pictures.drawing import CurveRow, SignalCurve, Span
@@ -101,15 +102,12 @@ def _dive(
     logs: Mapping[str, LogInfo],
     clock: Clock,
 ) -> Markup:
-    legs, controls = [], []
+    legs = []
     for name, item in segments.items():
         if name in fused:
-            start = clock.segments[name]
-            table = fused[name]
-            legs.append(
-                DrawnLeg(name, item.use, column(table, "t_s") + start, matrix(table, POSITION))
-            )
-            controls.append((start, tables.get(f"residual/{name}/controls")))
+            table = part_of(fused, name, POSITION)
+            t_s = column(table, "t_s") + clock.segments[name]
+            legs.append(DrawnLeg(name, item.use, t_s, matrix(table, POSITION)))
     depths: list[tuple[Array, Array]] = []
     modes: list[tuple[float, str]] = []
     for name in logs:
@@ -125,12 +123,14 @@ def _dive(
             modes += zip(times.tolist(), map(str, mode["mode"].to_pylist()), strict=True)
     clocks = [*(leg.t_s for leg in legs), *(time for time, _ in depths)]
     everything = np.concatenate([time[[0, -1]] for time in clocks if time.size])
+    span = (float(everything.min()), float(everything.max()))
+    starts = {f"residual/{leg.name}/controls": clock.segments[leg.name] for leg in legs}
     return dive_picture(
         legs,
         depth=_joined(depths) if depths else None,
         modes=sorted(modes),
-        actuators=_actuators(controls),
-        span=(float(everything.min()), float(everything.max())),
+        actuators=_actuators(tables, starts, span),
+        span=span,
         clock=_clock_words(logs),
     )
 
@@ -144,23 +144,26 @@ def _joined(parts: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     return np.concatenate(times), np.concatenate(values)
 
 
-def _actuators(controls: list[tuple[float, pa.Table | None]]) -> list[ActuatorUse]:
-    """Return what every actuator did over the legs; thrusters, propeller and fins."""
-    tables_of_legs = [table for _, table in controls if table is not None]
-    names = list(dict.fromkeys(name for table in tables_of_legs for name in table.column_names))
-    uses = []
-    for name in names:
-        label, unit, factor = _actuator(name)
-        if not label:
-            continue
-        parts = [
-            (column(table, "t_s") + start, factor * column(table, name))
-            if table is not None and has_columns(table, (name,))
-            else (np.zeros(0), np.zeros(0))
-            for start, table in controls
-        ]
-        uses.append(ActuatorUse(label, unit, *zip(*parts, strict=True)))
-    return uses
+def _actuators(tables: Tables, starts: Mapping[str, float], span: Span) -> list[ActuatorUse]:
+    """Return what every actuator did over the legs; thrusters, propeller and fins.
+
+    starts: when each table of controls begins. One of them is in memory at a time.
+    """
+    uses: dict[str, list[tuple[Array, Array]]] = {}
+    nothing = (np.zeros(0), np.zeros(0))
+    for count, (place, start) in enumerate(starts.items()):
+        table = tables.get(place)
+        for name in () if table is None else table.column_names:
+            label, _, factor = _actuator(name)
+            if label and table is not None:
+                earlier = uses.setdefault(name, [nothing] * count)
+                times = column(table, "t_s") + start
+                earlier.append(largest_of_bins(times, factor * column(table, name), span))
+        for parts in uses.values():
+            parts += [nothing] * (count + 1 - len(parts))
+    return [
+        ActuatorUse(*_actuator(name)[:2], *zip(*parts, strict=True)) for name, parts in uses.items()
+    ]
 
 
 def _actuator(name: str) -> tuple[str, str, float]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Ints
 from auvid.stages.number_format import number, visible
 from auvid.stages.page.pictures.drawing import (
     SVG,
@@ -46,7 +46,10 @@ class DrawnLeg:
 
 @dataclass(frozen=True)
 class ActuatorUse:
-    """One actuator over all legs, in the order of the legs: values at their times."""
+    """One actuator over all legs, in the order of the legs: values at their times.
+
+    Of a long leg those that `largest_of_bins` leaves show the same.
+    """
 
     label: str
     unit: str
@@ -235,7 +238,7 @@ def _actuators(uses: Sequence[ActuatorUse], legs: Sequence[DrawnLeg], span: Span
     for use in uses:
         shapes = Markup("").join(
             Markup('<path class="fill" style="--c:var({})" d="{}"/>').format(
-                ink_variable(leg.use), _bars(t_s, np.abs(values), span, scales[use.unit])
+                ink_variable(leg.use), _bars(t_s, values, span, scales[use.unit])
             )
             for leg, t_s, values in zip(legs, use.t_s, use.values, strict=True)
         )
@@ -256,16 +259,29 @@ def _largest(use: ActuatorUse) -> float:
     return max(float(np.nanmax(np.abs(part), initial=0.0)) for part in use.values)
 
 
-def _bars(t_s: Array, sizes: Array, span: Span, top: float) -> str:
+def largest_of_bins(t_s: Array, values: Array, span: Span) -> tuple[Array, Array]:
+    """Return the first time and the largest size in each bin of a strip over `span`."""
+    good = np.isfinite(values)
+    t_s, sizes = t_s[good], np.abs(values[good])
+    starts = np.flatnonzero(np.append(True, np.diff(_bins(t_s, span)) > 0)[: t_s.size])
+    return t_s[starts], np.maximum.reduceat(sizes, starts) if starts.size else sizes
+
+
+def _bins(t_s: Array, span: Span) -> Ints:
+    return ((t_s - span[0]) / _bin_width(span)).astype(np.int64)
+
+
+def _bin_width(span: Span) -> float:
+    return (span[1] - span[0]) / USE_BINS
+
+
+def _bars(t_s: Array, values: Array, span: Span, top: float) -> str:
     """Return the outline of the largest size per bin of time, down to zero."""
-    good = np.isfinite(sizes)
-    if not good.any():
+    times, high = largest_of_bins(t_s, values, span)
+    if not times.size:
         return ""
-    width = (span[1] - span[0]) / USE_BINS
-    bins = ((t_s[good] - span[0]) / width).astype(np.int64)
-    starts = np.flatnonzero(np.append(True, np.diff(bins) > 0))
-    high = np.maximum.reduceat(sizes[good], starts)
-    left = span[0] + bins[starts] * width
+    width = _bin_width(span)
+    left = span[0] + _bins(times, span) * width
     x = np.column_stack([left, left + width]).ravel()
     x = np.concatenate([x[:1], x, x[-1:]])
     y = np.concatenate([[0.0], np.repeat(high, 2), [0.0]])

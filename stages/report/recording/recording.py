@@ -8,10 +8,11 @@ blueprint opens on the tab `Answer` and shows the whole time range.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
-from itertools import groupby
+from itertools import compress, groupby
 from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -21,7 +22,7 @@ import rerun as rr
 from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.data_schemas.tables import has_columns, matrix
+from auvid.data_schemas.tables import column, has_columns
 from auvid.hydro.arrays import Array
 from auvid.stages.base import Document, part_of
 from auvid.stages.number_format import visible
@@ -60,8 +61,8 @@ from auvid.stages.steps import counted
 MODELS_SHOWN = 3
 PARTS_KEPT = 8
 """In memory beside the table of a group: what groups of it are drawn less."""
-MOST_COLUMNS = 3
-"""Loaded at once of a table with series one below the other: it is a long one."""
+MOST_COLUMNS, OF_LOG = 3, "ingest/"
+"""Loaded at once of a long table: with series one below the other, or of the whole log."""
 CLOCKS = ("t_s", "t_us", "time_us")
 BAND, GAP, MINUTE_S = 2.0, 20.0, 60.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
@@ -205,48 +206,69 @@ def _send_groups(
             continue
         if entity not in logged:
             out.static(entity, _lines(bundle, preferred, titles))
-        values = np.hstack(
-            [
-                _values(part, group, tables, load_part, owner)
-                for part, group in zip(parts, bundle, strict=True)
-            ]
+        lines = (
+            readable_group(group)[0] * line
+            for part, group in zip(parts, bundle, strict=True)
+            for line in _values(part, group, tables, load_part, owner)
         )
-        factors = [
-            readable_group(group)[0]
-            for group in bundle
-            for _ in range(_lines_of(group) * len(group["columns"]))
-        ]
-        if set(factors) != {1.0}:
-            values *= factors
-        out.series(entity, *parted(times, values))
+        extents: list[Extent] = []
+        out.columns(entity, *parted(times, _measured(lines, _edges(bundle), extents)))
         out.stream.flush()
         is_drawn = _drawn_at_first(bundle, preferred)
-        drawn = _settled(bundle, values[:, is_drawn], is_drawn)
-        del values
-        limits = telling_range(
-            list(drawn.T),
-            [role for role, kept in zip(_roles_drawn(bundle), is_drawn, strict=True) if kept],
-        )
-        drawn = drawn if limits is None else np.clip(drawn, *limits)
-        logged[entity] = logged.get(entity, LoggedSeries()).add(times, drawn)
+        extents = list(compress(extents, is_drawn))
+        roles = list(compress(_roles_drawn(bundle), is_drawn))
+        limits = telling_range([item.finite for item in extents], roles)
+        ends = [
+            item.finite if limits is None else np.clip(item.numbers, *limits) for item in extents
+        ]
+        logged[entity] = logged.get(entity, LoggedSeries()).add(times, np.concatenate(ends))
     return logged
 
 
-def parted(times: Array, values: Array) -> tuple[Array, Array]:
-    """Return series (n, k) with a row of NaN in each gap, so that no line crosses one.
+class Extent(NamedTuple):
+    """The smallest and the largest of the finite values of a line, and of all numbers.
+
+    Empty for none.
+    """
+
+    finite: Array
+    numbers: Array
+
+    @classmethod
+    def of(cls, values: Array) -> Extent:
+        """Return those of values (n,)."""
+        numbers = values[~np.isnan(values)]
+        finite = numbers[np.isfinite(numbers)]
+        return cls(*(np.array([x.min(), x.max()]) if x.size else x for x in (finite, numbers)))
+
+
+def _measured(
+    lines: Iterable[Array], edges: Sequence[bool], extents: list[Extent]
+) -> Iterator[Array]:
+    """Yield the lines, and put what sets the range of their plot to `extents`.
+
+    Of edges of bands that is the later half, because estimates begin with any spread.
+    """
+    for line, is_edge in zip(lines, edges, strict=True):
+        extents.append(Extent.of(line[len(line) // 2 :] if is_edge else line))
+        yield line
+
+
+def parted(times: Array, lines: Iterable[Array]) -> tuple[Array, Iterable[Array]]:
+    """Return times and lines (n,) with NaN in each gap, so that no line crosses one.
 
     A gap: `GAP` times as long as the median step, or a minute where that is three steps,
     as between the glides of a dive.
     """
     steps = np.diff(times)
     if not steps.size:
-        return times, values
+        return times, lines
     median = float(np.median(steps))
     places = np.flatnonzero(steps > min(GAP * median, max(MINUTE_S, 3.0 * median))) + 1
     if not places.size:
-        return times, values
+        return times, lines
     middles = 0.5 * (times[places - 1] + times[places])
-    return np.insert(times, places, middles), np.insert(values, places, np.nan, axis=0)
+    return np.insert(times, places, middles), (np.insert(line, places, np.nan) for line in lines)
 
 
 def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
@@ -255,7 +277,7 @@ def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
     bundles: in the order of tables.
     """
     pieces = []
-    for _, of_table in groupby(bundles, key=itemgetter(0)):
+    for table, of_table in groupby(bundles, key=itemgetter(0)):
         members = list(of_table)
         filters = {name for *_, groups in members for item in groups for name in _filter(item)}
         if filters:
@@ -264,7 +286,8 @@ def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
         columns: dict[str, None] = {}
         for member in members:
             own = dict.fromkeys(name for item in member[3] for name in _columns(item))
-            if filters and piece and len(columns | own) > MOST_COLUMNS:
+            is_long = bool(filters) or table.startswith(OF_LOG)
+            if is_long and piece and len(columns | own) > MOST_COLUMNS:
                 pieces += [(item, (*columns, *sorted(filters), *CLOCKS)) for item in piece]
                 piece, columns = [], {}
             piece.append(member)
@@ -304,20 +327,14 @@ def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
     return roles
 
 
-def _settled(bundle: Sequence[Document], values: Array, is_drawn: Sequence[bool]) -> Array:
-    """Return the series (n, k) that set the range of a plot, of those that are drawn.
-
-    Of bands the later half, because estimates begin with any spread.
-    """
-    edges = [
+def _edges(bundle: Sequence[Document]) -> list[bool]:
+    """Return which lines of an entity are edges of bands."""
+    return [
         bool(group.get("spread")) and (_edges_only(group) or line > 0)
         for group in bundle
         for _ in group["columns"]
         for line in range(_lines_of(group))
     ]
-    settled = values.copy()
-    settled[: len(values) // 2, np.array(edges)[list(is_drawn)]] = np.nan
-    return settled
 
 
 def _columns(group: Document) -> list[str]:
@@ -330,28 +347,29 @@ def _values(
     names: Collection[str],
     load: Callable[[str, Sequence[str]], pa.Table],
     owner: str,
-) -> Array:
-    """Return the series of a group.
+) -> Iterator[Array]:
+    """Yield the lines (n,) of a group, one in memory at a time.
 
     They are its columns, less those of another table, or with twice their standard
     deviations around them.
     """
-    values = matrix(part, group["columns"])
-    if group.get("less"):
-        other = find_table(names, owner, str(group["less"]["table"]))
-        if other is None:
-            return np.full_like(values, np.nan)
-        columns = tuple(group["less"]["columns"])
-        return values - matrix(load(other, columns), columns)
-    if group.get("spread"):
-        spread = BAND * matrix(part, group["spread"])
-        lines = (
-            [values - spread, values + spread]
-            if _edges_only(group)
-            else [values, values - spread, values + spread]
-        )
-        return np.stack(lines, axis=2).reshape(len(values), -1)
-    return values
+    of_group, other = [str(name) for name in group["columns"]], None
+    less = [str(name) for name in group["less"]["columns"]] if group.get("less") else []
+    if less:
+        name = find_table(names, owner, str(group["less"]["table"]))
+        other = None if name is None else load(name, tuple(less))
+    for place, name in enumerate(of_group):
+        values = column(part, name)
+        if less:
+            nothing = np.full_like(values, np.nan)
+            yield nothing if other is None else values - column(other, less[place])
+        elif group.get("spread"):
+            spread = BAND * column(part, str(group["spread"][place]))
+            yield from () if _edges_only(group) else (values,)
+            yield values - spread
+            yield values + spread
+        else:
+            yield values
 
 
 def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> list[bool]:

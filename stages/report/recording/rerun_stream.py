@@ -8,7 +8,7 @@ of the same are equal by `rerun rrd compare`, not byte for byte.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,9 +119,15 @@ class Recording:
         Lines are broken where samples pause longer than `pause_s`, and at the end.
         """
         times, values = broken(times, values, pause_s)
+        self.columns(entity, times, values.T)
+
+    def columns(self, entity: str, times: Array, lines: Iterable[Array]) -> None:
+        """Send series of `times` (n,) in s, of long ones one (n,) after the other."""
         if self.bins is not None and times.size > 2 * self.bins:
-            times, values = thinned(times, values, self.bins)
+            times, values = thinned(times, lines, self.bins)
             self._thinned += 1
+        else:
+            values = np.column_stack(list(lines))
         values = rounded(values)
         there = np.asarray(
             ~np.isnan(values).all(axis=1)
@@ -217,30 +223,32 @@ def broken(times: Array, values: Array, pause_s: float) -> tuple[Array, Array]:
     return np.insert(times, after + 1, break_times), np.insert(values, after + 1, np.nan, axis=0)
 
 
-def thinned(times: Array, values: Array, bins: int) -> tuple[Array, Array]:
-    """Return the smallest and the largest value of each series (n, k) per bin.
+def thinned(times: Array, columns: Iterable[Array], bins: int) -> tuple[Array, Array]:
+    """Return the smallest and the largest value of each series (n,) per bin: (m, k).
 
     At most two rows per bin, in the order in which they come.
 
     They stand at the first and at the middle time of the bin, so a peak is at most one
     bin away from its place. Bins without a finite value stay NaN.
     """
-    n, count = times.size, values.shape[1]
+    n = times.size
     width = -(-n // bins)
     if width <= 2:
-        return times, values
+        return times, np.column_stack(list(columns))
     used = -(-n // width)
-    padded = np.full((used * width, count), np.nan, order="F")
-    padded[:n] = values
-    rows = np.empty((2 * used, count))
-    for series, thin in zip(padded.T, rows.T, strict=True):  # one at a time: little memory
-        blocks = series.reshape(used, width)
+    thin = []
+    padded = np.full(used * width, np.nan)
+    for series in columns:  # one at a time: little memory
+        padded[:n] = series
+        blocks = padded.reshape(used, width)
         lower = upper = blocks
         if not (finite := np.isfinite(blocks)).all():
             lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
         low, high = lower.min(axis=1), upper.max(axis=1)
         rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
-        thin[::2], thin[1::2] = np.where(rising, low, high), np.where(rising, high, low)
+        pair = np.where(rising, low, high), np.where(rising, high, low)
+        thin.append(np.column_stack(pair).ravel())
+    rows = np.column_stack(thin)
     rows[~np.isfinite(rows)] = np.nan
     first = np.arange(used) * width
     places = np.column_stack([first, np.minimum(first + width // 2, n - 1)]).ravel()

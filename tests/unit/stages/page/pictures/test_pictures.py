@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 
 from auvid.stages.page.pictures.answer_picture import CELLS, ForceCloud, answer_picture, dots
-from auvid.stages.page.pictures.dive_picture import ActuatorUse, DrawnLeg, dive_picture
+from auvid.stages.page.pictures.dive_picture import (
+    ActuatorUse,
+    DrawnLeg,
+    dive_picture,
+    largest_of_bins,
+)
 from auvid.stages.page.pictures.drawing import (
     X_STEPS,
     Y_STEPS,
@@ -63,6 +68,16 @@ def test_a_dive_shows_track_depth_modes_and_actuators_by_use():
     assert "--ink-training" in picture
     assert "--ink-validation" in picture
     assert len(picture.encode()) < 30_000
+
+
+def test_strips_of_an_actuator_need_the_largest_of_each_bin_alone():
+    t_s, values = np.linspace(3.0, 90.0, 5000), np.random.default_rng(2).normal(size=5000)
+    values[1000:2000] = np.nan
+    times, largest = largest_of_bins(t_s, values, (0.0, 200.0))
+    assert times.size < 60
+    uses = [ActuatorUse("1", "N", (times,), (largest,)), ActuatorUse("1", "N", (t_s,), (values,))]
+    few, many = (dive_picture([leg()], actuators=[use], span=(0.0, 200.0)) for use in uses)
+    assert few == many
 
 
 def test_a_long_track_keeps_its_curves():

@@ -115,7 +115,7 @@ def test_thinning_keeps_every_peak_in_its_bin_and_in_order() -> None:
     times, values = np.arange(10_000.0), rng.standard_normal((10_000, 3))
     values[5_003] = [90.0, -90.0, 0.0]
     values[2_000:2_200] = np.nan
-    some, kept = thinned(times, values, 100)
+    some, kept = thinned(times, values.T, 100)
     assert some.size == 200
     assert np.all(np.diff(some) > 0)
     np.testing.assert_array_equal(np.nanmax(kept, axis=0), np.nanmax(values, axis=0))
@@ -123,14 +123,14 @@ def test_thinning_keeps_every_peak_in_its_bin_and_in_order() -> None:
     peak = some[np.nanargmax(kept[:, 0])]
     assert abs(peak - 5_003) <= 100  # a bin
     assert np.isnan(kept[(some >= 2_000) & (some < 2_200)]).all()
-    short, same = thinned(times[:150], values[:150], 100)
+    short, same = thinned(times[:150], values[:150].T, 100)
     assert (short.size, same.shape) == (150, (150, 3))
 
 
 def test_thinning_of_an_odd_length_loses_nothing_at_the_end() -> None:
     values = np.zeros((1_003, 1))
     values[-1] = 7.0
-    times, kept = thinned(np.arange(1_003.0), values, 100)
+    times, kept = thinned(np.arange(1_003.0), values.T, 100)
     assert kept.max() == 7.0
     assert times[-1] <= 1_002.0
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -40,10 +40,12 @@ from auvid.stages.report.recording.blueprint import (
 from auvid.stages.report.recording.readable import readable_group
 from auvid.stages.report.recording.recording import (
     MOST_COLUMNS,
+    Extent,
+    _edges,
+    _measured,
     _pieces,
     _rows,
     _send_groups,
-    _settled,
     _values,
     find_table,
     parted,
@@ -289,23 +291,24 @@ class SentSeries:
         """Keep the names of the lines."""
         self.names += [str(name) for name in lines.names.as_arrow_array().to_pylist()]
 
-    def series(self, entity: str, _: object, values: npt.NDArray[np.float64]) -> None:
+    def columns(self, entity: str, _: object, lines: Iterable[npt.NDArray[np.float64]]) -> None:
         """Keep the values."""
-        self.values[entity] = values
+        self.values[entity] = np.column_stack(list(lines))
 
 
 def test_no_line_crosses_a_gap() -> None:
     times = np.array([0.0, 1.0, 2.0, 3.0, 90.0, 91.0])
     values = np.arange(12.0).reshape(6, 2)
-    t_s, drawn = parted(times, values)
+    t_s, lines = parted(times, values.T)
+    drawn = np.column_stack(list(lines))
     assert t_s.tolist() == [0.0, 1.0, 2.0, 3.0, 46.5, 90.0, 91.0]
     assert np.isnan(drawn[4]).all()
     assert np.array_equal(np.delete(drawn, 4, axis=0), values)
-    assert parted(times[:1], values[:1])[0].tolist() == [0.0]
+    assert parted(times[:1], values[:1].T)[0].tolist() == [0.0]
     glides = np.array([0.0, 20.0, 40.0, 60.0, 170.0, 190.0])
-    assert parted(glides, values)[0].tolist() == [0.0, 20.0, 40.0, 60.0, 115.0, 170.0, 190.0]
+    assert parted(glides, values.T)[0].tolist() == [0.0, 20.0, 40.0, 60.0, 115.0, 170.0, 190.0]
     slow = np.array([0.0, 0.1, 0.2, 1.0, 1.1, 1.2])
-    assert parted(slow, values)[0].size == 6, "a pause of a few steps is no gap"
+    assert parted(slow, values.T)[0].size == 6, "a pause of a few steps is no gap"
 
 
 def test_recording_leaves_no_global_stream_behind(example: ExampleRun) -> None:
@@ -406,21 +409,20 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
 ) -> None:
     table = pa.table({"a": [1.0, 2.0], "sd": [0.1, 0.2]})
     band = {"columns": ["a"], "spread": ["sd"], "roles": ["band"]}
-    series = _values(table, band, (), _part_of(example.tables), "x")
-    np.testing.assert_allclose(series, [[0.8, 1.2], [1.6, 2.4]], rtol=1e-12)  # rounding
-    without_band = _values(table, {**band, "roles": ["fitted"]}, (), _part_of(example.tables), "x")
-    np.testing.assert_allclose(
-        without_band, [[1.0, 0.8, 1.2], [2.0, 1.6, 2.4]], rtol=1e-12
-    )  # rounding
     fitted = {**band, "roles": ["fitted"]}
-    settled = _settled([fitted], without_band, [True] * 3)
-    np.testing.assert_array_equal(np.isnan(settled), [[False, True, True], [False, False, False]])
-    thinner = _settled([fitted], without_band[:, [0, 2]], [True, False, True])
-    np.testing.assert_array_equal(np.isnan(thinner), [[False, True], [False, False]])
+    edges, lines = (
+        list(_values(table, group, (), _part_of(example.tables), "x")) for group in (band, fitted)
+    )
+    np.testing.assert_allclose(edges, [[0.8, 1.6], [1.2, 2.4]], rtol=1e-12)  # rounding
+    np.testing.assert_allclose(lines, [[1.0, 2.0], [0.8, 1.6], [1.2, 2.4]], rtol=1e-12)
+    extents: list[Extent] = []
+    assert list(_measured(lines, _edges([fitted]), extents)) == lines
+    ends = [[1.0, 2.0], [1.6, 1.6], [2.4, 2.4]]
+    np.testing.assert_allclose([item.finite for item in extents], ends, rtol=1e-12)
     names = {"other/train/b": pa.table({"b": [3.0, 5.0]})}
     less = {"columns": ["a"], "less": {"table": "other/train/b", "columns": ["b"]}}
     np.testing.assert_allclose(
-        _values(table, less, names, _part_of(names), "x"), [[-2.0], [-3.0]], rtol=1e-12
+        list(_values(table, less, names, _part_of(names), "x")), [[-2.0, -3.0]], rtol=1e-12
     )
 
 
