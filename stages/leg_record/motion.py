@@ -12,7 +12,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
     rotation_body_to_ned,
 )
-from auvid.hydro.identification.checks.rate_agreement import attitude_jumps, rate_agreement
+from auvid.hydro.identification.checks.attitude.rate_agreement import attitude_jumps, rate_agreement
 from auvid.hydro.identification.signals.resampling import interpolate_rotation, linear
 from auvid.stages.columns import ATTITUDE, Samples
 from auvid.stages.leg_streams import Streams

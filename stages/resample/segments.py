@@ -15,7 +15,7 @@ from auvid.data_schemas.records.motion import LegGap
 from auvid.data_schemas.streams import supply_text
 from auvid.data_schemas.tables import column, matrix, numbers
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.rate_agreement import attitude_jumps
+from auvid.hydro.identification.checks.attitude.rate_agreement import attitude_jumps
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, VELOCITY, Span
 

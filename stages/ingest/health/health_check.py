@@ -44,11 +44,13 @@ from auvid.stages.ingest.health.agreement.placeholder_values import (
     without_placeholders,
 )
 from auvid.stages.ingest.health.agreement.pose import pose_findings, wrap_findings
+from auvid.stages.ingest.health.agreement.sign_changes import with_one_turn, with_one_velocity
 from auvid.stages.ingest.health.agreement.sources import (
     attitude_findings,
     depth_findings,
     velocity_findings,
 )
+from auvid.stages.ingest.health.agreement.tilt import with_true_angles
 from auvid.stages.ingest.health.agreement.velocity.beam_velocity import (
     beam_findings,
     ground_findings,
@@ -239,12 +241,18 @@ def _compared(log: CheckedLog) -> _Compared:
     for item in measured:  # they say nothing of the others
         log = log.without(item["stream"])
         log = log.without("velocity") if item["stream"] == "depth" else log.without("imu")
+    for mend in (with_one_turn, with_true_angles):
+        log, wrong = mend(log)
+        measured += wrong
     measured += [item for check in OF_SENSORS for item in check(log)]
     if any(item["id"] in OF_GRAVITY for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
     elif not any(item["id"] in OF_TURNS for item in measured):
         log, late = with_inertial_lag(log)
         measured += late
+    if not any(item["id"] in OF_TURNS for item in measured):
+        log, wrong = with_one_velocity(log)
+        measured += wrong
     beams = list(beam_findings(log.in_time())) or list(ground_findings(log.in_time()))
     measured += beams
     if beams:

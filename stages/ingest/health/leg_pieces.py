@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.checks.rate_agreement import attitude_jumps
+from auvid.hydro.identification.checks.attitude.rate_agreement import attitude_jumps
 from auvid.hydro.identification.selection.leg_proposal import DivePieces, dive_pieces
 from auvid.stages.columns import ATTITUDE, GYRO
 from auvid.stages.ingest.health.actuation.motions import motions

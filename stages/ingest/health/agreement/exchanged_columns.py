@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.attitude.rate_agreement import RateAgreement, rate_agreement
 from auvid.hydro.identification.checks.motion_checks import depth_gains
-from auvid.hydro.identification.checks.rate_agreement import RateAgreement, rate_agreement
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, RATES
 from auvid.stages.ingest.health.agreement.gyro import agrees
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding

@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.motion_checks import angles_at
-from auvid.hydro.identification.checks.rate_agreement import (
+from auvid.hydro.identification.checks.attitude.rate_agreement import (
     RateAgreement,
     attitude_jumps,
     axis_lag,
@@ -19,6 +18,7 @@ from auvid.hydro.identification.checks.rate_agreement import (
     other_order,
     rate_agreement,
 )
+from auvid.hydro.identification.checks.motion_checks import angles_at
 from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
     quaternion_of_euler,

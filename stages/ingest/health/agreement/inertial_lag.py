@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from auvid.hydro.constants import STANDARD_GRAVITY
-from auvid.hydro.identification.checks.inertial_lag import InertialLag, inertial_lag
-from auvid.hydro.identification.checks.rate_agreement import rate_agreement
+from auvid.hydro.identification.checks.attitude.inertial_lag import InertialLag, inertial_lag
+from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.stages.columns import (
     ACCELEROMETER,
     ATTITUDE,

@@ -23,8 +23,8 @@ from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
-from auvid.hydro.identification.checks.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.stages.ingest.health.actuation import force_clocks
 from auvid.stages.ingest.health.actuation.output_order import _order_words
@@ -548,6 +548,16 @@ def _copied_output(log: Log) -> None:
 @spoils("tilt_offset")
 def _askew(log: Log) -> None:
     log.streams["attitude"]["theta_rad"] = log.streams["attitude"]["theta_rad"] + 0.1
+
+
+SPOIL["attitude_scale"] = scaled("attitude", ("phi_rad",), 0.8)
+
+
+@spoils("sign_changes")
+def _restarted(log: Log) -> None:
+    """The gyro's driver starts again with another sign."""
+    imu, t_s = log.streams["imu"], log.t_s("imu")
+    imu["gyro_x_rad_s"] = np.where(t_s > 0.6 * t_s[-1], -1.0, 1.0) * imu["gyro_x_rad_s"]
 
 
 SPOIL["scale_off"] = scaled("depth", ("depth_m",), 1.25)

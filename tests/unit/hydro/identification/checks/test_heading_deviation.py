@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from auvid.hydro.identification.checks.rate_agreement import deviation
+from auvid.hydro.identification.checks.attitude.rate_agreement import deviation
 
 
 @pytest.mark.parametrize(("hard_deg", "soft_deg"), [(0.9, 1.5), (12.0, 1.5)])

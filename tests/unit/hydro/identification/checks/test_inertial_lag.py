@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.checks.inertial_lag import inertial_lag
+from auvid.hydro.identification.checks.attitude.inertial_lag import inertial_lag
 from auvid.hydro.identification.checks.motion_checks import down_at
 
 G = 9.81

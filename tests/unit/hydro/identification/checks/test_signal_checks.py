@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from auvid.hydro.dynamics.mechanics.kinematics import euler_rate_matrix_inverse
-from auvid.hydro.identification.checks import rate_agreement as comparison
-from auvid.hydro.identification.checks.rate_agreement import (
+from auvid.hydro.identification.checks.attitude import rate_agreement as comparison
+from auvid.hydro.identification.checks.attitude.rate_agreement import (
     OTHER_ORDERS,
     other_order,
     rate_agreement,

@@ -207,6 +207,18 @@ def slow(rate: float, *names: str) -> Change:
     return change
 
 
+def changes_sign(*names: str) -> Change:
+    """Values have the other sign from the middle of the log on."""
+
+    def change(case: Case) -> None:
+        for name in names:
+            values, column = case.values(name)
+            t = next(iter(values.values()))
+            values[column] = np.where(t > 0.5 * (t[0] + t[-1]), -1.0, 1.0) * values[column]
+
+    return change
+
+
 def frozen(case: Case) -> None:
     values, _ = case.values("u_m_s")
     for name in ("u", "v", "w"):
@@ -525,6 +537,8 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     ),
     "sway and heave turned": (frame("flu", *SPEED), "velocity_sign", "Heave"),
     "surge turned": (sign(SPEED[0]), "velocity_sign", "Surge"),
+    "surge turned from the middle on": (changes_sign(SPEED[0]), "sign_changes", "Surge of the"),
+    "gyro r turned from the middle on": (changes_sign(GYRO[2]), "sign_changes", "Gyro z (or yaw"),
     "sway turned": (sign(SPEED[1]), "velocity_sign", "Sway"),
     "heave turned": (sign(SPEED[2]), "velocity_sign", "Heave"),
     "surge and sway exchanged": (exchanged(*SPEED[:2]), "velocity_", "velocity"),
@@ -806,6 +820,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
+    "pitch that counts .8": (
+        data(lambda angle: 0.8 * angle, ANGLES[1]),
+        "attitude_scale",
+        "pitch turns 0.80 times as much as the gyro, and gravity",
+    ),
     "accelerometer in g declared m/s^2": (
         data(lambda a: a / 9.80665, *ACCEL),
         "accelerometer_unit",

@@ -1,0 +1,1 @@
+"""Attitude, gyro and accelerometer against each other."""

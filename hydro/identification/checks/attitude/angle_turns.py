@@ -1,0 +1,98 @@
+"""Scale of roll, pitch and yaw by what the gyro turns, and by gravity.
+
+Over windows of 1 s a change of angle is what the gyro adds up to, whatever an angle hardly
+moves by from sample to sample. Nothing here decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import (
+    angles_at,
+    down_at,
+    integrals,
+    windows,
+)
+from auvid.hydro.identification.checks.robust_gains import (
+    FEWEST_WINDOWS,
+    AxisGains,
+    fitted_gains,
+)
+from auvid.hydro.identification.checks.velocity_answer import changes_of
+from auvid.hydro.kept_results import kept
+
+WINDOW_S = 1.0
+STEEPEST_RAD = 1.2
+"""Largest pitch at which roll, pitch and yaw are compared one by one."""
+
+
+@dataclass(frozen=True)
+class AngleTurns:
+    """Changes of roll, pitch and yaw (m, 3) over windows from `at` (m,).
+
+    `by_gyro` (m, 3, 3): what each axis of the gyro (last) turns each angle by.
+    """
+
+    at: Array
+    by_angle: Array
+    by_gyro: Array
+
+    def gain(self, axis: int) -> AxisGains | None:
+        """Return how much an angle turns by what the gyro does."""
+        return fitted_gains(self.by_angle[:, axis], self.by_gyro[:, axis].sum(axis=1)[:, None])
+
+
+@kept
+def angle_turns(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> AngleTurns | None:
+    """Return what angles (n, 3) [rad] and the gyro (m, 3) [rad/s] turn by.
+
+    None for too few windows, and for a vehicle that stands on end.
+    """
+    if np.abs(euler[:, 1]).max() > STEEPEST_RAD:
+        return None
+    at = windows(max(t_s[0], t_gyro[0]), min(t_s[-1], t_gyro[-1]), t_s, t_gyro)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    phi, theta, _ = angles_at(t_gyro, t_s, euler).T
+    p, q, r = gyro.T
+    sine, cosine, slope = np.sin(phi), np.cos(phi), np.tan(theta)
+    rates = np.column_stack(
+        [
+            *(p, q * slope * sine, r * slope * cosine),
+            *(0.0 * p, q * cosine, -r * sine),
+            *(0.0 * p, q * sine / np.cos(theta), r * cosine / np.cos(theta)),
+        ]
+    )
+    turned = angles_at(at + WINDOW_S, t_s, euler) - angles_at(at, t_s, euler)
+    return AngleTurns(at, turned, integrals(t_gyro, rates, at).reshape(-1, 3, 3))
+
+
+@kept
+def gravity_gain(
+    imu: tuple[Array, Array, Array],
+    attitude: tuple[Array, Array],
+    velocity: tuple[Array, Array] | None,
+    *,
+    gravity: float,
+    axis: int,
+) -> AxisGains | None:
+    """Return the gain of gravity in the accelerometer by roll (axis 0) or pitch.
+
+    imu: times (n,), gyro (n, 3), specific force (n, 3); velocity: times, that of the inertial
+    unit (k, 3), whose changes are taken off. None for too few windows.
+    """
+    (t_imu, gyro, force), (t_attitude, euler) = imu, attitude
+    clocks = [t_imu, t_attitude, *(() if velocity is None else (velocity[0],))]
+    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    across = 1 - axis  # roll turns gravity into y, pitch into x
+    moved = np.zeros(at.size)
+    if velocity is not None:
+        moved = changes_of(t_imu, gyro, *velocity, at)[:, across]
+    pulled = gravity * integrals(t_imu, down_at(t_imu, t_attitude, euler), at)[:, [across]]
+    return fitted_gains(moved - integrals(t_imu, force, at)[:, across], pulled)
