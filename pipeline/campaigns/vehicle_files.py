@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from auvid.data_schemas.documents.model import Quantity
@@ -15,8 +16,11 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.coefficients import unit_of
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
-from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml
+from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml, yaml_of
 from auvid.pipeline.store.atomic_files import readable
+
+FILES_KEPT = 32
+"""Vehicle files that a process keeps as they were read."""
 
 
 def shelf_files() -> dict[str, Path]:
@@ -43,21 +47,37 @@ class VehicleFile:
 def load_vehicle(path: Path, *, named_in: object = None) -> VehicleFile:
     """Read a vehicle file, with measured moments of inertia where it names them.
 
-    Its key `rigid_body.measured_inertia` names the document of these.
+    Its key `rigid_body.measured_inertia` names the document of these. A file that has not
+    changed is read once: a campaign compares its vehicle with several published sets,
+    which stand beside one vehicle file.
 
     That path counts from the vehicle file. Raises `PipelineError` for a file that
     cannot be read and for what cannot be a vehicle.
     """
-    file = load_yaml(path, named_in=named_in, what="vehicle")
-    document = file.parse(VehicleDocument)
+    with readable(path, file=named_in if named_in is not None else path, what="vehicle"):
+        content = path.read_bytes()
+    file, document = _described(path, content)
     named = document.rigid_body.measured_inertia
-    if named is not None:
-        measured = load_yaml(
-            path.parent / Path(named).expanduser(),
-            named_in=path,
-            what="rigid_body.measured_inertia",
-        )  # JSON is YAML
-        document = with_measured_inertia(document, measured.parse(InertiaDocument))
+    if named is None:
+        return _plain_vehicle(path, content)
+    measured = load_yaml(
+        path.parent / Path(named).expanduser(), named_in=path, what="rigid_body.measured_inertia"
+    )  # JSON is YAML
+    return _vehicle_of(file, with_measured_inertia(document, measured.parse(InertiaDocument)))
+
+
+@lru_cache(maxsize=FILES_KEPT)
+def _described(path: Path, content: bytes) -> tuple[YamlFile, VehicleDocument]:
+    file = yaml_of(path, content)
+    return file, file.parse(VehicleDocument)
+
+
+@lru_cache(maxsize=FILES_KEPT)
+def _plain_vehicle(path: Path, content: bytes) -> VehicleFile:
+    return _vehicle_of(*_described(path, content))
+
+
+def _vehicle_of(file: YamlFile, document: VehicleDocument) -> VehicleFile:
     try:
         return VehicleFile(file, vehicle_from_document(document))
     except PipelineError as fault:

@@ -75,6 +75,11 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
     """
     with readable(path, file=named_in if named_in is not None else path, what=what):
         content = path.read_bytes()
+    return yaml_of(path, content)
+
+
+def yaml_of(path: Path, content: bytes) -> YamlFile:
+    """Return what the content of a file says. Raises `CampaignError` as `load_yaml`."""
     try:
         text = content.decode("utf-8")
         loader = Loader(text)
