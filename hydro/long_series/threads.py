@@ -32,6 +32,19 @@ def share_among(processes: int) -> None:
     THREADS = max(1, THREADS // processes)
 
 
+def together(one: Callable[[], Item], other: Callable[[], Result]) -> tuple[Item, Result]:
+    """Return what two works give that do not need one another.
+
+    >>> together(lambda: 1, lambda: "b")
+    (1, 'b')
+    """
+    if THREADS < 2:
+        return one(), other()
+    with ThreadPoolExecutor(1) as pool:
+        later = pool.submit(other)
+        return one(), later.result()
+
+
 def at_once(
     work: Callable[[Item], Result], items: Iterable[Item], *, long: bool = True
 ) -> list[Result]:

@@ -22,7 +22,7 @@ from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.tables import check_table
 from auvid.pipeline.store.atomic_files import REMEDIES, readable, refusal
-from auvid.pipeline.store.file_hashes import hash_bytes, hash_file
+from auvid.pipeline.store.file_hashes import hash_bytes, hash_settled_file
 from auvid.pipeline.store.pipes import saved_pieces
 
 LINE = 120
@@ -104,7 +104,7 @@ def load(
     kind = schema(name).kind
     with readable(path, file=path, what="artefact"):
         content = b"" if kind == "table" else path.read_bytes()
-        digest = expected and (hash_file(path) if kind == "table" else hash_bytes(content))
+        digest = expected and (hash_settled_file(path) if kind == "table" else hash_bytes(content))
     if digest != expected:
         raise SchemaError(
             "the artefact is not what its manifest says",

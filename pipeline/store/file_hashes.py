@@ -12,6 +12,7 @@ import os
 import stat
 import time
 from dataclasses import asdict, is_dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,28 @@ def hash_file(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def hash_settled_file(path: Path) -> str:
+    """Return the SHA-256 of a file; one that has not changed is read once.
+
+    The last few of this process are kept, as `FileHashes` keeps them.
+    """
+    status = path.stat()
+    if is_young(status):
+        return hash_file(path)
+    stamp = (status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino)
+    return _hash_at(path, stamp)
+
+
+@lru_cache(maxsize=256)
+def _hash_at(path: Path, _: tuple[int, ...]) -> str:
+    return hash_file(path)
+
+
+def is_young(status: os.stat_result) -> bool:
+    """Return whether a file could change again within a tick of the system's clock."""
+    return time.time() - max(status.st_mtime, status.st_ctime) <= SETTLED_S
+
+
 class FileHashes:
     """File hashes, kept by size and time of change: unchanged files are read once.
 
@@ -79,7 +102,7 @@ class FileHashes:
         if isinstance(earlier, list) and earlier[:-1] == stamp:
             return str(earlier[-1])
         digest = hash_file(path)
-        if time.time() - max(status.st_mtime, status.st_ctime) > SETTLED_S:
+        if not is_young(status):
             self._known[str(path)] = [*stamp, digest]
             self._changed = True
         return digest

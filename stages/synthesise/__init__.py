@@ -66,6 +66,7 @@ from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.axis_terms import SPARSE
 from auvid.hydro.identification.selection.folds import parts_of
 from auvid.hydro.identification.selection.ranking import error_ratios, least_squares_error
+from auvid.hydro.long_series.threads import together
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.presentation import Block, remark
 from auvid.stages.steps import counted
@@ -330,7 +331,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             field="legs",
             remedy="Give a leg `use: training`.",
         )
-    lag, lag_blocks = _lag(inputs, training, params)
+    (lag, lag_blocks), wiring = together(
+        partial(_lag, inputs, training, params), partial(_wiring, inputs, training)
+    )
     lag_s, vehicle = 0.0, inputs.vehicle
     if lag is not None:
         lag_s = lag.value_s
@@ -360,10 +363,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     used = {term for model in models for terms in model.terms.values() for term in terms}
     terms = tuple(term for term in basis_term_names() if term in used)
 
-    def legs(lag_s: float = lag_s) -> Iterator[TrainingSegment]:
+    def legs(lag_s: float = lag_s, *, with_state: bool = True) -> Iterator[TrainingSegment]:
         return (
             TrainingSegment.of(
-                _tables(inputs, key),
+                _tables(inputs, key, with_state=with_state),
                 with_ratio=with_ratio,
                 lag_s=lag_s,
                 currents_m_s=errors_of_log(currents, inputs.segment[key].log),
@@ -415,7 +418,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for (name, axis), fit in fits.items()
         if (fuller := completed_fit(data.factor, fit)) is not None
     }
-    coloured = coloured_errors({**fits, **completed}, legs(), terms)
+    coloured = coloured_errors({**fits, **completed}, legs(with_state=False), terms)
     structures = [
         model
         for model in models
@@ -441,7 +444,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     unsteady = moved_by_unsteady_force(solutions, legs(), terms, vehicle)
     moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}
     if lag_s > 0.0:
-        prompt = reduce(TriangularFactor.merge, (leg_factor(leg, terms) for leg in legs(0.0)))
+        without_lag = legs(0.0, with_state=False)
+        prompt = reduce(TriangularFactor.merge, (leg_factor(leg, terms) for leg in without_lag))
         for name in moved:
             moved[name] = moved_by_lag({axis: fits[name, axis] for axis in AXES}, prompt)
     # What the vehicle file publishes is a prior of structures: the forms of the thesis stay.
@@ -529,10 +533,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             for name, terms in leaning_terms(fits, coloured, data.errors.low_pass).items()
         },
     )
-    wiring = [
-        *wiring_blocks((_tables(inputs, key) for key in training), vehicle),
-        *torque_blocks((inputs.residual[key] for key in training), vehicle),
-    ]
     warnings = [
         *lag_blocks,
         *current_blocks(currents),
@@ -554,14 +554,31 @@ def fits_of_axes(factor: TriangularFactor, model: ViscousModel, *, trim: bool) -
     return [solve_axis(factor, axis, model.terms.get(axis, ()), trim=trim) for axis in AXES]
 
 
-def _tables(inputs: Inputs, key: str) -> LegTables:
+def _tables(inputs: Inputs, key: str, *, with_state: bool = True) -> LegTables:
+    """Return the tables of a leg; its state and commands are for some passes only."""
+    if not with_state:
+        residual = inputs.residual.part(key, RESIDUAL_COLUMNS)
+        return LegTables(residual, inputs.segment[key], None, None, None)
+    of_fuse = inputs.fused
+    residual, fused = together(
+        partial(inputs.residual.part, key, RESIDUAL_COLUMNS),
+        lambda: None if of_fuse is None else of_fuse.part(key, STATE_COLUMNS),
+    )
     return LegTables(
-        inputs.residual.part(key, RESIDUAL_COLUMNS),
+        residual,
         inputs.segment[key],
-        None if inputs.fused is None else inputs.fused.part(key, STATE_COLUMNS),
+        fused,
         None if inputs.fusion is None else inputs.fusion[key],
         None if inputs.controls is None else inputs.controls[key],
     )
+
+
+def _wiring(inputs: Inputs, training: Sequence[str]) -> list[Block]:
+    """Return warnings on thrusters and propellers that the vehicle file has wrong."""
+    return [
+        *wiring_blocks((_tables(inputs, key) for key in training), inputs.vehicle),
+        *torque_blocks((inputs.residual[key] for key in training), inputs.vehicle),
+    ]
 
 
 def _lag(

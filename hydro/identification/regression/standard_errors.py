@@ -180,6 +180,7 @@ class LeftOutBlocks:
         target = np.asarray(force, dtype=np.float64)
         if fit.terms and fit.terms[-1] == CONSTANT:
             design = np.vstack([design, np.ones(len(target))])
+        del rows  # no array of a long leg stays that is not needed any more
         if design.shape != (len(fit.terms), len(target)):
             raise DataError(
                 "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
@@ -188,9 +189,9 @@ class LeftOutBlocks:
             design = design[kept]
         residual = target - design.T @ fit.solution[kept]
         # Columns that are orthonormal over all data: A becomes the unit matrix.
-        columns = solve_triangular(
-            fit.scaled_triangle, design / fit.column_norms[kept][:, None], trans="T"
-        )
+        design = design / fit.column_norms[kept][:, None]
+        columns = solve_triangular(fit.scaled_triangle, design, trans="T", overwrite_b=True)
+        del design
         edges = np.linspace(0, len(target), block_count(residual) + 1).astype(int)
         blocks = [(columns[:, a:b], residual[a:b]) for a, b in pairwise(edges)]
         share, axes = np.linalg.eigh(np.array([block @ block.T for block, _ in blocks]))

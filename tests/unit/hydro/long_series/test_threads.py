@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from functools import partial
 
 import pytest
 
@@ -20,6 +21,7 @@ def test_items_are_worked_on_at_once_and_come_in_their_order(
         return -item
 
     assert threads.at_once(work, [3, 1, 2, 4]) == [-3, -1, -2, -4]
+    assert threads.together(partial(work, 1), partial(work, 2)) == (-1, -2)
     with pytest.raises(ZeroDivisionError):
         threads.at_once(lambda item: 1 // item, [1, 0])
 

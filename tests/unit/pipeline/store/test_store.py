@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from auvid.data_schemas.errors import DataError, PipelineError, SchemaError
 from auvid.data_schemas.tables import make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
-from auvid.pipeline.store import artefacts, pipes
+from auvid.pipeline.store import artefacts, file_hashes, pipes
 from auvid.pipeline.store.artefacts import encode, in_pieces, load, to_json, to_plain
 from auvid.pipeline.store.atomic_files import (
     SYSTEM_REFUSALS,
@@ -113,6 +113,30 @@ def test_altered_artefact_is_noticed_by_its_hash(tmp_path: Path) -> None:
     write_atomically(tmp_path / "depth.parquet", encode(depth_table(), "depth", file="x"))
     with pytest.raises(SchemaError, match="not what its manifest says"):
         load(tmp_path / "depth.parquet", "depth", expected="0" * 64)
+
+
+def test_a_table_that_has_not_changed_is_hashed_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, hashed = tmp_path / "depth.parquet", []
+
+    def counted(file: Path) -> str:
+        hashed.append(file)
+        return hash_bytes(file.read_bytes())
+
+    monkeypatch.setattr(file_hashes, "hash_file", counted)
+    path.write_bytes(content := encode(depth_table(), "depth", file="x"))
+    digest = hash_bytes(content)
+    for _ in range(2):
+        load(path, "depth", digest)
+    assert len(hashed) == 2, "a young file may change again at the same time"
+    monkeypatch.setattr(file_hashes, "SETTLED_S", -1.0)
+    for _ in range(3):
+        load(path, "depth", digest)
+    assert len(hashed) == 3
+    write_atomically(path, content[:-9] + b"x" * 9)
+    with pytest.raises(SchemaError, match="not what its manifest says"):
+        load(path, "depth", digest)
 
 
 def test_a_disk_that_refuses_a_table_is_no_damage_of_its_file(
