@@ -57,13 +57,15 @@ def file_inertia() -> Array:
     return np.array([apparent_inertia(body(), axis) for axis in AXES])
 
 
-def legs_of(inertia: Array, *, coriolis: bool = True, torque: float = 3.0) -> dict[str, LegData]:
+def legs_of(
+    inertia: Array, *, coriolis: bool = True, torque: float = 3.0, seconds: float = 56.0
+) -> dict[str, LegData]:
     """Return two legs that turn while they move, and a third."""
     truth = {**TRUTH, "r": (-1.0, -0.8, torque, 0.03)}
     legs = {}
     for seed, use in ((1, "training"), (2, "training"), (3, "validation")):
         moved = axis_leg(
-            seed, truth, seconds=80.0, step_s=0.1, inertia=inertia if coriolis else None,
+            seed, truth, seconds=seconds, step_s=0.1, inertia=inertia if coriolis else None,
             normalised=True, idle=("r",) if seed == 2 else (),
         )  # fmt: skip
         still = np.zeros(len(moved.t_s))
@@ -127,7 +129,7 @@ def coupled_motion(item: LegData, seed: int) -> LegData:
 
 
 def test_a_hull_that_couples_sway_and_yaw_has_the_coupling() -> None:
-    legs = legs_of(file_inertia())
+    legs = legs_of(file_inertia(), seconds=80.0)
     moved = {key: coupled_motion(item, seed) for seed, (key, item) in enumerate(legs.items())}
     fitted = fit_all(moved, body(), FitOptions(lag_s=0.08, fit_lag=False))
     assert fitted.together is not None
@@ -474,7 +476,7 @@ def test_thrusters_that_the_motion_does_not_tell_apart_are_as_strong_as_each_oth
     one = legs_of(file_inertia())["leg_1"]
     surge = one.record.force["X"]
     still = {axis: surge if axis == "X" else np.zeros_like(surge) for axis in AXES}
-    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=80.0, step_s=0.1, normalised=True)
+    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=56.0, step_s=0.1, normalised=True)
     record = replace(
         one.record, rate=dict.fromkeys("vwpqr", np.zeros_like(surge)) | {"u": ahead.rate["u"]},
         force=still | {"X": ahead.force["X"]}, windows={"X": one.record.windows["X"]},
@@ -514,7 +516,7 @@ def test_a_leg_in_another_unit_is_refused_by_its_motion() -> None:
 def test_thrusters_that_run_one_by_one_are_told_apart() -> None:
     """Three of four push ahead in turn, and the third gives half."""
     one = legs_of(file_inertia())["leg_1"]
-    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=80.0, step_s=0.1, normalised=True)
+    ahead = axis_leg(1, {"u": TRUTH["u"]}, seconds=56.0, step_s=0.1, normalised=True)
     delivered, still = ahead.force["X"], np.zeros(len(ahead.t_s))
     turn = np.arange(len(delivered)) // 100 % 4
     stated = np.where(turn[:, None] == np.arange(4), delivered[:, None], 0.0) / [1.0, 1.0, 0.5, 1.0]
