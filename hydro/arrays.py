@@ -90,6 +90,23 @@ def stack_matrix(rows: list[list[Array | float]], shape: tuple[int, ...]) -> Arr
     return out
 
 
+def moving_mean(values: Array, width: int) -> Array:
+    """Return the mean (n,) or (n, k) of `width` samples about each of values.
+
+    The first and the last stand for what lies beyond them. To the bit what
+    `scipy.ndimage.uniform_filter1d` gives, which takes a fifth of a second to import.
+
+    >>> moving_mean(np.array([0.0, 3.0, 6.0, 6.0]), 3).tolist()
+    [1.0, 3.0, 5.0, 6.0]
+    """
+    before = width // 2
+    first, last = values[:1].repeat(before, axis=0), values[-1:].repeat(width - 1 - before, axis=0)
+    padded = np.concatenate([first, values, last])
+    start = np.cumsum(padded[:width], axis=0)[-1:]
+    steps = padded[width:] - padded[:-width]
+    return np.asarray(np.cumsum(np.concatenate([start, steps]), axis=0) / width)
+
+
 def recursion(driven: Array, feedback: ArrayLike) -> Array:
     """Return y (n, k) with y_i = x_i - a_1 y_i-1 - a_2 y_i-2 - ..., at rest before x_0.
 

@@ -24,7 +24,6 @@ LOGS = (
     "auvid.hydro.identification.signals.compiled_filter",
     "auvid.hydro.dynamics.simulation.compiled_free_run",
     "scipy.interpolate",
-    "scipy.ndimage",
     "scipy.optimize",
     "scipy.spatial.transform",
 )

@@ -195,6 +195,8 @@ def to_json(value: Any, indent: int = 0) -> str:
 
     One key a line; short containers and lists of scalars on one line.
     """
+    if type(value) is str:
+        return encode_basestring(value)
     if type(value) not in CONTAINERS or not value:
         return _line(value)
     items = value.values() if isinstance(value, dict) else value

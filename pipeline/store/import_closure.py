@@ -7,29 +7,33 @@ import statements and texts: parsing all of auvid takes ten times as long.
 from __future__ import annotations
 
 import ast
+import os
 import re
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 FLOORS = ("auvid.data_schemas", "auvid.hydro", "auvid.stages")
 DATA_SUFFIXES = (".yaml", ".json", ".css", ".js", ".html", ".j2", ".csv", ".svg")
 TOKEN = re.compile(
     rb"""
     \#[^\n]*
-    |\"{3}[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*\"{3}
-    |'{3}[^'\\]*(?:(?:\\.|'(?!''))[^'\\]*)*'{3}
-    |"(?P<double>[^"\\\n]*(?:\\.[^"\\\n]*)*)"
-    |'(?P<single>[^'\\\n]*(?:\\.[^'\\\n]*)*)'
-    |^(?P<indent>[ \t]*)if[ ]TYPE_CHECKING:[^\n]*\n(?:(?P=indent)[ \t]+[^\n]*\n|[ \t]*\n)*
-    |^[ \t]*(?P<statement>(?:from|import)[ \t](?:[^\n(;\#\\]|\\\n)*(?:\((?:[^)\#]|\#[^\n]*)*\))?)
+    |\"\"\"[^"\\]*(?:(?:\\.|"(?!""))[^"\\]*)*\"{3}
+    |\'\'\'[^'\\]*(?:(?:\\.|'(?!''))[^'\\]*)*'{3}
+    |\"(?P<double>[^"\\\n]*(?:\\.[^"\\\n]*)*)"
+    |\'(?P<single>[^'\\\n]*(?:\\.[^'\\\n]*)*)'
+    |\n(?P<indent>[ \t]*)if[ ]TYPE_CHECKING:[^\n]*(?:\n(?P=indent)[ \t]+[^\n]*|\n[ \t]*(?=\n))*
+    |\n[ \t]*(?P<statement>(?:from|import)[ \t](?:[^\n(;\#\\]|\\\n)*(?:\((?:[^)\#]|\#[^\n]*)*\))?)
     """,
-    re.VERBOSE | re.MULTILINE | re.DOTALL,
+    re.VERBOSE | re.DOTALL,
 )
 """A comment, a text, what only type checkers see, or an import statement.
 
-The first three are matched so that no statement is seen in them.
+The first three are matched so that no statement is seen in them. Each begins with one
+of four characters: the search for such is several times faster. A line begins with
+the end of that before.
 """
 
 
@@ -81,14 +85,23 @@ def _data_name(path: Path, module: str) -> str:
     return (Path(folder.name) / path.relative_to(folder)).as_posix()
 
 
-@cache
 def _source(module: str) -> Path | None:
     floor = _floor(module)
-    base = _floor_folder(floor).joinpath(*module.removeprefix(floor).split(".")[1:])
-    for path in (base.with_suffix(".py"), base / "__init__.py"):
-        if path.is_file():
-            return path
-    return None
+    base = "/".join(module.removeprefix(floor).split(".")[1:])
+    files = _files(_floor_folder(floor))
+    return files.get(f"{base}.py") or files.get(f"{base}/__init__.py".lstrip("/"))
+
+
+@cache
+def _files(folder: Path) -> dict[str, Path]:
+    """Return sources and data files under a folder by their paths in it, in order."""
+    names = [
+        f"{top}/{name}"
+        for top, inner, names in os.walk(folder)
+        for name in names
+        if name.endswith((".py", *DATA_SUFFIXES))
+    ]
+    return {name[len(str(folder)) + 1 :]: Path(name) for name in sorted(names)}
 
 
 @dataclass(frozen=True)
@@ -102,15 +115,16 @@ class SourceScan:
 @cache
 def scan(path: Path) -> SourceScan:
     """Return what a source file imports, wherever the statement stands, and names."""
-    imports: list[ast.Import | ast.ImportFrom] = []
+    statements: list[bytes] = []
     names: set[str] = set()
-    for match in TOKEN.finditer(path.read_bytes()):
+    for match in TOKEN.finditer(b"\n" + path.read_bytes()):
         if match["statement"]:
-            imports += ast.parse(match["statement"]).body  # type: ignore[arg-type]
+            statements.append(match["statement"])
         elif text := match["double"] or match["single"]:
             name = text.decode("utf-8").rpartition("/")[2]
             if name.endswith(DATA_SUFFIXES):
                 names.add(name)
+    imports: list[Any] = ast.parse(b"\n".join(statements)).body
     return SourceScan(tuple(imports), frozenset(names))
 
 
@@ -155,6 +169,4 @@ def _data_files(source: Path, module: str) -> list[Path]:
 
 @cache
 def _folder_data(top: Path) -> tuple[Path, ...]:
-    return tuple(
-        sorted(path for path in top.rglob("*") if path.suffix in DATA_SUFFIXES and path.is_file())
-    )
+    return tuple(path for name, path in _files(top).items() if not name.endswith(".py"))

@@ -25,7 +25,7 @@ from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.lacking_terms import clear_terms, moved_by_terms
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
-from auvid.hydro.identification.regression.normal_changes import NormalChange, widened
+from auvid.hydro.identification.regression.normal_changes import NormalChange, shifts, widened
 from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
 from auvid.hydro.identification.regression.verdicts import (
@@ -77,10 +77,7 @@ def model_card(
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
         covariance = _about_the_truth(fit, coloured, data.errors)
-        figures = {
-            name: np.array([change.shift(fit) for change in changes])
-            for name, changes in data.errors.figures.items()
-        }
+        figures = {name: shifts(changes, fit) for name, changes in data.errors.figures.items()}
         lacking: tuple[str, ...] = ()
         if axis in completed:
             fuller, its_errors = completed[axis]
@@ -88,7 +85,7 @@ def model_card(
         if lacking:
             figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
         if unsteady:
-            figures[UNSTEADY] = np.array([change.shift(fit) for change in unsteady])
+            figures[UNSTEADY] = shifts(unsteady, fit)
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }
@@ -143,7 +140,7 @@ def model_card(
 def _about_the_truth(fit: AxisFit, coloured: Coloured, errors: DataErrors) -> Array:
     """Return the covariance (k, k) by noise and errors of velocities and filters."""
     changes = (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
-    return widened(coloured.covariance, [change.shift(fit) for change in changes])
+    return widened(coloured.covariance, list(shifts(changes, fit)))
 
 
 def held_out_card(ratios: HeldOut) -> dict[str, dict[str, float | None]]:

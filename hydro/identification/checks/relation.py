@@ -156,11 +156,11 @@ def _likeness(basis: Array, other: Array) -> Array:
 
 def _about(shares: Array) -> Array:
     """Return the largest of shares (n, k) over the lags about each shift, by motion."""
-    from scipy.ndimage import maximum_filter1d
-
     first, last = (round(lag * RATE_HZ) for lag in LAGS_S)
-    largest = maximum_filter1d(shares, last - first + 1, axis=0, mode="wrap")
-    return np.roll(largest, -(first + (last - first) // 2), axis=0)
+    largest = np.roll(shares, -first, axis=0)
+    for lag in range(first + 1, last + 1):
+        np.maximum(largest, np.roll(shares, -lag, axis=0), out=largest)
+    return largest
 
 
 def _odds(shares: Array) -> Array:

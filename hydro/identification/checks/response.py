@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, moving_mean
 from auvid.hydro.kept_results import kept
 
 DRIFT_S, LONGEST_RESPONSE_S = 10.0, 600.0
@@ -118,10 +118,7 @@ def without_drift(motion: ArrayLike, t_s: ArrayLike) -> Array:
 
 def _without_drift(values: Array, width: int) -> Array:
     """Return values (n,) or (n, k) less their moving mean over `width` samples."""
-    from scipy.ndimage import uniform_filter1d
-
-    drift: Array = uniform_filter1d(values, width, axis=0, mode="nearest")
-    return np.asarray(values - drift)
+    return np.asarray(values - moving_mean(values, width))
 
 
 def _explained(designs: list[Array], response: Array, total: float) -> Array:

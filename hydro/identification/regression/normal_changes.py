@@ -64,18 +64,27 @@ class NormalChange:
 
         0 for undetermined terms. Solved from the fit's own triangular factor.
         """
-        from scipy.linalg import cho_solve
+        return np.asarray(shifts([self], fit)[0])
 
-        kept = list(fit.independent)
-        place = [self.terms.index(fit.terms[index]) for index in kept]
-        scale = fit.column_norms[kept]
-        pull = (
-            self.target[place, AXES.index(fit.axis)]
-            - self.moment[np.ix_(place, place)] @ fit.solution[kept]
-        )
-        moved = np.zeros(len(fit.terms))
-        moved[kept] = cho_solve((fit.scaled_triangle, False), pull / scale) / scale
+
+def shifts(changes: Sequence[NormalChange], fit: AxisFit) -> Array:
+    """Return the `NormalChange.shift` of each change: (len(changes), k)."""
+    from scipy.linalg import lapack
+
+    moved = np.zeros((len(changes), len(fit.terms)))
+    kept = list(fit.independent)
+    if not kept:
         return moved
+    axis, scale, solution = AXES.index(fit.axis), fit.column_norms[kept], fit.solution[kept]
+    places: dict[tuple[str, ...], Array] = {}
+    for change, row in zip(changes, moved, strict=True):
+        if change.terms not in places:
+            at = {term: index for index, term in enumerate(change.terms)}
+            places[change.terms] = np.array([at[fit.terms[index]] for index in kept])
+        place = places[change.terms]
+        pull = change.target[place, axis] - change.moment[place[:, None], place] @ solution
+        row[kept] = lapack.dpotrs(fit.scaled_triangle, pull / scale)[0] / scale
+    return moved
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,14 @@
-"""Arrays that several rooms share: the recursion against SciPy's filter."""
+"""Arrays that several rooms share: the recursion and the mean against SciPy's filters."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from auvid.hydro import arrays
-from auvid.hydro.arrays import recursion
+from auvid.hydro.arrays import moving_mean, recursion
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 
 
@@ -29,6 +30,14 @@ def test_a_long_recursion_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> 
         with monkeypatch.context() as long:
             long.setattr(arrays, "LONG", 0)
             assert np.array_equal(recursion(driven, feedback), short)
+
+
+@pytest.mark.parametrize(("samples", "width"), [(5, 1), (50, 2), (400, 33), (90, 151)])
+def test_a_moving_mean_has_the_bits_of_scipy_s(samples: int, width: int) -> None:
+    values = np.random.default_rng(2).normal(size=(samples, 3)) ** 9
+    expected = uniform_filter1d(values, width, axis=0, mode="nearest")
+    assert np.array_equal(moving_mean(values, width), expected)
+    assert np.array_equal(moving_mean(values[:, 0], width), expected[:, 0])
 
 
 @pytest.mark.parametrize("shape", [(50, 0), (0, 3)])
