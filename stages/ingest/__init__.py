@@ -167,7 +167,7 @@ def _read(inputs: Inputs, params: Params) -> _Read:
         raise _no_streams(log, files)
     of_yaw = "imu" in streams and GYRO[0] not in streams["imu"].columns
     yaw_rate = streams.pop("imu") if of_yaw else None
-    motion = pose_motion(streams, inputs.vehicle)
+    motion = pose_motion(streams, inputs.vehicle, yaw_rate_logged=of_yaw)
     streams |= motion.streams
     turning = YawRateMotion()
     if yaw_rate is not None:

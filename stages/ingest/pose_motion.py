@@ -21,6 +21,7 @@ from auvid.hydro.identification.signals.pose.frames import (
 )
 from auvid.hydro.identification.signals.pose.track import PoseTrack, pose_track
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, POSITION, named
+from auvid.stages.ingest.health.finding import listed
 from auvid.stages.ingest.streams.common import Columns
 from auvid.stages.ingest.streams.mapping import Stream
 
@@ -38,10 +39,13 @@ class PoseMotion:
     notes: tuple[str, ...] = ()
 
 
-def pose_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> PoseMotion:
+def pose_motion(
+    streams: Mapping[str, Stream], vehicle: Vehicle | None, *, yaw_rate_logged: bool = False
+) -> PoseMotion:
     """Return velocity, imu (gyro), attitude, depth and position from a log's poses.
 
-    Only those that no sensor of the log fills.
+    Only those that no sensor of the log fills. yaw_rate_logged: the yaw rate of that gyro
+    is to give way to a logged one, which has a note of its own.
     """
     if "pose" not in streams:
         return PoseMotion()
@@ -82,11 +86,11 @@ def pose_motion(streams: Mapping[str, Stream], vehicle: Vehicle | None) -> PoseM
             f" ({pose.source}) by a smoother, no sensor measures it; standard error of u, v, w"
             f" {', '.join(f'{value:.2g}' for value in sd)} m/s"
         )
-    others = [name for name in derived if name not in ("velocity", "position")]
+    own_note = ("velocity", "position", *(["imu"] if yaw_rate_logged else []))
+    others = [name for name in derived if name not in own_note]
     if others:
-        notes.append(
-            f"{' and '.join(others)} {'comes' if len(others) == 1 else 'come'} from the poses too"
-        )
+        verb = "comes" if len(others) == 1 else "come"
+        notes.append(f"{listed(others)} {verb} from the poses too")
     if "depth" in derived:
         notes.append("zero of the depth is that of the tracking system, not the surface")
     return PoseMotion(track, derived, tuple(notes))

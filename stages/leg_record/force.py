@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 
 from auvid.data_schemas.errors import DataError
@@ -26,11 +25,6 @@ from auvid.hydro.dynamics.actuators.commands import (
     px4_thrusters,
 )
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
-from auvid.hydro.dynamics.actuators.slow_outputs import (
-    LEAST_SAMPLES,
-    RebuiltOutputs,
-    rebuild_outputs,
-)
 from auvid.hydro.dynamics.actuators.thrusters import (
     NO_PULSE_US,
     Thrusters,
@@ -40,17 +34,13 @@ from auvid.hydro.dynamics.actuators.thrusters import (
 from auvid.hydro.dynamics.vehicle.logged_directions import turned_as_logged
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.record import ThrusterForces
-from auvid.hydro.identification.signals.resampling import linear
-from auvid.stages.columns import ATTITUDE, Samples
-from auvid.stages.leg_record.motion import enough, on_clock, pause_s, step_s
+from auvid.stages.columns import Samples
+from auvid.stages.leg_record.between_samples import between_samples
+from auvid.stages.leg_record.motion import enough, on_clock, step_s
 from auvid.stages.leg_streams import Streams
 
 SLOW_HZ = 5.0
 """Outputs at a lower rate are rebuilt between their samples."""
-PULSE_RANGE_US = (1100.0, 1900.0)
-STICK_LAGS_S = (0.0, 0.05, 0.1, 0.15, 0.2)
-"""How late sticks of the ground station act; the best of these is taken."""
-STICKS = ("stick_surge", "stick_sway", "stick_heave", "stick_yaw")
 DEAD_BAND_US, DEAD_COMMAND = 28.0, 0.02
 """Within so much of neutral an output, or a command, does not act."""
 FRAME_REMEDY = (
@@ -150,83 +140,8 @@ def pulses_of(
     width = on_clock(Samples(samples.t_s, pulses), t_s, max_gap_s)
     if not rebuild or step_s(samples) <= 1.0 / SLOW_HZ:
         return width, ""
-    outputs = Samples(samples.t_s, pulses)
-    tries = (_rebuilt(streams, outputs, t_s, width, lag_s, max_gap_s) for lag_s in STICK_LAGS_S)
-    results = [result for result in tries if result is not None]
-    if not results:
-        return width, ""
-    result, good = max(
-        results, key=lambda item: float(np.maximum(item[0].rebuilt, item[0].interpolated).mean())
-    )
-    width = width.copy()
-    width[good] = np.clip(result.values, *PULSE_RANGE_US)
-    return width, (
-        f"Outputs come at {1.0 / step_s(samples):.1f} Hz: {np.count_nonzero(result.used)} of"
-        f" {result.used.size} are rebuilt between their samples from sticks, gyro and attitude,"
-        f" mode by mode; of every other sample, left out, that explains"
-        f" {_percent(result.rebuilt)} %, interpolation over twice the pause"
-        f" {_percent(result.interpolated)} %."
-    )
-
-
-def _rebuilt(
-    streams: Streams, outputs: Samples, t_s: Array, width: Array, lag_s: float, max_gap_s: float
-) -> tuple[RebuiltOutputs, Mask] | None:
-    """Return outputs rebuilt with sticks `lag_s` late, and where on the clock."""
-    both = np.concatenate([outputs.t_s, t_s])
-    causes = causes_of(streams, both, lag_s, max_gap_s)
-    if causes is None:
-        return None
-    mode, n = modes_at(streams, both), outputs.t_s.size
-    there, good = np.isfinite(causes[:n]).all(axis=1), np.isfinite(causes[n:]).all(axis=1)
-    good = good & np.asarray(np.isfinite(width).all(axis=1))
-    if np.count_nonzero(there) < 2 * LEAST_SAMPLES:
-        return None
-    result = rebuild_outputs(
-        outputs.t_s[there],
-        outputs.values[there],
-        causes[:n][there],
-        mode[:n][there],
-        clock_s=t_s[good],
-        clock_causes=causes[n:][good],
-        clock_mode=mode[n:][good],
-    )
-    return result, good
-
-
-def _percent(shares: Array) -> str:
-    return f"{100.0 * shares.min():.0f} to {100.0 * shares.max():.0f}"
-
-
-def causes_of(streams: Streams, t_s: Array, lag_s: float, max_gap_s: float) -> Array | None:
-    """Return sticks, gyro, attitude: what an autopilot makes outputs of (n, c).
-
-    lag_s: how late sticks act; nan where one pauses; None without sticks or a gyro.
-    """
-    sticks = enough(streams.samples("sticks", STICKS, -lag_s))
-    gyro = enough(streams.gyro())
-    if sticks is None or gyro is None:
-        return None
-    columns = [
-        linear(item.t_s, item.values, t_s, max_gap_s=pause_s(item, max_gap_s))
-        for item in (sticks, gyro)
-    ]
-    euler = enough(streams.samples("attitude", ATTITUDE[:2]))
-    if euler is not None:
-        gap = pause_s(euler, max_gap_s)
-        columns.append(linear(euler.t_s, euler.values, t_s, max_gap_s=gap))
-    return np.concatenate(columns, axis=1)
-
-
-def modes_at(streams: Streams, t_s: Array) -> npt.NDArray[np.intp]:
-    """Return a number for the autopilot's mode at times (n,); 0 without any."""
-    table = streams.tables.get("mode")
-    if table is None or not table.num_rows:
-        return np.zeros(t_s.size, dtype=np.intp)
-    names = [str(name) for name in table["mode"].to_pylist()]
-    number = np.array([names.index(name) for name in names], dtype=np.intp)
-    at = np.searchsorted(streams.times("mode"), t_s, side="right") - 1
-    return number[np.maximum(at, 0)]
+    way = between_samples(streams, thrusters, Samples(samples.t_s, pulses), t_s, width, max_gap_s)
+    return way.pulses, way.words
 
 
 def _samples(streams: Streams, names: tuple[str, ...]) -> Samples:

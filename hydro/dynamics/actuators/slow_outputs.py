@@ -40,23 +40,26 @@ def rebuild_outputs(
     clock_s: Array,
     clock_causes: Array,
     clock_mode: Index,
+    remainders: bool = False,
 ) -> RebuiltOutputs:
     """Return outputs (n, k) at t_s on a faster clock (m,), by regression on causes.
 
     causes: sticks, gyro ... at t_s (n, c) and on the clock (m, c); mode: a number for the
     autopilot's mode at both. In each mode each output is y = g0 + g . causes by least
-    squares (what remains at the samples is error of their stamps; added between them it
-    would hold the output). Whether that is better than interpolation alone is judged on every
-    other sample, left out of both: over twice the log's pauses, in favour of causes, which
-    fly yaw better than a judgement over its own pauses does (decision 0029).
+    squares. remainders: what remains at the samples is added between them, by lines; where
+    it is error of their stamps that holds the output. Whether that is better than
+    interpolation alone is judged on every other sample, left out of both: over twice the
+    log's pauses, in favour of causes, which fly yaw better than a judgement over its own
+    pauses does (decision 0029).
     """
     smooth = _along(t_s, outputs, clock_s)
-    values = _rebuilt(t_s, outputs, causes, mode, clock_s, clock_causes, clock_mode)
+    values = _rebuilt(t_s, outputs, causes, mode, clock_s, clock_causes, clock_mode, remainders)
     fitted, left = slice(0, None, 2), slice(1, None, 2)
     at, measured = t_s[left], outputs[left]
     guess = _rebuilt(
-        t_s[fitted], outputs[fitted], causes[fitted], mode[fitted], at, causes[left], mode[left]
-    )
+        t_s[fitted], outputs[fitted], causes[fitted], mode[fitted], at, causes[left], mode[left],
+        remainders,
+    )  # fmt: skip
     rebuilt = _explained(measured, guess)
     interpolated = _explained(measured, _along(t_s[fitted], outputs[fitted], at))
     used = rebuilt > interpolated
@@ -71,6 +74,7 @@ def _rebuilt(
     clock_s: Array,
     clock_causes: Array,
     clock_mode: Index,
+    remainders: bool,
 ) -> Array:
     values = _along(t_s, outputs, clock_s)
     for number in np.unique(mode):
@@ -83,6 +87,8 @@ def _rebuilt(
         gain = np.linalg.solve(moment, x.T @ outputs[rows])
         more = np.column_stack([np.ones(np.count_nonzero(later)), clock_causes[later]])
         values[later] = more @ gain
+        if remainders:
+            values[later] += _along(t_s[rows], outputs[rows] - x @ gain, clock_s[later])
     return values
 
 

@@ -130,6 +130,7 @@ def test_a_yaw_rate_alone_has_roll_and_pitch_rates_of_the_attitude(stream: str) 
     np.testing.assert_allclose(rate[:, 2], columns["r"][rows:], atol=1e-6)
     assert np.sqrt(np.mean((rate - run.rate[rows:])[5:-5, :2] ** 2)) < 15e-3
     assert "only the yaw rate is logged" in " ".join(outputs.log_info.notes)
+    assert not [words for words in outputs.log_info.notes if "imu" in words and "too" in words]
     assert not of(outputs, "gyro_sign")
     (item,) = of(ingested({**columns, "r": -columns["r"]}, entries), "gyro_sign")
     assert "Gyro z turns against yaw" in item["text"]

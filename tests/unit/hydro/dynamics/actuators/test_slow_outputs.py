@@ -22,7 +22,7 @@ def output(t: np.ndarray, mode: np.ndarray) -> np.ndarray:
     return np.column_stack([mixed, 1500.0 + 40.0 * np.sin(0.2 * t)])
 
 
-def rebuilt():
+def rebuilt(*, remainders: bool = False):
     slow = np.arange(0.0, 120.0, 0.5)
     modes = [(t > 60.0).astype(np.intp) for t in (slow, CLOCK)]
     result = rebuild_outputs(
@@ -33,6 +33,7 @@ def rebuilt():
         clock_s=CLOCK,
         clock_causes=causes(CLOCK),
         clock_mode=modes[1],
+        remainders=remainders,
     )
     return result, output(CLOCK, modes[1])
 
@@ -47,3 +48,10 @@ def test_what_sticks_make_is_rebuilt_mode_by_mode():
 def test_what_they_do_not_make_is_interpolated():
     result, true = rebuilt()
     assert result.values[:-10, 1] == pytest.approx(true[:-10, 1], abs=0.3)
+
+
+def test_what_remains_at_the_samples_is_added_between_them():
+    result, true = rebuilt(remainders=True)
+    assert result.used[0]
+    assert result.rebuilt[1] > rebuilt()[0].rebuilt[1] + 0.5
+    assert np.abs(result.values[:-10] - true[:-10]).max() < 0.5
