@@ -15,7 +15,7 @@ from auvid.data_schemas.tables import column, has_columns
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.gliding.steady_glide import GlideState
 from auvid.hydro.identification.glide.bins import GlideRows, glide_rows, joined
-from auvid.hydro.identification.glide.fit import drag_asked
+from auvid.hydro.identification.glide.fit import LEAST_GLIDES, drag_asked
 from auvid.hydro.identification.glide.settled import (
     REASONS,
     GliderRecord,
@@ -102,12 +102,16 @@ def legs_of(
         if glides.direction:
             parts.append((leg.id, glide_rows(glides, stretch_s=stretch_s)))
     if not parts:
-        raise _never_settled(settled, rules)
+        raise _unsettled("no glide settles", settled, rules)
     rows, owners = joined([part for _, part in parts])
     names = tuple(parts[index][0] for index in owners)
     strokes = [_stroke(item.record.state.drive_m3) for item in settled.values()]
     result = GlideLegs(rows, settled, names, max(strokes), tuple(dict.fromkeys(notes)))
     result = _with_drive(result, glider, warnings)
+    count = np.unique(result.rows.glide).size
+    if count < LEAST_GLIDES:
+        head = f"{count} settled glide{'s' * (count > 1)} of at least {LEAST_GLIDES}"
+        raise _unsettled(head, settled, rules, warnings)
     _check_speed(result.rows, result.leg_of_glide)
     _check_units(result, glider)
     return replace(result, warnings=tuple(warnings))
@@ -241,8 +245,13 @@ def _check_drive(leg: LegEntry, t: Array, drive: Array, volume_m3: float) -> Non
         )
 
 
-def _never_settled(settled: Mapping[str, SettledGlides], rules: SettlingRules) -> DataError:
-    """Return the error of legs without any settled glide, with what left most out."""
+def _unsettled(
+    head: str,
+    settled: Mapping[str, SettledGlides],
+    rules: SettlingRules,
+    warnings: Sequence[str] = (),
+) -> DataError:
+    """Return the error of legs with too few settled glides: what left most out."""
     parts, hints = [], []
     for leg, glides in settled.items():
         out = sorted(glides.left_out_s().items(), key=lambda item: -item[1])
@@ -263,7 +272,7 @@ def _never_settled(settled: Mapping[str, SettledGlides], rules: SettlingRules) -
                 " dbar? In shallow water lower stages.glide.surface_m."
             )
     return DataError(
-        f"no glide settles: {'; '.join(parts)}",
+        " ".join([f"{head}: {'; '.join(parts)}", *warnings]),
         allowed=(
             f"{rules.shortest_s:g} s below {rules.surface_m:g} m, {rules.settling_s:g} s after"
             " drive and pitch came to rest"

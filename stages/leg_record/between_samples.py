@@ -56,8 +56,8 @@ def between_samples(
     """
     ways = [
         way
-        for held in (False, True)
-        if (way := _best_lag(streams, outputs, t_s, width, max_gap_s, held=held)) is not None
+        for aims in (False, True)
+        if (way := _best_lag(streams, outputs, t_s, width, max_gap_s, aims=aims)) is not None
     ]
     if not ways:
         return Way(width, "")
@@ -66,7 +66,7 @@ def between_samples(
 
 
 def _turns_explained(streams: Streams, thrusters: Thrusters, t_s: Array, pulses: Array) -> float:
-    """Return the share of the yaw rate that the moment of pulses explains; 0 without it."""
+    """Return the share of the yaw rate that the moment of pulses explains."""
     gyro, good = enough(streams.gyro()), np.isfinite(pulses).all(axis=1)
     if gyro is None or not good.any():
         return 0.0
@@ -78,11 +78,11 @@ def _turns_explained(streams: Streams, thrusters: Thrusters, t_s: Array, pulses:
 
 
 def _best_lag(
-    streams: Streams, outputs: Samples, t_s: Array, width: Array, max_gap_s: float, *, held: bool
+    streams: Streams, outputs: Samples, t_s: Array, width: Array, max_gap_s: float, *, aims: bool
 ) -> Way | None:
     """Return outputs rebuilt with the stick lag that gives samples left out best."""
     tries = (
-        _rebuilt(streams, outputs, t_s, width, lag_s, max_gap_s, held=held)
+        _rebuilt(streams, outputs, t_s, width, lag_s, max_gap_s, aims=aims)
         for lag_s in STICK_LAGS_S
     )
     results = [result for result in tries if result is not None]
@@ -93,7 +93,7 @@ def _best_lag(
     )
     pulses = width.copy()
     pulses[good] = np.clip(result.values, *PULSE_RANGE_US)
-    last = ", attitude and what the autopilot holds" if held else " and attitude"
+    last = ", attitude and what the autopilot holds" if aims else " and attitude"
     return Way(
         pulses,
         f"Outputs come at {1.0 / step_s(outputs):.1f} Hz: {np.count_nonzero(result.used)} of"
@@ -115,11 +115,11 @@ def _rebuilt(
     lag_s: float,
     max_gap_s: float,
     *,
-    held: bool,
+    aims: bool,
 ) -> tuple[RebuiltOutputs, Mask] | None:
     """Return outputs rebuilt with sticks `lag_s` late, and where on the clock."""
     both = np.concatenate([outputs.t_s, t_s])
-    causes = np.column_stack(list(_causes(streams, both, lag_s, max_gap_s, held=held)))
+    causes = np.column_stack(list(_causes(streams, both, lag_s, max_gap_s, aims=aims)))
     if not causes.shape[1]:
         return None
     mode, n = _modes_at(streams, both), outputs.t_s.size
@@ -135,18 +135,18 @@ def _rebuilt(
         clock_s=t_s[good],
         clock_causes=causes[n:][good],
         clock_mode=mode[n:][good],
-        remainders=held,
+        remainders=aims,
     )
     return result, good
 
 
 def _causes(
-    streams: Streams, t_s: Array, lag_s: float, max_gap_s: float, *, held: bool
+    streams: Streams, t_s: Array, lag_s: float, max_gap_s: float, *, aims: bool
 ) -> Iterator[Array]:
     """Yield sticks, gyro, attitude: what an autopilot makes outputs of, (n, c) each.
 
     lag_s: how late sticks act; nan where one pauses; an empty one without sticks or a gyro.
-    held: also heading and depth since the stick was let go, and the rate of the depth.
+    aims: also heading and depth since the stick was let go, and the rate of the depth.
     """
     sticks = enough(streams.samples("sticks", STICKS, -lag_s))
     gyro = enough(streams.gyro())
@@ -159,11 +159,11 @@ def _causes(
     if euler is not None:
         gap = pause_s(euler, max_gap_s)
         yield linear(euler.t_s, euler.values[:, :2], t_s, max_gap_s=gap)
-        if held:
+        if aims:
             heading = np.unwrap(euler.values[:, 2])
             since = _since_push(sticks, STICKS.index("stick_yaw"), euler.t_s, heading)
             yield linear(euler.t_s, since[:, None], t_s, max_gap_s=gap)
-    depth = enough(streams.samples("depth", ("depth_m",))) if held else None
+    depth = enough(streams.samples("depth", ("depth_m",))) if aims else None
     if depth is not None:
         z = depth.values[:, 0]
         since = _since_push(sticks, STICKS.index("stick_heave"), depth.t_s, z)

@@ -168,9 +168,16 @@ def clipped(columns: Columns) -> None:
     columns["buoyancy_drive_m3"] = np.clip(drive, *ends)
 
 
+def one_yo(columns: Columns) -> None:
+    """A log that ends after its first dive and climb."""
+    late = columns["time_us"] - columns["time_us"][0] > 1.2e9
+    columns["pitch_rad"] = np.where(late, np.nan, columns["pitch_rad"])
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
+        (one_yo, "2 settled glides of at least 4: leg 'dive': .*at the surface.*Fly longer"),
         (clipped, "no drag makes a glide.*at its stop"),
         (restless, "no glide settles: leg 'dive'.*pitch moving"),
         (constant, "the buoyancy drive never moves in leg 'dive'.*-230"),
