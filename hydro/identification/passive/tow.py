@@ -30,6 +30,8 @@ it: there they share what the form of the drag misses."""
 LEAST_RATIO = 1.6
 """Fastest over slowest window; below it linear and quadratic drag are one figure."""
 LEAST_SPEED = 0.05
+EXPONENTS = np.linspace(0.8, 2.8, 81)
+"""Of drag by a power of the speed, c x^n: what linear and quadratic drag may miss."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ class TowFit:
 
     1.96 standard errors are half of the 95 % interval, of Student's t by clusters of windows.
     `free`: which of the three the tows tell; a mass that is not free is the prior's.
+    `power`: c and n of c x^n, where drag by a power leaves less; no form of the file.
     `held_out`: share of the force's scatter about its mean that a fit to the other half of
     the windows predicts.
     """
@@ -58,11 +61,15 @@ class TowFit:
     forces_N: Array
     residual_N: float
     held_out: float
+    power: tuple[float, float] | None = None
 
     def drag(self, speed: float) -> tuple[float, float]:
-        """Return the drag at a speed [N] and its standard error."""
+        """Return the drag at a speed [N] and its error, by noise and by form."""
         by = np.array([0.0, speed, speed * abs(speed)])
-        return float(by @ self.values), float(np.sqrt(by @ self.covariance @ by))
+        drag, form = float(by @ self.values), 0.0
+        if self.power is not None:
+            form = float(self.power[0] * np.sign(speed) * abs(speed) ** self.power[1]) - drag
+        return drag, float(np.hypot(np.sqrt(by @ self.covariance @ by), form))
 
 
 def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> TowFit:
@@ -111,7 +118,22 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
         target,
         float(np.sqrt(np.mean(error**2))),
         1.0 - float(np.sum(missed**2)) / about if about > 0.0 else float("nan"),
+        _power(rows, target, error) if wide else None,
     )
+
+
+def _power(rows: Array, target: Array, error: Array) -> tuple[float, float] | None:
+    """Return c and n of drag c x^n beside a mass, None where `error` (k,) is less."""
+    best: tuple[float, float] | None = None
+    least = float(error @ error)
+    for exponent in EXPONENTS:
+        x = rows[:, 1]
+        part = np.column_stack([rows[:, 0], np.sign(x) * np.abs(x) ** exponent])
+        solution = np.linalg.lstsq(part, target, rcond=None)[0]
+        left = float(np.sum((target - part @ solution) ** 2))
+        if left < least:
+            best, least = (float(solution[1]), float(exponent)), left
+    return best
 
 
 def clusters(speed: Array, used: int) -> Index:

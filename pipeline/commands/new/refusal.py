@@ -155,7 +155,8 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
             " buoyancy drive and density of the water in the stream glider (docs/glide.md)"
         )
     if log.has("tow") or log.vehicle is not None:
-        return (
+        nameless = [f"{words.rstrip('.')}. " for words in more if _is_nameless(words)]
+        return "".join(nameless) + (
             "Log a tow of 30 s and more at two speeds with velocity and tow force, three releases"
             " at speed, or a decay of roll, pitch or depth (docs/coasting.md)"
         )

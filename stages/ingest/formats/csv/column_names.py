@@ -103,6 +103,11 @@ class NamedColumn:
             and MEASURES.get(self.unit, "speed") == "speed"
         )
 
+    def is_lone_ahead(self, columns: Sequence[NamedColumn]) -> bool:
+        """Return whether it is a speed ahead without one aside or down."""
+        aside = {("velocity", "v_m_s"), ("velocity", "w_m_s")}
+        return self.place == ("velocity", "u_m_s") and not aside & {it.place for it in columns}
+
     @property
     def in_quaternion(self) -> bool:
         """Return whether the column is a part of a quaternion."""
@@ -232,7 +237,7 @@ def _in_header(columns: Sequence[NamedColumn]) -> list[NamedColumn]:
         if steered and item.words in ("yaw", "roll", "pitch") and not item.unit:
             item = replace(item, place=("actuators", f"command_{item.words}"))
         item = _with_side(item, direction, pointed=pointed)
-        if is_towed and item.place is None:
+        if is_towed and (item.place is None or item.is_lone_ahead(columns)):
             item = _beside_tow_force(item, columns)
         result.append(item)
     return result
@@ -256,8 +261,9 @@ def _beside_tow_force(item: NamedColumn, columns: Sequence[NamedColumn]) -> Name
     if item.words in ("drag force", "drag") and MEASURES.get(item.unit, "force") == "force":
         return replace(item, place=("tow", "tow_force_n"))
     is_speed = item.words in TOWED_SPEEDS and MEASURES.get(item.unit, "speed") == "speed"
-    is_speed = is_speed or item.is_speed_ahead
-    if is_speed and "velocity" not in streams and "tow_speed_m_s" not in fields:
+    lone = item.is_lone_ahead(columns)
+    is_speed = is_speed or item.is_speed_ahead or lone
+    if is_speed and (lone or "velocity" not in streams) and "tow_speed_m_s" not in fields:
         return replace(item, place=("tow", "tow_speed_m_s"))
     return item
 

@@ -247,7 +247,11 @@ def _with_columns(
         accelerometer=accelerometer_of(kept, values),
         repeating=repeating_streams(kept, values),
         unused=tuple(item.name for item in columns if item.name not in used),
-        ahead=tuple(i.name for i in columns if i.name not in used and i.is_speed_ahead),
+        ahead=tuple(
+            item.name
+            for item in columns
+            if item.name not in used and (item.is_speed_ahead or item.is_lone_ahead(columns))
+        ),
         remarks=(*draft.remarks, *remarks),
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,21 @@ def test_drag_of_another_form_lies_in_its_interval_at_the_speeds_that_were_towed
         drag, error = fit.drag(towed_at)
         truth = 4.0 * towed_at + 38.0 * towed_at**1.82
         assert abs(drag - truth) < 1.3 * NORMAL_95 * error, (towed_at, drag, truth, error)
+
+
+def test_drag_by_a_power_of_the_speed_counts_what_linear_and_quadratic_drag_miss() -> None:
+    rng, t_s = np.random.default_rng(0), 0.1 * np.arange(230)
+    records = []
+    for level in (0.3, 0.5, 0.7, 0.9, 0.6, 0.4, 0.8):
+        speed = level * (1.0 - np.exp(-(t_s + 0.4) / 1.2))
+        force = 27.0 * speed**1.62 + 49.0 * np.gradient(speed, t_s)
+        noise = rng.normal(size=(2, t_s.size))
+        records.append(TowRecord(t_s, speed + 0.004 * noise[0], force + 0.25 * noise[1]))
+    fit = fit_tow(records, mass_kg=45.0, mass_sd_kg=9.0)
+    speeds = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.9])
+
+    def away(fit: TowFit) -> float:
+        """Return the largest departure from the truth in standard errors."""
+        return max(abs(fit.drag(x)[0] - 27.0 * x**1.62) / fit.drag(x)[1] for x in speeds)
+
+    assert away(fit) < NORMAL_95 < away(replace(fit, power=None))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvid.stages.ingest.formats.csv.column_names import NamedColumn, named_columns
+from auvid.stages.ingest.formats.csv.column_proposal import ahead_words
 from tests.support.column_drafts import T_S, drafted, wave
 from tests.support.tools import ROOT
 
@@ -73,10 +74,12 @@ def test_names_that_leave_something_open_are_marked() -> None:
     assert "beyond 1: another unit, or a set point" in steered.columns[2].check
     assert "else psi_rad" in steered.columns[2].check
     assert "beyond 1" not in steered.columns[0].check
-    for name in ("speed_mps", "speed_log_m_s"):
+    for name in ("speed_log_m_s", "surge_mps", "speed_mps"):
         towed = drafted({"t_s": T_S, "tension_N": 9.0 + wave(1.0), name: 1.0 + wave(0.1)})
         assert [item.field for item in towed.columns] == ["tow_force_n", "tow_speed_m_s"]
     assert "taken for the speed of the tow" in towed.columns[1].check
+    (words,) = ahead_words(drafted({"t_s": T_S, "surge_mps": 1.0 + wave(0.1)}).ahead)
+    assert words.startswith("surge_mps: speed through the water ahead")
 
 
 def test_a_wave_height_below_zero_is_no_depth() -> None:
