@@ -20,10 +20,9 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import FusionRecord, InstallationRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.coasting.decay import fit_decay
+from auvid.hydro.identification.coasting.decay import LEAST_COASTS, fit_decay
 from auvid.hydro.identification.coasting.finding import CoastRule
 from auvid.hydro.identification.coasting.thrust_scale import (
-    PoweredLeg,
     common_scale,
     drag_and_scale,
 )
@@ -33,6 +32,8 @@ from auvid.stages.coast.coast_records import (
     DEGREES,
     FORCE_COLUMNS,
     SegmentTables,
+    force_columns_of,
+    powered_leg,
     segment_coasts,
 )
 from auvid.stages.coast.presentation import (
@@ -119,10 +120,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         )
         for name in DEGREES
     }
-    legs: dict[str, list[PoweredLeg]] = {name: [] for name in DEGREES}
-    axes = _gathered(inputs, params, rules, legs)
+    axes = _gathered(inputs, params, rules)
     for name, axis in axes.items():
-        _fit(axis, legs[name], vehicle, DEGREES[name])
+        _fit(axis, inputs, DEGREES[name])
     scaled = [axis for axis in axes.values() if axis.scale is not None]
     common = (
         common_scale(
@@ -140,12 +140,9 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 
 def _gathered(
-    inputs: Inputs,
-    params: Params,
-    rules: Mapping[str, CoastRule],
-    legs: Mapping[str, list[PoweredLeg]],
+    inputs: Inputs, params: Params, rules: Mapping[str, CoastRule]
 ) -> dict[str, AxisCoasts]:
-    """Return the coasts of all segments by velocity; `legs` take the powered legs."""
+    """Return the coasts of all segments by velocity."""
     vehicle = inputs.vehicle
     axes = {name: AxisCoasts() for name in DEGREES}
     for key, segment in counted("segment", list(inputs.segment.items())):
@@ -168,16 +165,30 @@ def _gathered(
         )
         for name, part in parts.items():
             axes[name].add(key, float(segment.leg_start_s), part.search, part.records)
-            legs[name].append(part.leg)
     return axes
 
 
-def _fit(axis: AxisCoasts, legs: Iterable[PoweredLeg], vehicle: Vehicle, place: int) -> None:
-    """Fit the coasts on one axis, and the scale of the thrust where it is driven."""
+def _fit(axis: AxisCoasts, inputs: Inputs, place: int) -> None:
+    """Fit the coasts on one axis, and the scale of the thrust where it is driven.
+
+    Only the powered legs of one axis that has coasts are in memory.
+    """
+    vehicle = inputs.vehicle
+    axis.mass_share = mass_share(vehicle, place)
+    if len(axis.records) < LEAST_COASTS:  # which the section says
+        return
     mass = float(vehicle.mass_matrix[place, place])
     prior_sd = (NET_BUOYANCY,) if place < 3 else ()
-    axis.mass_share = mass_share(vehicle, place)
-    with suppress(DataError):  # too few coasts, which the section says
+    legs = [
+        powered_leg(
+            inputs.fused.part(key, (*ATTITUDE, VELOCITY[place])),
+            inputs.residual.part(key, force_columns_of(place)),
+            vehicle,
+            place,
+        )
+        for key in inputs.segment
+    ]
+    with suppress(DataError):  # too few of the coasts are sound
         if any(np.any(leg.thrust != 0.0) for leg in legs):
             axis.decay, axis.scale = drag_and_scale(
                 axis.records, legs, mass=mass, prior_sd=prior_sd

@@ -56,11 +56,10 @@ STILL_REV_S = 0.05
 
 @dataclass(frozen=True)
 class SegmentCoasts:
-    """Coasts of a segment on one velocity, and the whole of it as a powered leg."""
+    """Coasts of a segment on one velocity."""
 
     search: CoastSearch
     records: tuple[CoastRecord, ...]
-    leg: PoweredLeg
 
 
 @dataclass(frozen=True)
@@ -101,11 +100,9 @@ def segment_coasts(
     modelled = modelled - sum(
         forces(residual, f"{kind}_coriolis") for kind in ("rigid_body", "added_mass")
     )
-    acting = np.sum([forces(residual, name) for name in _acting(residual)], axis=0)
     if has_columns(residual, force_columns("fins")):
         modelled = modelled + forces(residual, "fins")
-    # Net buoyancy that the vehicle file does not have acts along the vertical.
-    down = rotation_body_to_ned(matrix(fused, ATTITUDE))[:, 2, :] * vehicle.weight
+    down = _down(fused, vehicle)
     late = first_order_lag(thrust, lag_s=lag_s, step_s=float(t_s[1] - t_s[0]))
     out = {}
     for name, place_of in DEGREES.items():
@@ -130,16 +127,32 @@ def segment_coasts(
                     np.interp(at, t_s, late[:, place_of] / m),
                 )
             )
-        total = forces(residual, "tau_bar")[:, place_of] + acting[:, place_of]
-        # Views would keep the columns of the other axes.
-        thrust, own_speed = acting[:, place_of].copy(), speed.copy()
-        leg = PoweredLeg(total, thrust, own_speed, shapes, float(np.mean(np.diff(t_s))))
-        out[name] = SegmentCoasts(search, tuple(records), leg)
+        out[name] = SegmentCoasts(search, tuple(records))
     return out
 
 
-def _acting(residual: pa.Table) -> list[str]:
-    return [name for name in ACTUATORS if has_columns(residual, force_columns(name))]
+def force_columns_of(place: int) -> tuple[str, ...]:
+    """Return the columns of the residual force that a powered leg on an axis takes."""
+    return tuple(force_columns(name)[place] for name in ("tau_bar", *ACTUATORS))
+
+
+def powered_leg(fused: pa.Table, residual: pa.Table, vehicle: Vehicle, place: int) -> PoweredLeg:
+    """Return the whole of a segment as a powered leg on the axis of a place."""
+    total, *actuators = force_columns_of(place)
+    driving = [column(residual, name) for name in actuators if has_columns(residual, (name,))]
+    acting = np.asarray(np.sum(driving, axis=0))
+    speed = column(fused, VELOCITY[place])
+    shapes = _down(fused, vehicle)[:, [place]] if place < 3 else np.zeros((speed.size, 0))
+    step_s = float(np.mean(np.diff(clock(fused))))
+    return PoweredLeg(column(residual, total) + acting, acting, speed, shapes, step_s)
+
+
+def _down(fused: pa.Table, vehicle: Vehicle) -> Array:
+    """Return the vertical (n, 3) in body axes times the weight.
+
+    Along it acts net buoyancy that the vehicle file does not have.
+    """
+    return np.asarray(rotation_body_to_ned(matrix(fused, ATTITUDE))[:, 2, :] * vehicle.weight)
 
 
 def _drive(tables: SegmentTables, vehicle: Vehicle) -> tuple[Array, Mask]:
