@@ -8,7 +8,7 @@ ratio is the scale of that curve, which every coefficient of the campaign goes w
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 

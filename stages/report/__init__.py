@@ -98,7 +98,29 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     if find_spec("rerun") is None:
         warnings.warn(NO_RECORDING, stacklevel=1)
         return outputs
-    return replace(outputs, recording=partial(render_recording, inputs, params, content))
+    recorded = replace(content, sections=without_curves(content.sections))
+    return replace(outputs, recording=partial(render_recording, inputs, params, recorded))
+
+
+def without_curves(sections: Mapping[str, Document]) -> dict[str, Document]:
+    """Return sections without the points of their plots, for a recording.
+
+    Those of many legs take much memory.
+    """
+
+    def left(block: Document) -> Document:
+        if block["kind"] != "plot":
+            return block
+        panels = [
+            {**panel, "series": [{**line, "x": [], "y": []} for line in panel["series"]]}
+            for panel in block["panels"]
+        ]
+        return {**block, "panels": panels}
+
+    return {
+        name: {**document, "blocks": [left(block) for block in document["blocks"]]}
+        for name, document in sections.items()
+    }
 
 
 NO_RECORDING = (

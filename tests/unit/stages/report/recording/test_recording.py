@@ -26,8 +26,9 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.pipeline.store.pipes import saved_pieces
 from auvid.stages.base import Collection
 from auvid.stages.columns import VELOCITY, force_columns
+from auvid.stages.page.colours import roles_of
 from auvid.stages.page.first_screen import Figure, Use
-from auvid.stages.report import Params, collect, render_recording, run
+from auvid.stages.report import Params, collect, render_recording, run, without_curves
 from auvid.stages.report.clock import Clock, make_clock
 from auvid.stages.report.recording.blueprint import (
     NO_RANGE,
@@ -51,7 +52,7 @@ from auvid.stages.report.recording.recording import (
     parted,
 )
 from auvid.stages.report.recording.rerun_stream import Recording, quaternions
-from auvid.stages.report.recording.text import markdown
+from auvid.stages.report.recording.text import markdown, stage_texts
 from auvid.stages.report.summary.model_summary import summarise
 from tests.support.example_run import ExampleRun, example_run
 
@@ -424,6 +425,18 @@ def test_band_is_two_standard_deviations_and_a_difference_is_prediction_less_mea
     np.testing.assert_allclose(
         list(_values(table, less, names, _part_of(names), "x")), [[-2.0, -3.0]], rtol=1e-12
     )
+
+
+def test_a_recording_needs_no_points_of_the_plots(example: ExampleRun) -> None:
+    sections = without_curves(example.sections)
+    assert stage_texts(sections) == stage_texts(example.sections)
+    assert roles_of(sections) == roles_of(example.sections)
+    blocks = [block for document in sections.values() for block in document["blocks"]]
+    lines = [
+        line for item in blocks for panel in item.get("panels", ()) for line in panel["series"]
+    ]
+    assert lines
+    assert not any(line["x"] or line["y"] for line in lines)
 
 
 def test_columns_that_are_not_drawn_stay_on_disk(example: ExampleRun) -> None:
