@@ -162,15 +162,20 @@ def visible(value: Any) -> Any:
     """
     if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
         return value
-    return "".join(
-        _escaped_character(c) if unicodedata.category(c) in HIDDEN and c not in "\n\t" else c
-        for c in value
-    )
+    return value.translate(_VISIBLE)
 
 
-def _escaped_character(character: str) -> str:
-    code = ord(character)
-    return chr(0x2400 + code) if code < 0x20 else "\ufffd"
+class _VisibleForms(dict[int, int | str]):
+    """What stands for a character: looked up once for each there is."""
+
+    def __missing__(self, code: int) -> int | str:
+        hides = unicodedata.category(chr(code)) in HIDDEN and chr(code) not in "\n\t"
+        sign = chr(0x2400 + code) if code < 0x20 else "\ufffd"
+        self[code] = sign if hides else code
+        return self[code]
+
+
+_VISIBLE = _VisibleForms()
 
 
 @lru_cache(maxsize=4096, typed=True)  # text that is escaped already is another text

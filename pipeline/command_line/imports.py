@@ -6,6 +6,10 @@ import gc
 from collections.abc import Generator
 from contextlib import contextmanager
 
+NEW_OBJECTS = 20_000
+"""So many, since it looked last, make the collector look again: at 700, which is Python's
+own number, it takes a thirtieth of a run.
+"""
 _frozen = False
 """Whether imports of this process are kept: to count them takes longer than to keep them."""
 
@@ -25,6 +29,7 @@ def kept_for_good() -> Generator[None]:
     finally:
         if not _frozen:  # once in a process, else its garbage would stay too
             gc.freeze()
+            gc.set_threshold(NEW_OBJECTS)
             _frozen = True
         if was_enabled:
             gc.enable()

@@ -275,8 +275,9 @@ def _plots(
     kinds: dict[str, set[tuple[str, str]]] = defaultdict(set)
     for _, group in every:
         parts = str(visible(group["entity"])).split("/")
+        kind = (str(group["tab"]), readable_group(group)[1])
         for count in range(1, len(parts) + 1):
-            kinds["/".join(parts[:count])].add((str(group["tab"]), readable_group(group)[1]))
+            kinds["/".join(parts[:count])].add(kind)
     chosen: dict[str, Document] = {}
     named: dict[str, list[str]] = defaultdict(list)
     for _, group in groups:

@@ -25,7 +25,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
-from auvid.pipeline.command_line.imports import kept_for_good
+from auvid.pipeline.command_line.imports import NEW_OBJECTS, kept_for_good
 from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
@@ -461,4 +461,5 @@ def test_the_garbage_collector_passes_over_imports_of_a_run(
         assert not gc.isenabled()
     assert gc.isenabled()
     assert gc.get_freeze_count() > 0
+    assert gc.get_threshold()[0] == NEW_OBJECTS
     gc.unfreeze()
