@@ -22,7 +22,7 @@ from auvid.data_schemas.records.models import DiveCurrent, FactorRecord, ModelCa
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.records.priors import PriorSourcesRecord
 from auvid.data_schemas.tables import has_columns
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.vehicle.strip_theory import strip_theory_of
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_term_names
@@ -45,6 +45,7 @@ from auvid.hydro.identification.constrained.equations import viscous_equations
 from auvid.hydro.identification.constrained.priors import NormalPrior
 from auvid.hydro.identification.constrained.steady_current import (
     SteadyCurrent,
+    current_scatter,
     measured_currents,
 )
 from auvid.hydro.identification.regression.assumed_figures import CURRENT
@@ -97,9 +98,11 @@ from auvid.stages.synthesise.training import (
     FROM_ERRORS,
     RESIDUAL_COLUMNS,
     STATE_COLUMNS,
+    STILL_WATER,
     DataErrors,
     ForceSolution,
     LegTables,
+    MovingWater,
     TrainingData,
     TrainingSegment,
     coloured_errors,
@@ -340,13 +343,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if lag.standard_error_s is not None:
             spreads = {**vehicle.spreads, "thrust_lag": lag.standard_error_s}
             vehicle = replace(vehicle, spreads=spreads)
-    currents = _currents(inputs, training, lag_s, params.current_m_s)
+    currents, scatter_m_s = _currents(inputs, training, lag_s, params.current_m_s)
     in_water = {
         log: DiveCurrent(value_m_s=own.value.tolist(), sd_m_s=own.sd.tolist(), clear=own.clear)
         for log, own in currents.items()
     }
     if currents:
-        spreads = {**vehicle.spreads, CURRENT: _spread_of(currents)}
+        rms = [own.rms for own in currents.values()]
+        spreads = {
+            **vehicle.spreads,
+            CURRENT: float(np.sqrt(scatter_m_s**2 + np.mean(np.square(rms)))),
+        }
         vehicle = replace(vehicle, spreads=spreads)
     with_ratio = all(
         has_columns(inputs.residual.part(key, ("eta_ratio",)), ("eta_ratio",)) for key in training
@@ -369,7 +376,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 _tables(inputs, key, with_state=with_state),
                 with_ratio=with_ratio,
                 lag_s=lag_s,
-                currents_m_s=errors_of_log(currents, inputs.segment[key].log),
+                water=_water(currents, scatter_m_s, inputs.segment[key].log),
             )
             for key in training
         )
@@ -535,7 +542,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
     warnings = [
         *lag_blocks,
-        *current_blocks(currents),
+        *current_blocks(currents, scatter_m_s),
         *low_pass,
         *wiring,
         *(remark(words, "warning") for words in conflicts),
@@ -612,27 +619,28 @@ def _lag(
 
 def _currents(
     inputs: Inputs, training: Sequence[str], lag_s: float, usual_m_s: float
-) -> dict[str, SteadyCurrent]:
-    """Return log -> its current, of logs whose velocity is over ground."""
+) -> tuple[dict[str, SteadyCurrent], float]:
+    """Return log -> its current, where velocity is over ground, and its scatter."""
     if not usual_m_s:
-        return {}
+        return {}, 0.0
     legs = (leg_over_ground(_tables(inputs, key), lag_s) for key in training)
     over_ground = [leg for leg in legs if leg is not None]
-    return measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
+    if not over_ground:
+        return {}, 0.0
+    currents = measured_currents(over_ground, inputs.vehicle, usual_m_s=usual_m_s)
+    scatter_m_s = current_scatter(over_ground, inputs.vehicle, currents, usual_m_s=usual_m_s)
+    return currents, scatter_m_s
 
 
-def _spread_of(currents: Mapping[str, SteadyCurrent]) -> float:
-    """Return the root mean square [m/s] of what still water errs by, of a component."""
-    errors = np.array([current.errors for current in currents.values()])
-    return float(np.sqrt(np.sum(errors**2) / (2 * len(currents))))
-
-
-def errors_of_log(currents: Mapping[str, SteadyCurrent], log: str) -> Array | None:
-    """Return the errors (2 k, 3) by the currents of k logs, on legs of one of them."""
+def _water(currents: Mapping[str, SteadyCurrent], scatter_m_s: float, log: str) -> MovingWater:
+    """Return what moves the water under a leg of a log."""
     if not currents:
-        return None
-    return np.vstack(
-        [own.errors if name == log else np.zeros((2, 3)) for name, own in currents.items()]
+        return STILL_WATER
+    own = {name: float(name == log) for name in currents}
+    return MovingWater(
+        np.array([own[name] * current.established for name, current in currents.items()]),
+        np.vstack([own[name] * current.errors for name, current in currents.items()]),
+        scatter_m_s,
     )
 
 
@@ -761,7 +769,7 @@ def _motion_figures(
             _tables(inputs, key),
             with_ratio=False,
             lag_s=lag_s,
-            currents_m_s=errors_of_log(currents, inputs.segment[key].log),
+            water=_water(currents, 0.0, inputs.segment[key].log),
         )
         for key in training
     )

@@ -25,7 +25,12 @@ from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.lacking_terms import clear_terms, moved_by_terms
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
-from auvid.hydro.identification.regression.normal_changes import NormalChange, shifts, widened
+from auvid.hydro.identification.regression.normal_changes import (
+    NormalChange,
+    TrueEquations,
+    shifts,
+    widened,
+)
 from auvid.hydro.identification.regression.prior import posterior
 from auvid.hydro.identification.regression.separability import judge_with_motion
 from auvid.hydro.identification.regression.verdicts import (
@@ -76,12 +81,15 @@ def model_card(
     """
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
-        covariance = _about_the_truth(fit, coloured, data.errors)
-        figures = {name: shifts(changes, fit) for name, changes in data.errors.figures.items()}
+        equations = data.errors.equations(fit)
+        covariance = _about_the_truth(equations, coloured, data.errors)
+        figures = data.errors.shifts(fit, equations)
         lacking: tuple[str, ...] = ()
         if axis in completed:
             fuller, its_errors = completed[axis]
-            lacking = clear_terms(fuller, fit, _about_the_truth(fuller, its_errors, data.errors))
+            first_order = TrueEquations.of(fuller, ())
+            about = _about_the_truth(first_order, its_errors, data.errors)
+            lacking = clear_terms(fuller, fit, about)
         if lacking:
             figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
         if unsteady:
@@ -137,10 +145,11 @@ def model_card(
     )
 
 
-def _about_the_truth(fit: AxisFit, coloured: Coloured, errors: DataErrors) -> Array:
+def _about_the_truth(equations: TrueEquations, coloured: Coloured, errors: DataErrors) -> Array:
     """Return the covariance (k, k) by noise and errors of velocities and filters."""
-    changes = (*(errors.velocities or ()), *errors.smoothing, *errors.low_pass)
-    return widened(coloured.covariance, list(shifts(changes, fit)))
+    velocities = [equations.shift(change) for change in errors.velocities or ()]
+    filters = shifts((*errors.smoothing, *errors.low_pass), equations.fit)
+    return widened(equations.noise(coloured.covariance), [*velocities, *filters])
 
 
 def held_out_card(ratios: HeldOut) -> dict[str, dict[str, float | None]]:

@@ -10,7 +10,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.constrained.actuator_lag import ActuatorLag
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.statuses import moved_far
-from auvid.hydro.identification.constrained.steady_current import SteadyCurrent
+from auvid.hydro.identification.constrained.steady_current import MATTERS_M_S, SteadyCurrent
 from auvid.hydro.identification.regression.assumed_figures import CURRENT, UNSTEADY, total_error
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
 from auvid.hydro.identification.regression.least_squares import CONSTANT
@@ -334,8 +334,11 @@ def stated_lag_words(stated_s: float, spread_s: float | None, measured: Actuator
     return f"{words}{of_legs}."
 
 
-def current_blocks(currents: Mapping[str, SteadyCurrent]) -> list[Block]:
-    """Return a warning on clear currents, a note on those that the legs leave open."""
+def current_blocks(currents: Mapping[str, SteadyCurrent], scatter_m_s: float) -> list[Block]:
+    """Return a warning on clear currents, a note on those that the legs leave open.
+
+    scatter_m_s: by how much they change within dives.
+    """
     blocks = []
     clear = {log: current for log, current in currents.items() if current.clear}
     if clear:
@@ -349,9 +352,15 @@ def current_blocks(currents: Mapping[str, SteadyCurrent]) -> list[Block]:
             f"{log}: [{current.value[0]:.3f}, {current.value[1]:.3f}]"
             for log, current in clear.items()
         )
+        changes = (
+            f" It changes by {scatter_m_s:.2g} m/s within a dive, which no setting takes off."
+            if scatter_m_s >= 0.5 * MATTERS_M_S
+            else ""
+        )
         words = (
             f"The forces show a steady current, {'; '.join(dives)}, and the velocities are those"
-            " over ground. It leans drag and constant forces, and their intervals count it. To take"
+            f" over ground.{changes} It leans drag and constant forces, and their intervals count"
+            " it. To take"
             f" it off, write stages.fuse.current_m_s: {{{entries}}}. A tether that pulls one way"
             " looks like one."
         )

@@ -29,6 +29,7 @@ from auvid.hydro.identification.constrained.equations import (
 )
 from auvid.hydro.identification.constrained.steady_current import LegOverGround
 from auvid.hydro.identification.regression.assumed_figures import (
+    CURRENT,
     MeasuredLeg,
     current_errors,
     figure_errors,
@@ -48,6 +49,8 @@ from auvid.hydro.identification.regression.normal_changes import (
     STRIDE,
     NormalChange,
     StridedLeg,
+    TrueEquations,
+    shifts,
     smoothed_force,
 )
 from auvid.hydro.identification.regression.prior import coloured_over_white
@@ -118,14 +121,35 @@ class LegTables:
 
 
 @dataclass(frozen=True)
+class MovingWater:
+    """Currents under a leg's velocities over ground, NED [m/s].
+
+    (0, 3) for still water. values (d, 3): established ones of each dive, 0 but for that of the
+    leg; errors (2 d, 3): two of each, one deviation; scatter_m_s: of each horizontal
+    component, within a dive.
+    """
+
+    values: Array
+    errors: Array
+    scatter_m_s: float = 0.0
+
+    @property
+    def scatter(self) -> Array:
+        """Return the scatter as two currents (2, 3)."""
+        return self.scatter_m_s * np.eye(3)[: 2 if self.scatter_m_s else 0]
+
+
+STILL_WATER = MovingWater(np.zeros((0, 3)), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True)
 class TrainingSegment:
     """One training segment; None where unknown.
 
     nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
     actuators; thrust (n, 6) is what thrusters and propeller have in it, actuators (n, 6)
     all of them with fins. cutoffs_hz: of the splines behind the six accelerations;
-    low_pass_hz: of the low-pass that all channels passed; currents_m_s (k, 3): steady
-    currents, NED, that still water may err by.
+    low_pass_hz: of the low-pass that all channels passed; water: what moves it.
     """
 
     nu: Array
@@ -137,7 +161,7 @@ class TrainingSegment:
     measured: MeasuredLeg | None = None
     cutoffs_hz: tuple[float | None, ...] = ()
     low_pass_hz: float | None = None
-    currents_m_s: Array | None = None
+    water: MovingWater = STILL_WATER
 
     @classmethod
     def of(
@@ -146,7 +170,7 @@ class TrainingSegment:
         *,
         with_ratio: bool,
         lag_s: float = 0.0,
-        currents_m_s: Array | None = None,
+        water: MovingWater = STILL_WATER,
     ) -> TrainingSegment:
         """Return the samples of a segment whose actuators are late by `lag_s`."""
         residual, nu = tables.residual, matrix(tables.residual, VELOCITY)
@@ -175,7 +199,7 @@ class TrainingSegment:
             measured,
             tuple(cutoffs),
             None if tables.fusion is None else tables.fusion.cutoff_hz,
-            currents_m_s,
+            water,
         )
 
     def figure_errors(
@@ -187,11 +211,7 @@ class TrainingSegment:
             *figure_errors(
                 every, vehicle, thrust=thrust, actuators=actuators, spreads=vehicle.spreads
             ),
-            *(
-                []
-                if self.currents_m_s is None
-                else current_errors(every, vehicle, self.currents_m_s)
-            ),
+            *current_errors(every, vehicle, self.water.errors),
         ]
 
     def blocks(self, size: int, terms: Sequence[str]) -> Iterator[tuple[Array, Array]]:
@@ -208,18 +228,35 @@ class DataErrors:
 
     velocities: of each velocity, None where a leg has no standard deviations of them;
     smoothing: of each acceleration's spline; low_pass: of that of all channels, one or
-    none; figures: assumed figure of the vehicle -> its independent numbers.
+    none; figures: assumed figure of the vehicle -> its independent numbers; currents: what
+    the value of each puts right, to second order; scatter: what theirs adds.
     """
 
     velocities: tuple[NormalChange, ...] | None
     smoothing: tuple[NormalChange, ...]
     low_pass: tuple[NormalChange, ...]
     figures: Mapping[str, tuple[NormalChange, ...]]
+    currents: tuple[NormalChange, ...] = ()
+    scatter: tuple[NormalChange, ...] = ()
+
+    def equations(self, fit: AxisFit) -> TrueEquations:
+        """Return the equations of a fit without the errors of its columns."""
+        return TrueEquations.of(fit, (*(self.velocities or ()), *self.scatter), self.currents)
+
+    def shifts(self, fit: AxisFit, equations: TrueEquations) -> dict[str, Array]:
+        """Return assumed figure -> what each of its numbers moves (c, k)."""
+        moved = {name: shifts(changes, fit) for name, changes in self.figures.items()}
+        currents = [equations.shift(change) for change in (*self.currents, *self.scatter)]
+        if currents:
+            moved[CURRENT] = np.vstack([*moved.get(CURRENT, ()), *currents])
+        return moved
 
     @classmethod
     def of(cls, leg: TrainingSegment, terms: Sequence[str], vehicle: Vehicle) -> DataErrors:
         """Return the errors of one leg."""
-        every, smoothing, figures = None, [], []
+        every, smoothing = None, []
+        figures: list[tuple[str, Array, Array | None]] = []
+        flows: list[tuple[Array, Array]] = []
         low_pass: tuple[NormalChange, ...] = ()
         if leg.measured is not None:
             every = leg.measured.every(STRIDE)
@@ -227,6 +264,8 @@ class DataErrors:
                 partial(_smoothed, leg.measured, vehicle), list(enumerate(leg.cutoffs_hz))
             )
             figures = leg.figure_errors(every, vehicle)
+            moving = np.vstack([leg.water.values, leg.water.scatter])
+            flows = [(d_force, d_nu) for _, d_force, d_nu in current_errors(every, vehicle, moving)]
             if leg.low_pass_hz is not None:
                 low_pass = (
                     lost_motion(
@@ -238,11 +277,19 @@ class DataErrors:
             at, slopes = strided(place), np.zeros((len(part.rows), 6, 6))
             if every is not None and leg.sd is not None:
                 slopes = every.rows(at).force_slopes(vehicle)
+            squares = [part.squared(d_force[at], d_nu[at]) for d_force, d_nu in flows]
+            count = len(leg.water.values)
+            currents = (
+                part.definite(d_force[at], d_nu[at]).merge(square)
+                for (d_force, d_nu), square in zip(flows[:count], squares, strict=False)
+            )
             return cls(
                 None if leg.sd is None else part.random(leg.sd[place], slopes),
                 tuple(part.definite(force[at]) for force in smoothing),
                 (),
                 _by_figure(part, figures, at),
+                tuple(currents),
+                tuple(squares[count:]),
             )
 
         parts = StridedLeg.of_parts(of_piece, leg.nu, leg.force, terms, ratio=leg.ratio)
@@ -260,7 +307,10 @@ class DataErrors:
         if leg.measured is None:
             return {}
         every = leg.measured.every(STRIDE)
-        figures = leg.figure_errors(every, vehicle)
+        figures = [
+            *leg.figure_errors(every, vehicle),
+            *current_errors(every, vehicle, leg.water.values),
+        ]
 
         def of_piece(place: slice, part: StridedLeg) -> dict[str, tuple[NormalChange, ...]]:
             at = strided(place)
@@ -279,6 +329,8 @@ class DataErrors:
             _merged(self.smoothing, other.smoothing),
             _merged(self.low_pass, other.low_pass),
             merged_figures(self.figures, other.figures),
+            _merged(self.currents, other.currents),
+            _merged(self.scatter, other.scatter),
         )
 
 

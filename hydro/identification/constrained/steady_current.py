@@ -15,7 +15,7 @@ a current of which nothing is known but its usual size.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -46,6 +46,8 @@ CLEAR, MATTERS_M_S = 4.0, 0.03
 """Standard deviations from zero of a clear current, and the size from which on it counts."""
 SURE_SHARE = 0.5
 """Of the usual standard deviation, from which down the legs show a current."""
+PIECE_S, MOST_PIECES = 20.0, 60
+"""Over which a current counts as constant where its scatter is measured; pieces at most."""
 AXES_USED = (0, 1)
 
 
@@ -95,13 +97,25 @@ class SteadyCurrent:
         return odds > CLEAR**2 and self.speed > MATTERS_M_S
 
     @property
-    def errors(self) -> Array:
-        """Return two independent currents (2, 3), NED, that still water errs by.
+    def established(self) -> Array:
+        """Return the current (3,), NED, that the forces show clearly, else 0."""
+        return np.append(self.value, 0.0) if self.clear else np.zeros(3)
 
-        One standard deviation each: their squares add up to value value' + covariance.
+    @property
+    def errors(self) -> Array:
+        """Return two independent currents (2, 3), NED, that `established` errs by.
+
+        One standard deviation each; of one that is not clear its own size counts, too.
         """
-        size, axes = np.linalg.eigh(np.outer(self.value, self.value) + self.covariance)
+        doubt = np.zeros((2, 2)) if self.clear else np.outer(self.value, self.value)
+        size, axes = np.linalg.eigh(doubt + self.covariance)
         return np.column_stack([(axes * np.sqrt(np.maximum(size, 0.0))).T, np.zeros(2)])
+
+    @property
+    def rms(self) -> float:
+        """Return the RMS [m/s] of what still water errs by, of a component."""
+        total = float(self.value @ self.value + np.trace(self.covariance))
+        return float(np.sqrt(0.5 * total))
 
 
 def measured_currents(
@@ -134,6 +148,51 @@ def measured_currents(
         shows = bool((np.diag(after)[own] < SURE_SHARE**2 * usual_m_s**2).all())
         currents[log] = SteadyCurrent(mean[own], after[own, own], shows)
     return currents
+
+
+def current_scatter(
+    legs: Sequence[LegOverGround],
+    vehicle: Vehicle,
+    currents: Mapping[str, SteadyCurrent],
+    *,
+    usual_m_s: float,
+) -> float:
+    """Return by how much currents change within dives [m/s], of a component.
+
+    Pieces of `PIECE_S` have a current each, beside one drag. Their noise is independent from
+    piece to piece, a current that changes slowly is not: what neighbours depart by together
+    is its variance.
+    """
+    pieces: list[LegOverGround] = []
+    dives: list[str] = []
+    follows: list[bool] = []
+    length_s = sum(len(leg.tau_bar) * leg.measured.step_s for leg in legs)
+    piece_s = max(PIECE_S, length_s / MOST_PIECES)
+    for index, leg in enumerate(legs):
+        count = max(1, round(len(leg.tau_bar) * leg.measured.step_s / piece_s))
+        edges = np.linspace(0, len(leg.tau_bar), count + 1).astype(int).tolist()
+        for part in map(slice, edges[:-1], edges[1:]):
+            motion, force = leg.measured.rows(part), leg.tau_bar[part]
+            name = f"{index} {part.start}"
+            pieces.append(LegOverGround(name, motion, force, leg.actuators[part]))
+            dives.append(leg.log)
+            follows.append(part.start > 0)
+    blocks = LegBlocks.of([(len(piece.tau_bar), piece.measured.step_s) for piece in pieces])
+    if not any(follows) or len(blocks.early) < FEWEST_BLOCKS:
+        return 0.0
+    at = np.array([currents[dive].value for dive in dives])
+    usual = usual_m_s**2 * np.eye(at.size)
+    equations = _Equations.of(pieces, vehicle, [piece.log for piece in pieces], at, blocks)
+    away = equations.free_step().reshape(-1, 2)
+    noise = np.diag(equations.covariance(blocks.early, usual, at)).reshape(-1, 2)
+    weight = 1.0 / (noise + SLOPE_M_S**2)
+    for dive in set(dives):
+        own = np.array(dives) == dive
+        away[own] -= (weight[own] * away[own]).sum(axis=0) / weight[own].sum(axis=0)
+    second = np.flatnonzero(follows)
+    pair = np.sqrt(weight[second] * weight[second - 1])
+    together = float((pair * away[second] * away[second - 1]).sum() / pair.sum())
+    return float(np.sqrt(max(together, 0.0)))
 
 
 @dataclass(frozen=True)

@@ -150,11 +150,15 @@ def _arm_errors(leg: MeasuredLeg, vehicle: Vehicle, arm_m: Array) -> tuple[Array
 
 
 def through_water(leg: MeasuredLeg, current_m_s: Array) -> MeasuredLeg:
-    """Return a leg with its motion through water that moves by (3,) NED [m/s].
+    """Return a leg with its motion through water that moves by (3,) or (n, 3) [m/s].
 
-    nu_r = nu - R' c and nu_r_dot = nu_dot + w x R' c: the forces see these alone.
+    NED of the water. nu_r = nu - R' c, nu_r_dot = nu_dot + w x R' c: forces see these alone.
     """
-    drift = np.einsum("nji,j->ni", rotation_body_to_ned(leg.eta[:, 3:]), current_m_s)
+    drift = np.einsum(
+        "nji,nj->ni",
+        rotation_body_to_ned(leg.eta[:, 3:]),
+        np.broadcast_to(current_m_s, (len(leg.nu), 3)),
+    )
     nu, nu_dot = leg.nu.copy(), leg.nu_dot.copy()
     nu[:, :3] -= drift
     nu_dot[:, :3] += cross(leg.nu[:, 3:], drift)
@@ -163,7 +167,7 @@ def through_water(leg: MeasuredLeg, current_m_s: Array) -> MeasuredLeg:
 
 def current_errors(
     leg: MeasuredLeg, vehicle: Vehicle, currents_m_s: Array
-) -> Iterator[tuple[str, Array, Array | None]]:
+) -> Iterator[tuple[str, Array, Array]]:
     """Yield what each of currents (k, 3), NED, does, as `figure_errors` does."""
     before = residual_force(vehicle, leg.eta, leg.nu, leg.nu_dot, leg.control).tau_bar
     for current in currents_m_s:

@@ -12,8 +12,11 @@ scatter of the residuals does not show it. Four kinds of errors stand here alike
 - what a low-pass took from the motion (`lost_motion`).
 - assumed figures of the vehicle (`assumed_figures`).
 
-Limits: first order; errors of the velocities are independent of one another and of the
-motion.
+The first order says too little where columns hardly differ: errors of the columns and a
+known current go through `TrueEquations` (decision 0112).
+
+Limits: first order for all others; errors of the velocities are independent of one another
+and of the motion.
 """
 
 from __future__ import annotations
@@ -29,13 +32,20 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.jacobians import basis_jacobian
 from auvid.hydro.dynamics.viscous.basis import basis_rows
-from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
+from auvid.hydro.identification.regression.least_squares import (
+    CONSTANT,
+    RANK_TOLERANCE,
+    AxisFit,
+)
+from auvid.hydro.identification.regression.standard_errors import mapped
 from auvid.hydro.long_series.threads import at_once
 
 STRIDE = 5
 """Every fifth sample is enough for a mean: velocities are smooth over many samples."""
 AT_ONCE = 2048
 """Samples whose slopes are in memory at once."""
+MOST_ERRORS = 0.9
+"""Of a direction of motion: what leans it counts ten times then, and its noise too."""
 SMOOTHED_SHARE = 3.0
 """What a spline took away over what it takes from its own result: 3 to 5 for the pitch
 and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
@@ -65,6 +75,21 @@ class NormalChange:
         0 for undetermined terms. Solved from the fit's own triangular factor.
         """
         return np.asarray(shifts([self], fit)[0])
+
+    def scaled_pull(self, fit: AxisFit) -> Array:
+        """Return dq - dS K of what a fit determines, for unit columns."""
+        kept = list(fit.independent)
+        place = [self.terms.index(fit.terms[index]) for index in kept]
+        lean = self.moment[np.ix_(place, place)] @ fit.solution[kept]
+        pull = self.target[place, AXES.index(fit.axis)] - lean
+        return np.asarray(pull / fit.column_norms[kept])
+
+    def scaled_moment(self, fit: AxisFit) -> Array:
+        """Return dS of what a fit determines, for unit columns."""
+        kept = list(fit.independent)
+        place = [self.terms.index(fit.terms[index]) for index in kept]
+        scale = fit.column_norms[kept]
+        return np.asarray(self.moment[np.ix_(place, place)] / np.outer(scale, scale))
 
 
 def shifts(changes: Sequence[NormalChange], fit: AxisFit) -> Array:
@@ -201,6 +226,70 @@ class StridedLeg:
             moment = half + half.T
             target = target + self.weight * d_rows.T @ self.forces
         return NormalChange(self.terms, moment, target)
+
+    def squared(self, d_force: Array, d_nu: Array) -> NormalChange:
+        """Return the second order of `definite`: dS = dX'dX, dq = dX'dy.
+
+        It is what errors of either sign add.
+        """
+        d_rows = np.einsum("mki,mi->mk", self.slopes, d_nu)
+        return NormalChange(
+            self.terms, self.weight * d_rows.T @ d_rows, self.weight * d_rows.T @ d_force
+        )
+
+
+@dataclass(frozen=True)
+class TrueEquations:
+    """The inverse normal matrix of a fit without errors of its columns.
+
+    For columns of unit length. Where a column has hardly more of its own, beside those of the
+    others, than its errors, S - dS is nearly singular, and the first order by S says far too
+    little: sway and yaw rate of a torpedo go together to .995, and what is left is noise.
+    """
+
+    fit: AxisFit
+    inverse: Array
+
+    @classmethod
+    def of(
+        cls, fit: AxisFit, errors: Sequence[NormalChange], leans: Sequence[NormalChange] = ()
+    ) -> TrueEquations:
+        """Return those of S + dS of `leans` - dS of `errors`.
+
+        leans: what puts right an error that is known; errors: what random ones add to S.
+        Directions with more than `MOST_ERRORS` of errors count as having so much.
+        """
+        moment = fit.scaled_triangle.T @ fit.scaled_triangle
+        for lean in leans:
+            moment = moment + lean.scaled_moment(fit)
+        size, axes = np.linalg.eigh(moment)
+        root = axes / np.sqrt(np.maximum(size, RANK_TOLERANCE**2 * size.max(initial=0.0)))
+        added = np.zeros_like(moment)
+        for error in errors:
+            added = added + error.scaled_moment(fit)
+        share, directions = np.linalg.eigh(root.T @ added @ root)
+        back = root @ directions
+        return cls(fit, back / (1.0 - np.clip(share, 0.0, MOST_ERRORS)) @ back.T)
+
+    def shift(self, change: NormalChange) -> Array:
+        """Return how far an error moves the fit: (S - dS)^-1 (dq - dS K), (k,)."""
+        kept = list(self.fit.independent)
+        moved = np.zeros(len(self.fit.terms))
+        moved[kept] = self.inverse @ change.scaled_pull(self.fit) / self.fit.column_norms[kept]
+        return moved
+
+    def noise(self, covariance: Array) -> Array:
+        """Return the covariance (k, k) of the solution of these equations.
+
+        B C B' with B = (S - dS)^-1 S and C that of least squares.
+        """
+        kept = list(self.fit.independent)
+        scale = self.fit.column_norms[kept]
+        triangle, cell = self.fit.scaled_triangle, np.ix_(kept, kept)
+        by = self.inverse @ (triangle.T @ triangle) * scale / scale[:, None]
+        of_truth = covariance.copy()  # nan stays where the data determine no single number
+        of_truth[cell] = mapped(covariance[cell], by)
+        return of_truth
 
 
 def smoothed_force(left: ArrayLike, passed: ArrayLike, mass: Array, index: int) -> Array:

@@ -9,7 +9,11 @@ import pytest
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
-from auvid.hydro.identification.constrained.steady_current import LegOverGround, measured_currents
+from auvid.hydro.identification.constrained.steady_current import (
+    LegOverGround,
+    current_scatter,
+    measured_currents,
+)
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, through_water
 from tests.support.motions import shipped_vehicle
 
@@ -22,6 +26,7 @@ def leg_over_ground(
 ) -> LegOverGround:
     """Return a leg through water that goes with a current (2,) towards north and east.
 
+    Or with one (n, 3), NED, that changes.
     turns [rad]: how far the heading swings; steady: at one speed.
     """
     rng = np.random.default_rng(seed)
@@ -40,7 +45,8 @@ def leg_over_ground(
     nu[:, 5] = np.gradient(eta[:, 5], STEP_S)
     still = MeasuredLeg(eta, nu, nu_dot, Control(), STEP_S)
     drag = -20.0 * nu - 60.0 * nu * np.abs(nu) + 0.5 * rng.standard_normal(nu.shape)
-    ground = through_water(still, -np.array([*current, 0.0]))
+    flow = current if current.ndim == 2 else np.tile([*current, 0.0], (len(t_s), 1))
+    ground = through_water(still, -flow)
     through, over = (
         residual_force(VEHICLE, leg.eta, leg.nu, leg.nu_dot, leg.control).tau_bar
         for leg in (still, ground)
@@ -55,10 +61,25 @@ def test_a_dive_that_turns_shows_its_current(current: tuple[float, float]) -> No
     assert np.abs(measured.value - true).max() < 2.0 * measured.sd.max() < 0.03
     assert measured.shows
     assert measured.clear == bool(true.any())
-    second_moment = np.outer(measured.value, measured.value) + measured.covariance
+    errors = measured.errors
+    moment = np.outer(measured.value, measured.value) + measured.covariance
+    settled = measured.established[:2]
     np.testing.assert_allclose(
-        (measured.errors.T @ measured.errors)[:2, :2], second_moment, atol=1e-15
+        (errors.T @ errors)[:2, :2] + np.outer(settled, settled), moment, atol=1e-15
     )
+    np.testing.assert_array_equal(settled, measured.value if true.any() else 0.0)
+
+
+@pytest.mark.parametrize("wander", [0.0, 0.04])
+def test_neighbouring_pieces_show_a_current_that_changes(wander: float) -> None:
+    """Noise is independent from piece to piece; a slow change is not."""
+    t_s = np.arange(0.0, SECONDS, STEP_S)
+    change = wander * np.sqrt(2.0) * np.sin(2.0 * np.pi * t_s / SECONDS)
+    flow = np.column_stack([0.1 + change, change[::-1] - 0.05, np.zeros_like(t_s)])
+    legs = [leg_over_ground(flow, seed=seed) for seed in range(3)]
+    currents = measured_currents(legs, VEHICLE, usual_m_s=USUAL)
+    scatter = current_scatter(legs, VEHICLE, currents, usual_m_s=USUAL)
+    assert scatter == pytest.approx(wander, abs=0.012)
 
 
 def test_each_dive_has_its_own_whatever_the_order_of_legs() -> None:

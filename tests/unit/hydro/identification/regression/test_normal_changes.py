@@ -21,6 +21,7 @@ from auvid.hydro.identification.regression.normal_changes import (
     STRIDE,
     NormalChange,
     StridedLeg,
+    TrueEquations,
     smoothed_force,
     widened,
 )
@@ -76,6 +77,48 @@ def test_the_expected_shift_by_velocity_errors_is_that_of_the_fit(coriolis: floa
     assert abs(mean[0]) > 7.0
     assert np.sign(mean[0]) == (1.0 if coriolis == 0.0 else -1.0)
     np.testing.assert_allclose(shift[:2], mean[:2], rtol=0.15)
+
+
+def test_what_sway_has_of_its_own_may_be_as_large_as_its_errors() -> None:
+    """A torpedo sways as it turns: the first order says too little."""
+    first, exact = [], []
+    for seed in range(10):
+        nu, force = flown(seed)
+        nu[:, 1] = -0.4 * nu[:, 5] + 0.3 * (nu[:, 1] + 0.4 * nu[:, 5])
+        force[:, 1] = TRUTH @ basis_rows(nu.T, None, TERMS)
+        nu[:, 1] += 0.012 * np.random.default_rng([seed, 1]).standard_normal(len(nu))
+        leg, fit = StridedLeg.of(nu, force, TERMS, ratio=None), fit_of(nu, force)
+        changes = leg.random(np.broadcast_to(1.2 * SD, nu.shape), NO_SLOPE)
+        equations = TrueEquations.of(fit, changes)
+        lean = fit.solution[0] - TRUTH[0]
+        first.append(sum(change.shift(fit)[0] for change in changes) / lean)
+        exact.append(sum(equations.shift(change)[0] for change in changes) / lean)
+        assert equations.noise(fit.covariance)[0, 0] > 4.0 * fit.covariance[0, 0]
+        same = TrueEquations.of(fit, ())
+        np.testing.assert_allclose(same.shift(changes[1]), changes[1].shift(fit), rtol=1e-8)
+    assert np.mean(first) < 0.6
+    assert np.mean(exact) == pytest.approx(1.0, abs=0.25)
+
+
+def test_a_lean_that_is_measured_counts_to_second_order() -> None:
+    """Sway over ground in a current, of which the value is measured."""
+    nu, force = flown(3)
+    flow = np.zeros_like(nu)
+    flow[:, 1] = 0.06 * np.sin(np.linspace(0.0, 7.0, len(nu)))
+    rows = TERMS[:2]
+    leg = StridedLeg.of(nu + flow, force, rows, ratio=None)
+    factors = [
+        TriangularFactor.empty(rows).update(basis_rows(own.T, None, rows), force)
+        for own in (nu, nu + flow)
+    ]
+    right, wrong = (solve_axis(factor, "Y", rows, trim=True) for factor in factors)
+    d_nu, still = -flow[::STRIDE], np.zeros_like(flow[::STRIDE])
+    change = leg.definite(still, d_nu).merge(leg.squared(still, d_nu))
+    shift = TrueEquations.of(wrong, (), [change]).shift(change)
+    lean = right.solution - wrong.solution
+    assert abs(lean[0]) > 20.0
+    np.testing.assert_allclose(shift[:2], lean[:2], rtol=0.1)
+    assert abs(leg.definite(still, d_nu).shift(wrong)[0] - lean[0]) > 0.3 * abs(lean[0])
 
 
 def test_intervals_hold_the_truth_only_when_widened() -> None:
