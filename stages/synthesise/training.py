@@ -365,7 +365,7 @@ def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, spline: tuple[int, float | Non
     index, cutoff_hz = spline
     left = leg.nu_dot[:, index]
     passed = left if cutoff_hz is None else spline_lowpass(left, cutoff_hz, step_s=leg.step_s)
-    return smoothed_force(left, passed, vehicle.mass_matrix, index)[::STRIDE]
+    return smoothed_force(left[::STRIDE], passed[::STRIDE], vehicle.mass_matrix, index)
 
 
 def _merged(
@@ -571,6 +571,7 @@ def coloured_errors(
         for rows, force in leg.blocks(SEGMENT_SAMPLES, terms):
             updated = at_once(partial(_with_block, rows, force, row_of), left_out.values())
             left_out = dict(zip(left_out, updated, strict=True))
+            del rows, force  # before the next ones are made
     errors = {}
     for key, fit in fits.items():
         covariance, most = np.full((len(fit.terms), len(fit.terms)), np.nan), 1.0
