@@ -125,7 +125,8 @@ def card_of(legs: Mapping[str, Leg], simulated: SimulatedVehicle, model: str) ->
         collection({name: leg.fusion for name, leg in legs.items()}),
         collection({name: leg.controls for name, leg in legs.items()}),
     )
-    return synthesise.run(inputs, synthesise.Params(models=(model,))).model_card[model]
+    params = synthesise.Params(models=(model,), current_m_s=0.0)  # as the campaign states
+    return synthesise.run(inputs, params).model_card[model]
 
 
 def rows_of(
@@ -241,7 +242,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("--truth", default="linear", help="name of a viscous model")
     parser.add_argument("--plan", default="default", help="plan of campaigns/vt690_twin")
-    parser.add_argument("--seeds", type=int, default=6, help="seeds 1 to this")
+    parser.add_argument("--first", type=int, default=1, help="first seed")
+    parser.add_argument("--seeds", type=int, default=6, help="last seed")
     parser.add_argument("--minutes", type=float, default=14.0, help="begin no seed after these")
     parser.add_argument("--output", default="coverage_least_squares.csv", help="in build/")
     chosen = parser.parse_args()
@@ -258,7 +260,7 @@ def main() -> None:
 
     done = {int(row["seed"]) for row in rows()}
     begin = time.monotonic()
-    for seed in range(1, chosen.seeds + 1):
+    for seed in range(chosen.first, chosen.seeds + 1):
         if seed in done or time.monotonic() - begin > 60.0 * chosen.minutes:
             continue
         new = list(rows_of(*key, seed, plan, simulated))

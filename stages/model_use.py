@@ -328,16 +328,13 @@ def weak_only_by(item: TermCard, figure: str) -> bool:
     """Return whether a weak term would be clear without one of its assumed shifts."""
     if item.verdict != WEAK or item.value is None or not item.standard_error:
         return False
-    shifts = dict(item.assumed_shifts)
-    own = shifts.pop(figure, 0.0)
-    return (
+    others = {name: shift for name, shift in item.assumed_shifts.items() if name != figure}
+    without_it, among_all = (
         clear_of_zero(item.value, item.standard_error, shifts.values())
-        and not (
-            clear_of_zero(item.value, item.standard_error, [*shifts.values(), own])
-            and withstands(item.value, {figure: own})
-        )
-        and not item.turns_without
+        and withstands(item.value, shifts)
+        for shifts in (others, item.assumed_shifts)
     )
+    return without_it and not among_all and not item.turns_without
 
 
 def _damping_verdicts(card: ModelCard, axis: str) -> set[str]:

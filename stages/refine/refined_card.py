@@ -37,6 +37,7 @@ from auvid.hydro.identification.regression.verdicts import (
     TermStatus,
     clear_of_zero,
     strongest,
+    withstands,
 )
 from auvid.stages.refine.fitting import SensorFit
 
@@ -205,6 +206,7 @@ def _term(
             update["assumed_shifts"] = shifts
         if word == IDENTIFIED and (
             not clear_of_zero(value, error, shifts.values())
+            or not withstands(value, shifts)
             or moved_far(value, free, total_error(error, shifts))
         ):
             update["verdict"] = WEAK
@@ -265,6 +267,7 @@ def _inertia(
         "standard_error": error if np.isfinite(error) else 0.0,
         "change": change,
         "verdict": _clear(change, error, away),
+        "assumed_shifts": _of_figures(item.assumed_shifts),
     }
     if fit.problem.lag:
         j = unknowns.index(Unknown(ALL_AXES, LAG))

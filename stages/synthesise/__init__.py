@@ -9,7 +9,7 @@ campaign names, are fitted within physical limits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 
@@ -48,20 +48,20 @@ from auvid.hydro.identification.constrained.steady_current import (
     current_scatter,
     measured_currents,
 )
-from auvid.hydro.identification.regression.assumed_figures import CURRENT
+from auvid.hydro.identification.regression.assumed_figures import CURRENT, UNSTEADY
 from auvid.hydro.identification.regression.error_functions import (
     ERROR_FUNCTIONS,
     MINIMISERS,
     OWN,
     SQUARES,
 )
-from auvid.hydro.identification.regression.lacking_terms import completed_fit
+from auvid.hydro.identification.regression.lacking_terms import clear_terms, completed_fit
 from auvid.hydro.identification.regression.least_squares import (
     AxisFit,
     TriangularFactor,
     solve_axis,
 )
-from auvid.hydro.identification.regression.normal_changes import NormalChange
+from auvid.hydro.identification.regression.normal_changes import NormalChange, TrueEquations
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.verdicts import sign_turns
 from auvid.hydro.identification.selection.axis_terms import SPARSE
@@ -85,7 +85,7 @@ from auvid.stages.synthesise.error_choice import (
     by_error_function,
     check_choice,
 )
-from auvid.stages.synthesise.model_card import HeldOut, Prior, model_card
+from auvid.stages.synthesise.model_card import HeldOut, Prior, about_the_truth, model_card
 from auvid.stages.synthesise.presentation import (
     current_blocks,
     lag_words,
@@ -426,29 +426,46 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if (fuller := completed_fit(data.factor, fit)) is not None
     }
     coloured = coloured_errors({**fits, **completed}, legs(with_state=False), terms)
+    lacking: dict[str, dict[str, tuple[str, ...]]] = {model.name: {} for model in models}
+    for (name, axis), own_fit in fits.items():
+        key = (COMPLETED + name, axis)
+        if key in completed:
+            first_order = TrueEquations.of(completed[key], ())
+            errors = about_the_truth(first_order, coloured[key], data.errors)
+            if clear := clear_terms(completed[key], own_fit, errors):
+                lacking[name][axis] = clear
     structures = [
         model
         for model in models
         if choice.is_plain and model.name not in published and model.name not in unasked
     ]
+    # What a form lacks counts by itself, so it has no part in the unsteady force.
+    with_lacking = {model.name: _with_terms(model, lacking[model.name]) for model in models}
     moving = data.factor
     if params.inertia and structures:
         factors = {}
         for name, own_factor in zip(
-            names, _with_motion(inputs, training, structures, lag_s), strict=True
+            names,
+            _with_motion(inputs, training, [with_lacking[m.name] for m in structures], lag_s),
+            strict=True,
         ):
             factor_kept = factors.get(name)
             factors[name] = own_factor if factor_kept is None else factor_kept.merge(own_factor)
         moving = reduce(TriangularFactor.merge, factors.values())
     solutions = {
         model.name: (
-            with_inertia(model, moving, params.inertia, trim=params.trim)
+            with_inertia(with_lacking[model.name], moving, params.inertia, trim=params.trim)
             if params.inertia and model in structures
-            else ForceSolution.of({axis: fits[model.name, axis] for axis in AXES})
+            else ForceSolution.of(
+                fits_of_axes(data.factor, with_lacking[model.name], trim=params.trim)
+            )
         )
         for model in models
     }
-    unsteady = moved_by_unsteady_force(solutions, legs(), terms, vehicle)
+    moving_terms = terms
+    if params.inertia and structures:
+        moving_terms = _motion_terms(with_lacking.values())
+    unsteady = moved_by_unsteady_force(solutions, legs(), moving_terms, vehicle)
     moved: dict[str, dict[str, dict[str, float]]] = {model.name: {} for model in models}
     if lag_s > 0.0:
         without_lag = legs(0.0, with_state=False)
@@ -464,11 +481,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             declared=declared_model,
             data=data,
             fits={axis: (fits[model.name, axis], coloured[model.name, axis]) for axis in AXES},
-            completed={
-                axis: (completed[key], coloured[key])
-                for axis in AXES
-                if (key := (COMPLETED + model.name, axis)) in completed
-            },
+            lacking=lacking[model.name],
             unsteady=unsteady[model.name],
             turns={axis: turns[model.name, axis] for axis in AXES},
             left_out=list(others),
@@ -523,7 +536,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
                 vehicle,
                 per_one,
                 factors,
-                figures,
+                figures | ({UNSTEADY: leaned} if (leaned := unsteady[model.name]) else {}),
                 held_out_terms.get(model.name, {}),
             )
             conflicts += prior_conflicts(squares, cards[model.name], limits)
@@ -559,6 +572,12 @@ def model_names() -> list[str]:
 def fits_of_axes(factor: TriangularFactor, model: ViscousModel, *, trim: bool) -> list[AxisFit]:
     """Return the fit of each axis of a model to the data of a factor."""
     return [solve_axis(factor, axis, model.terms.get(axis, ()), trim=trim) for axis in AXES]
+
+
+def _with_terms(model: ViscousModel, more: Mapping[str, Sequence[str]]) -> ViscousModel:
+    """Return a model with further terms, by axis."""
+    terms = {axis: (*own, *more.get(axis, ())) for axis, own in model.terms.items()}
+    return replace(model, terms=terms)
 
 
 def _tables(inputs: Inputs, key: str, *, with_state: bool = True) -> LegTables:
@@ -747,7 +766,7 @@ def _with_motion(
     ]
 
 
-def _motion_terms(structures: Sequence[ViscousModel]) -> tuple[str, ...]:
+def _motion_terms(structures: Iterable[ViscousModel]) -> tuple[str, ...]:
     """Return the terms of structures, and the products of the Coriolis force."""
     used = {term for model in structures for row in model.terms.values() for term in row}
     used |= {f"{a}*{b}" for a in VELOCITIES for b in VELOCITIES}

@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.dynamics.viscous.models import Coefficients, ViscousModel
 from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY
 from auvid.hydro.identification.regression.excitation import VelocityExcitation
-from auvid.hydro.identification.regression.lacking_terms import clear_terms, moved_by_terms
+from auvid.hydro.identification.regression.lacking_terms import moved_by_terms
 from auvid.hydro.identification.regression.least_squares import CONSTANT, AxisFit
 from auvid.hydro.identification.regression.normal_changes import (
     NormalChange,
@@ -62,7 +62,7 @@ def model_card(
     declared: ViscousModel,
     data: TrainingData,
     fits: Mapping[str, tuple[AxisFit, Coloured]],
-    completed: Mapping[str, tuple[AxisFit, Coloured]],
+    lacking: Mapping[str, tuple[str, ...]],
     unsteady: Sequence[NormalChange],
     turns: Mapping[str, Mapping[str, tuple[str, ...]]],
     left_out: Sequence[str],
@@ -73,8 +73,8 @@ def model_card(
 ) -> ModelCard:
     """Return the card of a model from its fits and their errors, by axis.
 
-    completed: of `completed_fit`, of axes that may lack something. unsteady: what the force
-    error does by the motion that it causes.
+    lacking: terms that the form lacks, by axis. unsteady: what the force error does by the
+    motion that it causes.
     `declared`: the model before its propeller terms were left out. turns: by axis, of
     `sign_turns` over the training legs `left_out` in turn. held_out: J/J0 on each of
     them, as `error_ratios`.
@@ -82,18 +82,12 @@ def model_card(
     axes, predictor, used, rank = {}, {}, {}, 0
     for axis, (fit, coloured) in fits.items():
         equations = data.errors.equations(fit)
-        covariance = _about_the_truth(equations, coloured, data.errors)
+        covariance = about_the_truth(equations, coloured, data.errors)
         figures = data.errors.shifts(fit, equations)
-        lacking: tuple[str, ...] = ()
-        if axis in completed:
-            fuller, its_errors = completed[axis]
-            first_order = TrueEquations.of(fuller, ())
-            about = _about_the_truth(first_order, its_errors, data.errors)
-            lacking = clear_terms(fuller, fit, about)
-        if lacking:
-            figures[FORM] = moved_by_terms(data.factor, fit, lacking)[None]
+        if axis in lacking:
+            figures[FORM] = moved_by_terms(data.factor, fit, lacking[axis])[None]
         if unsteady:
-            figures[UNSTEADY] = shifts(unsteady, fit)
+            figures[UNSTEADY] = _beyond_errors(fit, unsteady, data.errors)
         means = {
             term: value for term, value in prior.means.get(axis, {}).items() if term in fit.terms
         }
@@ -102,7 +96,12 @@ def model_card(
         )
         axes[axis] = _axis_entry(
             fit, covariance, after, wide, data.motion, turns[axis], figures
-        ).model_copy(update={"samples_per_one": coloured.samples_per_one, "lacking": list(lacking)})
+        ).model_copy(
+            update={
+                "samples_per_one": coloured.samples_per_one,
+                "lacking": list(lacking.get(axis, ())),
+            }
+        )
         predictor[axis] = dict(zip(after.terms, after.solution.tolist(), strict=True))
         if means:
             used[axis] = means
@@ -145,11 +144,20 @@ def model_card(
     )
 
 
-def _about_the_truth(equations: TrueEquations, coloured: Coloured, errors: DataErrors) -> Array:
+def about_the_truth(equations: TrueEquations, coloured: Coloured, errors: DataErrors) -> Array:
     """Return the covariance (k, k) by noise and errors of velocities and filters."""
     velocities = [equations.shift(change) for change in errors.velocities or ()]
     filters = shifts((*errors.smoothing, *errors.low_pass), equations.fit)
     return widened(equations.noise(coloured.covariance), [*velocities, *filters])
+
+
+def _beyond_errors(fit: AxisFit, unsteady: Sequence[NormalChange], errors: DataErrors) -> Array:
+    """Return how far an unsteady force moves a fit (6, k), by each velocity.
+
+    Less what an error of that velocity does: the past of that error's force is the error.
+    """
+    moved = shifts(unsteady, fit)
+    return moved if errors.velocities is None else moved - shifts(errors.velocities, fit)
 
 
 def held_out_card(ratios: HeldOut) -> dict[str, dict[str, float | None]]:

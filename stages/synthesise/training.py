@@ -104,6 +104,7 @@ RESIDUAL_COLUMNS = (
 )
 """Of the residual force, beside its clock: not its other components."""
 STATE_COLUMNS = (*POSE, *ACCELERATION)
+NO_TERMS: tuple[str, ...] = ()
 Fits = Mapping[tuple[str, str], AxisFit]
 """Least-squares fits by model and axis."""
 T = TypeVar("T")
@@ -583,19 +584,21 @@ def coloured_errors(
 
 
 class ForceSolution(NamedTuple):
-    """A model's force: axis -> term -> value, and dM_A (6, 6) of fitted inertia."""
+    """A model's force: axis -> term -> value, and dM_A (6, 6) of fitted inertia.
+
+    added_mass: None for the inertia of the vehicle file.
+    """
 
     values: Mapping[str, Mapping[str, float]]
-    added_mass: Array
+    added_mass: Array | None = None
 
     @classmethod
-    def of(cls, fits: Mapping[str, AxisFit]) -> ForceSolution:
-        """Return that of fits by axis, with the inertia of the vehicle file."""
+    def of(cls, fits: Iterable[AxisFit]) -> ForceSolution:
+        """Return that of the fits of the axes, with the inertia of the vehicle file."""
         values = {
-            axis: dict(zip(fit.terms, fit.solution.tolist(), strict=True))
-            for axis, fit in fits.items()
+            fit.axis: dict(zip(fit.terms, fit.solution.tolist(), strict=True)) for fit in fits
         }
-        return cls(values, np.zeros((6, 6)))
+        return cls(values)
 
 
 def moved_by_unsteady_force(
@@ -606,7 +609,8 @@ def moved_by_unsteady_force(
 ) -> dict[str, tuple[NormalChange, ...]]:
     """Return what the force error of each model does by the motion that it causes.
 
-    One more pass over the legs; those without a state have no part in it.
+    terms: of all models, and products of velocities where inertia is fitted. One more pass over
+    the legs; those without a state have no part in it.
     """
     changes: dict[str, tuple[NormalChange, ...]] = dict.fromkeys(solutions, ())
     for leg in legs:
@@ -632,19 +636,29 @@ def _moved(
     slopes = linearised.force_slopes(vehicle)
     changes = {}
     for model, (values, added) in solutions.items():
-        used = {term for row in values.values() for term in row}
-        own = part.of_terms([term for term in terms if term in used])
-        own_slopes = slopes
-        if added.any():
+        used = {term for row in values.values() for term in row} - {*ACCELERATIONS}
+        own_slopes, mass, accelerations = slopes, vehicle.mass_matrix, NO_TERMS
+        if added is None:
+            own = part.of_terms([term for term in terms if term in used])
+        else:
             by_inertia = measured.nu_dot @ added + coriolis_force(added, measured.nu)
-            own = replace(own, forces=own.forces - by_inertia)
+            own = replace(part, forces=part.forces - by_inertia)
+            own = own.with_columns(ACCELERATIONS, measured.nu_dot)
+            # Products that Coriolis force alone has: what moves one axis leans no other.
+            own = replace(own, slopes=own.slopes * np.isin(own.terms, [*used])[:, None])
             own_slopes = slopes - coriolis_jacobian(added, linearised.nu)
+            mass, accelerations = mass - added, ACCELERATIONS
+        rows = [
+            [values.get(axis, {}).get(term, 0.0) if term in used else 0.0 for term in own.terms]
+            for axis in AXES
+        ]
         changes[model] = unsteady_changes(
             own,
-            np.array([[values.get(a, {}).get(term, 0.0) for term in own.terms] for a in AXES]),
+            np.array(rows),
             own_slopes,
-            vehicle.mass_matrix - added,
+            mass,
             step_s=every.step_s,
+            accelerations=accelerations,
         )
     return changes
 

@@ -67,6 +67,7 @@ from auvid.hydro.identification.regression.verdicts import (
     WEAK,
     clear_of_zero,
     strongest,
+    withstands,
 )
 from auvid.hydro.identification.selection.ranking import error_ratios
 from auvid.stages.synthesise.model_card import Prior, held_out_card
@@ -110,8 +111,9 @@ def within_limits(
     card: of least squares on the same data; its verdicts stay. factor: with the columns
     of `extra_rows` where inertia is fitted. samples_per_one: axis -> how many samples
     of its residual count as one. legs: the factors of the training legs. figures: what
-    assumed figures of the vehicle change of the normal equations with inertia. without: leg
-    -> the structure that the others choose, where the legs choose the terms.
+    assumed figures of the vehicle, and an unsteady force, change of the normal equations with
+    inertia. without: leg -> the structure that the others choose, where the legs choose the
+    terms.
     """
     equations = _equations(model, card, limits)
     noise = _noise(factor, equations, samples_per_one)
@@ -440,13 +442,12 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         # The wider one: least squares also counts errors of the velocities.
         wider = max(error, item.standard_error or 0.0)
         update |= {"value": value, "standard_error": wider}
-        shifts = item.assumed_shifts.values()
-        if status.status == IDENTIFIED and not clear_of_zero(value, wider, shifts):
+        shifts = item.assumed_shifts
+        clear = clear_of_zero(value, wider, shifts.values()) and withstands(value, shifts)
+        if status.status == IDENTIFIED and not clear:
             # The data alone were clear, of a value that the limits moved.
             update["verdict"] = WEAK
-        if status.status == IDENTIFIED and moved_far(
-            value, free, total_error(wider, item.assumed_shifts)
-        ):
+        if status.status == IDENTIFIED and moved_far(value, free, total_error(wider, shifts)):
             update["verdict"] = WEAK
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free
@@ -477,9 +478,8 @@ def _inertia(
     shifts = {}
     for figure, numbers in moved.items():
         # The file's own entry moves by the figure, too, and the total by the difference.
-        own = [
-            item[row, column] for item in inertia_changes(figure, vehicle, vehicle.spreads[figure])
-        ]
+        spread = vehicle.spreads.get(figure, 0.0)
+        own = [item[row, column] for item in inertia_changes(figure, vehicle, spread)]
         own = own or [0.0] * len(numbers)
         shifts[figure] = math.hypot(*(a - b[i] for a, b in zip(own, numbers, strict=True)))
     verdict = trade.verdict

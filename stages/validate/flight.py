@@ -37,7 +37,7 @@ from auvid.hydro.identification.constrained.equations import (
     added_mass_unknown,
 )
 from auvid.hydro.identification.constrained.limits import inertia_limits
-from auvid.hydro.identification.regression.assumed_figures import total_error
+from auvid.hydro.identification.regression.assumed_figures import UNSTEADY, total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.selection.conformal import LEAST_LEGS, conformal_scale
 from auvid.stages.card_errors import axis_errors
@@ -126,7 +126,8 @@ def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> 
     """Return models drawn from the coefficients of a card, within its limits.
 
     They have the covariance of the printed intervals: noise axis by axis, each number of
-    an assumed figure once for all axes. Inertia counts as independent. What the card has no
+    an assumed figure once for all axes. Inertia counts as independent, without what an unsteady
+    force leans, as coefficients do. What the card has no
     error of stays as it is. A draw outside the limits counts at the nearest point within
     (`draw_within`).
     """
@@ -137,7 +138,8 @@ def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> 
     covariance = joint_covariance(axis_errors(card, unknowns), len(unknowns))
     for item in card.inertia:
         i = unknowns.index(added_mass_unknown(item.name))
-        covariance[i, i] = total_error(item.standard_error, item.assumed_shifts) ** 2
+        shifts = {name: x for name, x in item.assumed_shifts.items() if name != UNSTEADY}
+        covariance[i, i] = total_error(item.standard_error, shifts) ** 2
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
     rows, cuts = flown_limits(unknowns, card.damping, flown)
     inertia_rows, inertia_cuts = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)

@@ -242,9 +242,18 @@ def _choice(
     elif not passing:
         words += "; none of the models that predict the force passes physics"
     name, place = chosen.name, {item.name: item for item in better}
-    for other in sensor_fits:
+    for other in _refined(cards):
         fit = cards[other].likelihood
         if fit is None or fit.started_from != chosen.name or other not in place:
+            continue
+        if fit.windows_agree and not place[other].faults:
+            name = other
+            words += (
+                f"; {cards[other].title} replaces it: its windows agree, so that its form misses"
+                " nothing that the sensors show"
+            )
+            continue
+        if other not in sensor_fits:
             continue
         worse = _worse_on_validation(place[other], place[chosen.name])
         if worse:

@@ -11,10 +11,13 @@ vehicle says what motion that past has caused:
 with Phi of the linearised motion. X'e has the expectation sum of (dx/dnu d_nu) e', which
 stands here as a change of the normal equations, one for each of the six velocities: what
 they do may cancel, and each is known to a factor only. Noise of a sensor moves nothing: its
-force is a derivative, and what of it goes with its own past adds up to nothing.
+force is a derivative, and what of it goes with its own past is that noise once more, which
+errors of the velocities count.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,26 +35,35 @@ at 50 Hz.
 
 
 def unsteady_changes(
-    part: StridedLeg, coefficients: Array, force_slopes: Array, mass: Array, *, step_s: float
+    part: StridedLeg,
+    coefficients: Array,
+    force_slopes: Array,
+    mass: Array,
+    *,
+    step_s: float,
+    accelerations: Sequence[str] = (),
 ) -> tuple[NormalChange, ...]:
     """Return what the force error does by each of the six velocities it moves.
 
     coefficients (6, k): of the terms of `part`; force_slopes (ceil(m / LINEARISED), 6, 6): of
     the measured force [axis, velocity] at every `LINEARISED`-th sample; mass (6, 6): with
-    added mass; step_s: between samples of `part`.
+    added mass; step_s: between samples of `part`; accelerations: the six terms of `part` that
+    are these, where inertia is fitted. They go with the force error itself: M^-1 e.
     """
     error = part.forces - part.rows @ coefficients.T
     error = error - error.mean(axis=0)
     slopes = coefficients @ part.slopes[::LINEARISED] - force_slopes
     rates = without_gain(np.asarray(np.linalg.solve(mass, slopes), dtype=np.float64), mass)
-    moved = caused_motion(rates, np.linalg.solve(mass, error.T).T, step_s)
-    none = np.zeros((len(part.terms),) * 2)
-    return tuple(
-        NormalChange(
-            part.terms, none, part.weight * (part.slopes[:, :, i] * moved[:, [i]]).T @ error
-        )
-        for i in range(6)
-    )
+    pushed = np.linalg.solve(mass, error.T).T
+    moved = caused_motion(rates, pushed, step_s)
+    pushed += np.einsum("mij,mj->mi", rates[np.arange(len(error)) // LINEARISED], moved)
+    none, changes = np.zeros((len(part.terms),) * 2), []
+    for i in range(6):
+        rows = part.slopes[:, :, i] * moved[:, [i]]
+        if accelerations:
+            rows[:, part.terms.index(accelerations[i])] = pushed[:, i]
+        changes.append(NormalChange(part.terms, none, part.weight * rows.T @ error))
+    return tuple(changes)
 
 
 def caused_motion(rates: Array, accelerations: Array, step_s: float) -> Array:

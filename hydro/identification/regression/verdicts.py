@@ -8,9 +8,9 @@ Rules, in this order:
 2. *not excited*: the column is zero, or its RMS lies below the floor that the caller
    gives for it (`excitation.term_floors`).
 3. *identified*: the coefficient is clear of zero (`clear_of_zero`: by noise, and with
-   the assumed figures of the vehicle), no unsteady force may lean it far (`withstands`),
-   and no leg turns its sign by being left out (`sign_turns`). Give coloured standard
-   errors about the truth; white ones say too much.
+   the assumed figures of the vehicle), neither terms that the form lacks nor an unsteady
+   force lean it far (`withstands`), and no leg turns its sign by being left out
+   (`sign_turns`). Give coloured standard errors about the truth; white ones say too much.
 4. Otherwise, when the variance inflation exceeds `VIF_LIMIT`: *inseparable* from the
    terms that its column nearly depends on: together they may be well determined, apart
    they are not.
@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.regression.assumed_figures import UNSTEADY
+from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY
 from auvid.hydro.identification.regression.least_squares import AxisFit
 
 S = TypeVar("S", bound=str)
@@ -56,8 +56,9 @@ SHORT_OF = {
 """Method -> why it calls no coefficient identified (33 twins of the VT 690, plan matched).
 """
 LEAN_LIMIT = 3.0
-"""A value is at least so many times what an unsteady force may lean it by: of nine others
-that were clear of zero on the plan matched eight were off by half (decision 0093).
+"""A value is at least so many times what an unsteady force and terms that the form lacks may
+lean it by: of nine others that were clear of zero on the plan matched eight were off by half
+(decision 0093), and of 65 of forms that lack terms 59 (decision 0111).
 """
 LEAST_SQUARES_COVERAGE = {"linear": 0.99, "gertler_hagen": 0.95}
 """Share of the 95 % intervals of coefficients called identified that hold the truth, by
@@ -185,14 +186,17 @@ def clear_of_zero(
 
 
 def withstands(value: float, shifts: Mapping[str, float]) -> bool:
-    """Return whether an unsteady force may lean a value by less than a third.
+    """Return whether the form and an unsteady force lean a value by less than a third.
 
     shifts: assumed figure -> what one standard deviation of it moves the value by.
 
     >>> withstands(-9.0, {UNSTEADY: 2.0, "thrust": 8.0}), withstands(-9.0, {UNSTEADY: 4.0})
     (True, False)
+    >>> withstands(-9.0, {UNSTEADY: 2.0, FORM: 2.5})
+    False
     """
-    return abs(value) > LEAN_LIMIT * shifts.get(UNSTEADY, 0.0)
+    lean = np.hypot(shifts.get(FORM, 0.0), shifts.get(UNSTEADY, 0.0))
+    return bool(abs(value) > LEAN_LIMIT * lean)
 
 
 def strongest(status: S, method: str) -> S | TermStatus:

@@ -1065,7 +1065,8 @@ def test_a_force_that_moves_the_vehicle_makes_what_it_leans_weak_and_says_so() -
     force[:, 0] += unsteady
     inputs = driven(motion.t_s, nu, nu_dot, force, np.zeros_like(force))
     inputs = replace(inputs, vehicle=replace(vehicle, spreads={}))
-    outputs = synthesise.run(inputs, synthesise.Params(models=("diagonal",), current_m_s=0.0))
+    params = synthesise.Params(models=("diagonal",), current_m_s=0.0)
+    outputs = synthesise.run(inputs, params)
     card = outputs.model_card["diagonal"]
     (surge,), (sway,) = card.axes["X"].terms, card.axes["Y"].terms
     assert surge.value is not None
@@ -1075,6 +1076,38 @@ def test_a_force_that_moves_the_vehicle_makes_what_it_leans_weak_and_says_so() -
     assert lean < NORMAL_95 * total_error(surge.standard_error, surge.assumed_shifts)
     assert (surge.verdict, sway.verdict) == ("weak", "identified")
     assert "clear by noise, but a force that no term has moves the vehicle" in str(outputs.section)
+    # Errors of the velocities count by themselves: in noise, and not as that force once more.
+    table = inputs.residual["one"]
+    for name in VELOCITY_SD:
+        table = table.append_column(name, pa.array(np.full(len(nu), 0.1)))
+    inputs = replace(inputs, residual=collection({"one": table}))
+    (unsure,) = synthesise.run(inputs, params).model_card["diagonal"].axes["X"].terms
+    assert unsure.standard_error is not None
+    by_error = np.sqrt(unsure.standard_error**2 - surge.standard_error**2)
+    less = surge.assumed_shifts["unsteady"] - unsure.assumed_shifts["unsteady"]
+    assert by_error > 1.0
+    assert less == pytest.approx(by_error, rel=0.25), "to first order"
+    # A fitted inertia goes with the acceleration, which the force has in it; no Coriolis force.
+    push, ahead = thrust + 0.3 * unsteady, np.array([1.0, *[1e-3] * 5])
+    nu[:, 0] = lfilter([0.0, (1.0 - decay) / damping[0]], [1.0, -decay], push)
+    nu_dot[:, 0] = (push - damping[0] * nu[:, 0]) / mass
+    force[:, 0] = 0.3 * unsteady - damping[0] * nu[:, 0]
+    straight = driven(motion.t_s, nu * ahead, nu_dot * ahead, force, np.zeros_like(force))
+    straight = replace(straight, vehicle=replace(vehicle, spreads={}))
+    params = synthesise.Params(
+        models=(), structures={"own": {"X": ["u"]}}, current_m_s=0.0, inertia=("X_udot",)
+    )
+    (inertia,) = synthesise.run(straight, params).model_card["own"].inertia
+    assert abs(inertia.change) > 4.0 * inertia.standard_error, "the file's inertia is true"
+    total = total_error(inertia.standard_error, inertia.assumed_shifts)
+    assert (abs(inertia.change) < NORMAL_95 * total, inertia.verdict) == (True, "weak")
+    # Drag that the form lacks counts as that, and not as an unsteady force once more.
+    curved = 0.3 * rng.normal(size=nu.shape) - motion.nu * damping * (1.0 + 2.0 * np.abs(motion.nu))
+    inputs = driven(motion.t_s, motion.nu, motion.nu_dot, curved, np.zeros_like(curved))
+    params = synthesise.Params(models=("diagonal", "fossen"), current_m_s=0.0)
+    for axis, part in synthesise.run(inputs, params).model_card["diagonal"].axes.items():
+        (own,) = part.terms
+        assert own.assumed_shifts["unsteady"] < 0.1 * own.assumed_shifts["form"], axis
 
 
 @pytest.mark.parametrize("component", ["thrusters", "fins"])

@@ -140,18 +140,21 @@ def test_left_out_legs_choose_where_there_are_some(run: ExampleRun) -> None:
 
 
 @pytest.mark.parametrize(
-    ("force", "motion", "choice", "words"),
+    ("force", "motion", "agree", "choice", "words"),
     [
-        (0.2, 0.05, "coe_filter_error", "replaces it: sound, and nearer"),
-        (0.4, 0.05, "coe", "does not replace it: force error on the validation legs 0.40 for 0.30"),
-        (0.2, 0.15, "coe", "does not replace it: free runs on the validation legs 0.75 for 0.50"),
+        (0.2, 0.05, None, "coe_filter_error", "replaces it: sound, and nearer"),
+        (0.4, 0.05, None, "coe", "does not replace it: force error on the validation legs 0.40"),
+        (0.2, 0.15, None, "coe", "does not replace it: free runs on the validation legs 0.75 for"),
+        (0.4, 0.15, True, "coe_filter_error", "replaces it: its windows agree"),
+        (0.4, 0.15, False, "coe", "does not replace it: force error on the validation legs 0.40"),
     ],
 )
 def test_a_fit_to_the_sensors_is_judged_by_validation_where_one_leg_trains(
-    run: ExampleRun, force: float, motion: float, choice: str, words: str
+    run: ExampleRun, force: float, motion: float, agree: bool | None, choice: str, words: str
 ) -> None:
+    """One whose windows agree has nothing left to explain, and is taken for its intervals."""
     name = "coe_filter_error"
-    run.cards[name] = refined(run.cards["coe"], name)
+    run.cards[name] = refined(run.cards["coe"], name, agree)
     set_sse(run, {"coe": 1.0})
     own = [row for row in run.errors if row["model"] == "coe"]
     run.errors += [{**row, "model": name, "sse": 500.0} for row in own]
@@ -163,19 +166,33 @@ def test_a_fit_to_the_sensors_is_judged_by_validation_where_one_leg_trains(
     assert words in record.rule
 
 
-def test_a_fit_to_the_sensors_competes_on_left_out_legs(run: ExampleRun) -> None:
-    run.cards["coe_filter_error"] = refined(run.cards["coe"], "coe_filter_error")
+@pytest.mark.parametrize(
+    ("agree", "own_error", "choice"),
+    [
+        (None, 0.2, "coe_filter_error"),
+        (None, 0.41, "coe"),
+        (False, 0.41, "coe"),
+        (True, 0.41, "coe_filter_error"),
+    ],
+)
+def test_a_fit_to_the_sensors_competes_on_left_out_legs(
+    run: ExampleRun, agree: bool | None, own_error: float, choice: str
+) -> None:
+    run.cards["coe_filter_error"] = refined(run.cards["coe"], "coe_filter_error", agree)
     own = [row for row in run.errors if row["model"] == "coe"]
     run.errors += [{**row, "model": "coe_filter_error"} for row in own]
+    set_sse(run, {"coe": 1.0, "coe_filter_error": 1.0})
     for name, card in run.cards.items():
-        error = 0.2 if name == "coe_filter_error" else 0.4
+        error = {"coe_filter_error": own_error, "coe": 0.4}.get(name, 0.6)
         held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two")}
         run.cards[name] = card.model_copy(update={"held_out": held_out})
-    assert ranked(run).choice == "coe_filter_error"
+    assert ranked(run).choice == choice
 
 
-def refined(card: ModelCard, name: str) -> ModelCard:
-    fit = LikelihoodFit.model_construct(started_from=card.name, lag=None, force_time_s=None)
+def refined(card: ModelCard, name: str, agree: bool | None) -> ModelCard:
+    fit = LikelihoodFit.model_construct(
+        started_from=card.name, lag=None, force_time_s=None, windows_agree=agree
+    )
     return card.model_copy(update={"name": name, "likelihood": fit})
 
 

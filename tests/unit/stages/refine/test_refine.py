@@ -439,19 +439,22 @@ def test_an_estimated_installation_moves_the_velocity_log(twin: refine.Inputs) -
 
 
 @pytest.mark.parametrize(
-    ("word", "agree", "verdict", "shifts"),
+    ("word", "thrust", "agree", "verdict", "shifts"),
     [
-        ("from the prior", True, "from the prior", {}),
-        ("at its bound", False, "at its bound", {}),
-        ("weak", True, "weak", {"thrust": 1.3}),
-        ("identified", True, "weak", {"thrust": 1.3}),
-        ("identified", False, "weak", {"thrust": 1.3, "form": 0.7}),
+        ("from the prior", 1.3, True, "from the prior", {}),
+        ("at its bound", 1.3, False, "at its bound", {}),
+        ("weak", 1.3, True, "weak", {"thrust": 1.3}),
+        ("identified", 1.3, True, "weak", {"thrust": 1.3}),
+        ("identified", 0.3, True, "identified", {"thrust": 0.3}),
+        ("identified", 0.3, False, "weak", {"thrust": 0.3, "form": 0.7}),
     ],
 )
 def test_shifts_of_a_value_are_those_of_free_data_and_of_a_form_that_lacks_something(
-    word: str, agree: bool, verdict: str, shifts: dict[str, float]
+    word: str, thrust: float, agree: bool, verdict: str, shifts: dict[str, float]
 ) -> None:
     """A prior or a bound holds back what figures move; windows that disagree add a distance.
+
+    A value that the form may lean by a third is weak, though its interval keeps the sign.
 
     An unsteady force leans least squares alone.
     """
@@ -461,7 +464,7 @@ def test_shifts_of_a_value_are_those_of_free_data_and_of_a_form_that_lacks_somet
             "unit": "N*m*s/rad",
             "value": -1.0,
             "verdict": "weak",
-            "assumed_shifts": {"thrust": 1.3, "unsteady": 0.9},
+            "assumed_shifts": {"thrust": thrust, "unsteady": 0.9},
         }
     )
     one, unknown = np.array([-1.7]), Unknown("K", "p")

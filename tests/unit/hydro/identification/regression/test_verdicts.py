@@ -90,7 +90,13 @@ def test_a_sign_that_rests_on_an_assumed_figure_is_weak(nu: np.ndarray) -> None:
         "weak"
     ), "assumed figures err independently"
     for lean, word in ((1.6, "identified"), (1.7, "weak")):
-        assert judge(fit, figures={"unsteady": np.array([lean])})["v"].status == word
+        for figures in (
+            {"unsteady": lean},
+            {"form": lean},
+            {"unsteady": lean * 0.6, "form": lean * 0.8},
+        ):
+            shifts = {name: np.array([shift]) for name, shift in figures.items()}
+            assert judge(fit, figures=shifts)["v"].status == word
 
 
 def test_what_is_clear_of_zero() -> None:
