@@ -237,6 +237,13 @@ def partial_words(part: PartialFigures, usable: UsableFor | None) -> str:
     return f"{words}; {', '.join(lacking)}" if lacking else words
 
 
+LIFT_WORDS = (
+    " They hold for a hull whose moment by u v is that of its added mass alone: lift takes part of"
+    " it, and then they are off by more than that."
+)
+"""On ratios of inertia beside a fitted yaw, which has that moment."""
+
+
 def ratio_words(part: PartialFigures) -> str:
     """Return a sentence on ratios of inertia by Coriolis force, empty for none."""
     fitted = [axis for axis, item in part.axes.items() if item.source == FITTED]
@@ -249,7 +256,7 @@ def ratio_words(part: PartialFigures) -> str:
         return ""
     return (
         "Ratios of inertia are those that Coriolis force tells, times the vehicle file's:"
-        f" {listed(parts)}, with 95 % intervals."
+        f" {listed(parts)}, with 95 % intervals." + LIFT_WORDS * ("N" in fitted)
     )
 
 

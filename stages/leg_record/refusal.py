@@ -53,12 +53,13 @@ def refusal(result: RecordedLeg, streams: Streams, info: LogInfo) -> str:
     record, drive = result.record, result.drive
     turning = np.stack([record.rate[axis] for axis in "pqr"])
     by_hand = np.isfinite(turning).any() and np.nanmean(np.nansum(turning**2, 0)) > HAND_RAD_S**2
-    hand = ", and it turns all the same: moved by hand" if by_hand else ""
+    turns = ", and it turns all the same: moved by hand" if by_hand else ""
     if never_armed(streams.tables.get("mode")):
-        return f"never armed{hand}"
+        return f"never armed{turns}"
     driven_s = float(np.count_nonzero(drive.acting)) / result.rate_hz
     if driven_s == 0.0:
-        return f"thrusters idle: no output or command leaves neutral{hand}"
+        loop = ", or by a controller whose outputs are not these" if by_hand else ""
+        return f"thrusters idle: no output or command leaves neutral{turns}{loop}"
     if driven_s < SHORTEST_DRIVEN_S:
         return f"too short: outputs act for {driven_s:.1f} s, {SHORTEST_DRIVEN_S:g} s are needed"
     judged = [axis for axis in AXES if axis in record.measured_by]

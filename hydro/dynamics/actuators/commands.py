@@ -87,7 +87,11 @@ throttle is upward. Only the signs are those of the body: its sizes mix, they me
 """
 FRAME_OF_CONFIG = tuple(ARDUSUB_FRAMES)
 """FRAME_CONFIG 0 to 6; 7 is a frame of the user's own."""
-MOTORS_OF_PX4 = 12
+MOTORS_OF_PX4, MOTOR_OF_PX4 = 12, 101
+"""How many rotors PX4 has, and the function of an output that drives the first."""
+FUNCTIONS_OF_PX4 = ("PWM_MAIN_FUNC", "PWM_AUX_FUNC", "UAVCAN_EC_FUNC", "HIL_ACT_FUNC")
+"""Parameters that say what outputs drive: of the two rows of pulses, of controllers on a
+bus, and of a simulator."""
 
 
 @dataclass(frozen=True)
@@ -115,11 +119,22 @@ def frame_thrusters(frame: str) -> Thrusters:
     return Thrusters(read_only(allocation), np.ones(count), tuple(range(1, count + 1)), UNIT_THRUST)
 
 
+def _channels_of(parameters: Mapping[str, float | None], key: str, count: int) -> dict[int, int]:
+    """Return rotor -> channel of the outputs of one driver of PX4."""
+    channels = {
+        int(value) - MOTOR_OF_PX4: channel
+        for channel in range(16, 0, -1)
+        if (value := parameters.get(f"{key}{channel}")) is not None
+    }
+    return {rotor: channel for rotor, channel in channels.items() if 0 <= rotor < count}
+
+
 def px4_thrusters(parameters: Mapping[str, float | None]) -> Thrusters | None:
     """Return the thrusters of PX4's control allocation, None without its geometry.
 
     Rotor n: place CA_ROTORn_PX, _PY, _PZ [m], axis CA_ROTORn_AX, _AY, _AZ (default
-    upward), strength CA_ROTORn_CT. PWM_MAIN_FUNCc = 101 + n names its output c.
+    upward), strength CA_ROTORn_CT. PWM_MAIN_FUNCc = 101 + n names its output c, or the like of
+    another driver (`FUNCTIONS_OF_PX4`): the one that has most of the rotors.
     """
     count = min(int(parameters.get("CA_ROTOR_COUNT") or 0), MOTORS_OF_PX4)
     if not count:
@@ -134,11 +149,10 @@ def px4_thrusters(parameters: Mapping[str, float | None]) -> Thrusters | None:
     axes = axes / np.maximum(np.linalg.norm(axes, axis=1), 1e-9)[:, None]
     strength = np.array([of(rotor, "CT", 1.0) for rotor in range(count)])
     strength = strength / np.abs(strength).max() if np.any(strength) else np.ones(count)
-    output = {
-        int(value) - 101: channel
-        for channel in range(16, 0, -1)
-        if (value := parameters.get(f"PWM_MAIN_FUNC{channel}")) is not None
-    }
+    output = max(
+        (_channels_of(parameters, key, count) for key in FUNCTIONS_OF_PX4),
+        key=len,  # of those alike the first
+    )
     return Thrusters(
         read_only(thruster_allocation(places, axes) * strength),
         np.ones(count),

@@ -394,6 +394,7 @@ def test_the_file_has_the_ratio_of_an_axis_that_nothing_fits() -> None:
     assert words in str(fit_section(fitted, card))
     screen = summarise_axes(card, ranking(card, fitted), {}, {}, body(), {})
     assert words in screen.explanation
+    assert "lift takes part of" in screen.explanation
 
 
 DEAD_BAND = 0.1

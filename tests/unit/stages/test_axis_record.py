@@ -14,6 +14,9 @@ from auvid.stages import axis_record
 from auvid.stages.axis_tables import axis_record_of
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
+from auvid.stages.leg_record.record import leg_record
+from auvid.stages.leg_record.refusal import refusal
+from auvid.stages.leg_streams import Streams
 from tests.support.axis_dive import (
     FIRST_US,
     THRUSTERS,
@@ -163,6 +166,15 @@ def test_slow_outputs_are_interpolated_not_held(dive):
         - 8
     )
     assert abs(lag) <= 1  # 50 ms; held outputs come 250 ms late
+
+
+def test_neutral_commands_of_a_vehicle_that_turns_may_be_those_of_nobody(dive):
+    idle = copy.copy(dive)
+    idle.streams = dict(dive.streams)
+    idle.log("actuators", 10.0, {f"pwm_{n}_us": np.full(dive.t.size, 1500.0) for n in range(1, 7)})
+    streams = Streams(idle.tables(), FIRST_US, (0.0, 1e6), VEHICLE)
+    words = refusal(leg_record(streams, idle.info(), "dive"), streams, idle.info())
+    assert "moved by hand, or by a controller whose outputs are not these" in words
 
 
 def test_two_clocks_are_found(dive):

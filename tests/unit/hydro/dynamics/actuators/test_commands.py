@@ -87,6 +87,12 @@ def test_geometry_of_px4():
     assert thrusters.outputs == (2, 1, 3)
     assert thrusters.allocation[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0, 0.0, -0.2])
     assert thrusters.allocation[:, 2] == pytest.approx([0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    # The same by controllers on a bus, where the main outputs drive but a light.
+    by_bus = {key.replace("PWM_MAIN", "UAVCAN_EC"): value for key, value in parameters.items()} | {
+        "PWM_MAIN_FUNC1": 0.0,
+        "PWM_MAIN_FUNC4": 407.0,
+    }
+    assert px4_thrusters(by_bus).outputs == (2, 1, 3)
     assert px4_thrusters({}) is None
 
 
