@@ -7,6 +7,7 @@ between them. Equations of McCarter 2014.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -201,19 +202,21 @@ class StopLimits:
 
     def breach(self, state: Array) -> str | None:
         """Return why a state (12 or 18,) is outside the limits, or None."""
-        z, pitch = float(state[8]), float(state[10])
-        speed, turning = (float(np.sqrt(part @ part)) for part in (state[:3], state[3:6]))
-        if not np.isfinite(speed + turning + z + pitch):
+        now = state.tolist()
+        z, pitch = now[8], now[10]
+        speed, turning = math.hypot(*now[:3]), math.hypot(*now[3:6])
+        if not math.isfinite(speed + turning + z + pitch):
             return "the motion grew without bound"
-        for value, limit, words in (
-            (speed, self.speed_m_s, "speed above {:g} m/s"),
-            (turning, self.angular_rate_rad_s, "angular rate above {:g} rad/s"),
-            (abs(pitch), self.pitch_rad, "pitch beyond {:g} rad"),
-            (z, self.deepest_m, "deeper than {:g} m"),
-            (self.shallowest_m - z, 0.0, f"above {self.shallowest_m:g} m of depth"),
-        ):
-            if value > limit:
-                return words.format(limit)
+        if speed > self.speed_m_s:
+            return f"speed above {self.speed_m_s:g} m/s"
+        if turning > self.angular_rate_rad_s:
+            return f"angular rate above {self.angular_rate_rad_s:g} rad/s"
+        if abs(pitch) > self.pitch_rad:
+            return f"pitch beyond {self.pitch_rad:g} rad"
+        if z > self.deepest_m:
+            return f"deeper than {self.deepest_m:g} m"
+        if z < self.shallowest_m:
+            return f"above {self.shallowest_m:g} m of depth"
         return None
 
 
