@@ -110,6 +110,8 @@ def convertible(unit: str, target: str) -> bool:
         return True
     if unit in NO_UNITS:
         return False
+    if target == "1/s" and unit.strip() in TURNS:
+        return True
     _, coherent = SCALED.get(unit, (1.0, unit))
     if coherent == target:
         return True

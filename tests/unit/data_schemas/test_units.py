@@ -10,6 +10,7 @@ from auvid.data_schemas.units import (
     NO_UNITS,
     SCALED,
     TIMES_US,
+    TURNS,
     _powers,
     _registry,
     convertible,
@@ -86,6 +87,7 @@ def test_units_of_most_logs_load_no_registry(monkeypatch: pytest.MonkeyPatch) ->
     for unit, (factor, target) in SCALED.items():
         assert factor_and_offset(unit, target) == (factor, 0.0)
     assert not any(convertible(text, "rad") for text in NO_UNITS)
+    assert all(convertible(unit, "1/s") for unit in TURNS)
 
 
 @pytest.mark.parametrize(
