@@ -25,7 +25,7 @@ from tests.faults.equation_faults import (
 )
 from tests.support.campaign_runs import ROOT
 
-FEW = ("Munk moment left out", "Coriolis force", "thrust curve")
+FEW = ("Munk moment left out", "thrust curve")
 
 
 def moved(runs: Path, *only: str) -> dict[str, str]:

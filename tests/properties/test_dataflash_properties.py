@@ -145,7 +145,11 @@ def recovery(clean: DecodedLog, log: DecodedLog, kept: list[Kept]) -> tuple[floa
 
 
 @pytest.mark.parametrize(
-    "part", [SMALL[:40_000], SMALL[:150_000]], ids=["40 kB, a third of it definitions", "150 kB"]
+    "part",
+    [
+        pytest.param(SMALL[:40_000], id="40 kB, a third of it definitions"),
+        pytest.param(SMALL[:150_000], id="150 kB", marks=pytest.mark.release),
+    ],
 )
 def test_whole_records_are_recovered_from_mutated_logs(part: bytes) -> None:
     """Required: 99.9 % on average and 99 % at worst of the records whose bytes and
