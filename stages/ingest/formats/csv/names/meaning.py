@@ -7,7 +7,7 @@ name unknown: wave_height and motor_temp mean nothing here.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 
 from auvid.stages.ingest.formats.csv.names.lexicon import (
@@ -205,6 +205,9 @@ def meaning_of(words: Sequence[str], unit: str) -> Meaning | None:
         return _output(kept, quantities, axes, numbers, measure, unit)
     if not axes:
         return _single(quantities, measure, unit)
+    if set(axes) in ({"heave", "up"}, {"heave", "down"}):
+        meaning = _along_axis(joined, quantities, ["heave"], measure)
+        return replace(meaning, frame="flu") if meaning and "up" in axes else meaning
     return _along_axis(joined, quantities, axes, measure) if len(axes) == 1 else None
 
 

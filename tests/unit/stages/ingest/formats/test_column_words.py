@@ -87,3 +87,9 @@ def test_a_wave_height_below_zero_is_no_depth() -> None:
     assert drafted({"t_s": T_S, "relative_altitude_m": below}).streams == ("depth",)
     draft = drafted({"t_s": T_S, "wave_height_m": below, "roll_deg": np.zeros(T_S.size)})
     assert draft.streams == ()
+
+
+@pytest.mark.parametrize(("name", "frame"), [("cmd_heave_up", "flu"), ("heave_cmd_down", "")])
+def test_a_command_of_heave_that_says_where_it_pushes_is_one(name: str, frame: str) -> None:
+    (item,) = named_columns([name])
+    assert (item.place, item.frame) == (("actuators", "command_heave"), frame)
