@@ -307,6 +307,8 @@ AXES_TAKEN = {
     "surge and sway exchanged": (1, 0, 2),
     "surge and heave exchanged": (2, 1, 0),
     "sway and heave exchanged": (0, 2, 1),
+    "its three columns exchanged (shifted by one)": (1, 2, 0),
+    "its three columns exchanged (shifted by two)": (2, 0, 1),
 }
 
 

@@ -131,3 +131,15 @@ def _explained(designs: list[Array], response: Array, total: float) -> Array:
     moment += np.eye(width) * ridge[:, None, None]
     share = np.sum(cross * np.linalg.solve(moment, cross[..., None])[..., 0], axis=1) / total
     return np.asarray(1.0 - (1.0 - share) * (count - 1) / (count - width - 1))
+
+
+def limited(t: Array, values: Array, rate: float) -> Array:
+    """Return values (n, k) at times t (n,) behind a limiter of their rate [1/s].
+
+    >>> limited(np.arange(4.0), np.array([[0.0], [3.0], [3.0], [0.0]]), 1.0).ravel()
+    array([0., 1., 2., 1.])
+    """
+    out = values.copy()
+    for row, step in enumerate(rate * np.diff(t), start=1):
+        out[row] = out[row - 1] + np.clip(values[row] - out[row - 1], -step, step)
+    return out

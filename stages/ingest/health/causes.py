@@ -329,6 +329,20 @@ def _signs(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
             partial(_turned_attitude, angles=upward[0], rates=upward[1]),
             remedy="Set frame: flu for the columns of attitude and gyro.",
         )
+    for stream, fields_of, words in (
+        ("attitude", upward[0], "pitch and yaw of the attitude are"),
+        ("imu", upward[1], "gyro y and z are"),
+    ):
+        if "gyro_sign" in names and log.has("imu", "attitude"):
+            yield Mistake(
+                "gyro_sign",
+                f"{words} in axes forward, left, up (or a world whose third axis is up)",
+                stream,
+                fields_of,
+                1,
+                partial(_turned, stream=stream, fields=fields_of),
+                remedy="Set frame: flu, or enu for the heading, for these columns.",
+            )
     for axis in range(3):
         by_speed = axis < 2 and LINEAR_VELOCITY[1 - axis] in fields
         by_rate = GYRO[axis] in fields or names & {"accelerometer_axes", "gyro_disagrees"}

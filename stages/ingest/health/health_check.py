@@ -23,7 +23,7 @@ from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
-from auvid.stages.ingest.health.actuation.plausible_forces import force_findings
+from auvid.stages.ingest.health.actuation.plausible_forces import force_findings, shape_findings
 from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
 from auvid.stages.ingest.health.actuation.responses import (
     late_outputs,
@@ -50,7 +50,7 @@ from auvid.stages.ingest.health.agreement.sources import (
     depth_findings,
     velocity_findings,
 )
-from auvid.stages.ingest.health.agreement.tilt import with_true_angles
+from auvid.stages.ingest.health.agreement.tilt import with_direction, with_true_angles, with_upright
 from auvid.stages.ingest.health.agreement.velocity.beam_velocity import (
     beam_findings,
     ground_findings,
@@ -60,7 +60,7 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     velocity_evidence,
 )
 from auvid.stages.ingest.health.agreement.velocity.velocity_samples import outlier_findings
-from auvid.stages.ingest.health.causes import by_cause, by_mass
+from auvid.stages.ingest.health.causes import OF_MOTION, by_cause, by_mass
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
     clock_findings,
@@ -157,6 +157,11 @@ def check_health(
 
     measured, of_masses, mended = by_mass(real, [*measured, *of_motion], again)
     measured, explained = by_cause(mended, measured, again)
+    quiet = any(item["id"] == "commands_one_tone" for item in measured)
+    if not quiet and not any(
+        checks()[item["id"]].stops or item["id"] in OF_MOTION for item in measured
+    ):
+        measured += shape_findings(compared.log)
     findings = ranked([*with_hold_lag(log, measured), *excitation_findings(excited)])
     return {
         "log": info.log,
@@ -241,11 +246,11 @@ def _compared(log: CheckedLog) -> _Compared:
     for item in measured:  # they say nothing of the others
         log = log.without(item["stream"])
         log = log.without("velocity") if item["stream"] == "depth" else log.without("imu")
-    for mend in (with_one_turn, with_true_angles):
+    for mend in (with_upright, with_direction, with_one_turn, with_true_angles):
         log, wrong = mend(log)
         measured += wrong
     measured += [item for check in OF_SENSORS for item in check(log)]
-    if any(item["id"] in OF_GRAVITY for item in measured):
+    if any(item["id"] in OF_GRAVITY and item["stream"] == "imu" for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
     elif not any(item["id"] in OF_TURNS for item in measured):
         log, late = with_inertial_lag(log)

@@ -11,7 +11,7 @@ from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
 from auvid.stages.columns import ATTITUDE, GYRO, OF_FIXES, OF_POSES
-from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight
+from auvid.stages.ingest.health.actuation.plausible_forces import OWN, borne_weight, shape_odds
 from auvid.stages.ingest.health.actuation.push_answers import (
     clear_scales,
     push_responses,
@@ -35,7 +35,7 @@ SURE_WEIGHT = 0.04
 """Part of the weight that the thrusters must show (three standard deviations)."""
 SURE_TILT = 0.05
 """Standard deviation of roll or pitch [rad] by which a lag of .1 s is certain."""
-CLEAR, CLEAR_WEIGHT = 4.0, 3.0
+CLEAR, CLEAR_WEIGHT, CLEAR_SHAPE = 4.0, 3.0, 25.0
 SURE_ANSWER, RESTING_US, LEAST_REST = 0.95, 15.0, 0.02
 """Share of a motion that outputs explain whose clock shows to a tenth of a second; and
 within what of neutral, and for what share of a log, outputs rest where it shows.
@@ -121,11 +121,17 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         "each axis shows its force over its inertia alone; pulls on the bench in surge, sway and"
         " yaw (docs/bench.md), or a pendulum, tell them",
     )
+    odds = shape_odds(log)
+    if not odds or max(value for words, value in odds.items() if words != OWN) > -CLEAR_SHAPE:
+        yield (
+            "shape of the thrust curve, and a limit to how fast outputs change",
+            "a curve turned about neutral, a root or a square of the command, or a limiter explain"
+            " the motion nearly as well; pulls on the bench over all outputs tell them",
+        )
     yield (
-        "shape of the thrust curve, and a limit to how fast outputs change",
-        "no check looks for a curve turned about neutral, a root or a square of the command, or a"
-        " limiter: apart from their mean gain they move a vehicle much alike; pulls on the bench"
-        " over all outputs tell them",
+        "righting moment (centre of buoyancy)",
+        "in sound logs roll and pitch answer tilts by .2 to 1.2 of what the vehicle file says; a"
+        " heel under a weight at rest tells it",
     )
     borne = borne_weight(log)
     weight = log.vehicle.mass_kg * log.vehicle.gravity

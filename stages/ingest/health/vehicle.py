@@ -61,6 +61,7 @@ LEAST_OF_LENGTH = 0.5
 torpedoes.
 """
 LONGEST_LAG_S = 5.0
+SHORTEST_PULSE_US, LONGEST_PULSE_US = 800.0, 2200.0
 LEAST_PLACE, FEWEST_THRUSTERS = 0.5, 3
 """Of the distance of the outermost of three thrusters or more, which sit outside the hull."""
 
@@ -112,6 +113,7 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
             value=density,
         )
         return
+    yield from _curve_range(log)
     yield from _sizes(vehicle)
     yield from _added_mass(vehicle)
     excess = vehicle.mass_kg / water - 1.0
@@ -137,6 +139,25 @@ def body_findings(log: CheckedLog) -> Iterator[Finding]:
                 f" of {water:g} kg is {ratio:.2g} times that.",
                 value=ratio,
             )
+
+
+def _curve_range(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a thrust curve over other numbers than pulses, which the outputs are."""
+    entry = log.vehicle and log.vehicle.document.actuators.thrusters
+    if not entry or entry.thrust_curve is None or not log.thrusters():
+        return
+    over = entry.thrust_curve.pulse_width.array
+    if float(over.max()) > SHORTEST_PULSE_US and float(over.min()) < LONGEST_PULSE_US:
+        return
+    cause = ": it is in ms" if 0.5 < float(over.min()) < float(over.max()) < 3.0 else ""
+    yield finding(
+        "curve_range",
+        f"The thrust curve of the vehicle file is given over {over.min():g} to {over.max():g} us,"
+        f" where no pulse of an output is{cause}.",
+        stream="actuators",
+        value=float(over.max()),
+        fields=log.thrusters(),
+    )
 
 
 def other_masses(vehicle: Vehicle) -> dict[str, Vehicle]:

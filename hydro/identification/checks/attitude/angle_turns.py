@@ -6,6 +6,7 @@ moves by from sample to sample. Nothing here decides.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,3 +97,28 @@ def gravity_gain(
         moved = changes_of(t_imu, gyro, *velocity, at)[:, across]
     pulled = gravity * integrals(t_imu, down_at(t_imu, t_attitude, euler), at)[:, [across]]
     return fitted_gains(moved - integrals(t_imu, force, at)[:, across], pulled)
+
+
+def depth_odds(
+    depth: tuple[Array, Array],
+    t_attitude: Array,
+    attitudes: Sequence[Array],
+    velocity: tuple[Array, Array],
+) -> list[float] | None:
+    """Return how well a velocity (k, 3) makes a depth by each of some attitudes (n, 3).
+
+    Logarithms of their likelihoods over a depth that stands still, by medians over windows
+    of 1 s. None for too few windows.
+    """
+    (t_depth, values), (t, speed) = depth, velocity
+    clocks = t_depth, t_attitude, t
+    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    if at.size < FEWEST_WINDOWS:
+        return None
+    rise = np.interp(at + WINDOW_S, t_depth, values) - np.interp(at, t_depth, values)
+    rests = [rise]
+    for euler in attitudes:
+        rate = (down_at(t, t_attitude, euler) * speed).sum(axis=1)
+        rests.append(rise - integrals(t, rate[:, None], at)[:, 0])
+    own, *left = (max(float(np.median(np.abs(rest - np.median(rest)))), 1e-9) for rest in rests)
+    return [at.size * float(np.log(own / each)) for each in left]

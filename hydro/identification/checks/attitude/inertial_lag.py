@@ -24,6 +24,8 @@ from auvid.hydro.kept_results import kept
 
 LAGS_S = np.round(np.arange(-12, 13) * 0.05, 2)
 """Lags of attitude and gyro that are tried [s]."""
+VELOCITY_LAGS_S = np.round(np.arange(-6, 13) * 0.05, 2)
+"""Lags of the velocity alone that are tried beside them [s]."""
 FIRST_S = (-0.1, 0.0, 0.1)
 """Lags that are tried first; the others only where 0 is not the best of these."""
 
@@ -33,11 +35,13 @@ class InertialLag:
     """How late attitude and gyro come together.
 
     `lag_s` by accelerometer and velocity, `better_than_none` the logarithm of its
-    likelihood over that of none; `by_depth` the same in the depth rate, None without depth.
+    likelihood over that of none, and `better_than_velocity` over that of any lag of the
+    velocity alone; `by_depth` over none in the depth rate, None without depth.
     """
 
     lag_s: float
     better_than_none: float
+    better_than_velocity: float
     by_depth: float | None
 
 
@@ -66,12 +70,13 @@ def inertial_lag(
         return None
     felt = integrals(t_imu, force, at)
 
-    def of_origin(lag: float) -> Array:
-        turning = [np.interp(t_velocity, t_imu - lag, rate) for rate in gyro.T]
+    def of_origin(lag: float, late_s: float = 0.0) -> Array:
+        turning = [np.interp(t_velocity - late_s, t_imu - lag, rate) for rate in gyro.T]
         return np.asarray(speed - np.cross(np.column_stack(turning), arm_m))
 
-    def odds(lag: float) -> float:
-        change = changes_of(t_imu - lag, gyro, t_velocity, of_origin(lag), at)
+    def odds(lag: float, late_s: float = 0.0) -> float:
+        moved = of_origin(lag, late_s)
+        change = changes_of(t_imu - lag, gyro, t_velocity - late_s, moved, at)
         pulled = felt + gravity * integrals(t_imu, down_at(t_imu, t_attitude - lag, euler), at)
         return float(log_odds(*(side - np.median(side, axis=0) for side in (change, pulled))))
 
@@ -79,6 +84,10 @@ def inertial_lag(
     if max(tried, key=lambda lag: tried[lag]) != 0.0:
         tried |= {lag: odds(lag) for lag in LAGS_S.tolist() if lag not in tried}
     best = max(tried, key=lambda lag: tried[lag])
+    better = tried[best] - tried[0.0]
+    over_velocity = better
+    if better > 0.0:  # what a late velocity explains as well is no lag of the attitude
+        over_velocity = tried[best] - max(odds(0.0, late_s) for late_s in VELOCITY_LAGS_S.tolist())
     by_depth = None
     if best and depth is not None:
         left = []
@@ -88,4 +97,4 @@ def inertial_lag(
             rest = rise - integrals(t_velocity, rates, at).sum(axis=1)
             left.append(max(float(np.median(np.abs(rest))), 1e-9))
         by_depth = at.size * float(np.log(left[1] / left[0]))
-    return InertialLag(best, tried[best] - tried[0.0], by_depth)
+    return InertialLag(best, better, over_velocity, by_depth)

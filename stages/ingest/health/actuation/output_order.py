@@ -46,8 +46,11 @@ from auvid.stages.number_format import percent
 
 ORDER_WINDOW_S, LEAST_ORDER_WINDOWS, ANSWERS_S = 0.5, 100, (0.0, 0.1, 0.2, 0.3)
 LEAST_ALLOCATION = 1e-6
-CLEARLY_DEAD = 3.0
-"""Standard deviations by which an output without effect stays below the limit."""
+CLEARLY_DEAD, WEAK, MOST_UNLIKE = 3.0, 0.25, 5.0
+"""Standard deviations by which an output without effect stays below the limit, and the part
+of the usual gain that it may have for certain: a thruster is weak beyond.
+By how much the gains of the others may differ.
+"""
 LEAST_FOLLOWED = 0.3
 """Share of some axis that the outputs must explain to tell which of them does nothing."""
 SURE_CHANGE, RISE_OF_CHANGE, SURE_PART = 30.0, 0.14, 12.0
@@ -190,9 +193,16 @@ def _without_effect(gains: OutputGains | None) -> list[int]:
     if gains is None or gains.explained < LEAST_FOLLOWED or np.count_nonzero(gains.acts) < 3:
         return []
     usual = float(np.median(gains.gain[gains.acts]))
-    dead = gains.acts & (gains.gain + CLEARLY_DEAD * gains.sd < limit("output_dead") * usual)
-    places = np.flatnonzero(dead & (gains.gain + CLEARLY_DEAD * gains.sd > -usual)).tolist()
-    return places if len(places) <= np.count_nonzero(gains.acts) // 2 else []
+    most = CLEARLY_DEAD * gains.sd
+    dead = gains.acts & (gains.gain + most < limit("output_dead") * usual)
+    precise = (most < usual) & (gains.gain + most > -usual)
+    places = np.flatnonzero(dead & precise & (gains.gain - most < WEAK * usual)).tolist()
+    others = np.delete(gains.gain, places)[np.delete(gains.acts, places)]
+    if len(places) > np.count_nonzero(gains.acts) // 2:
+        return []
+    if places and others.min() < others.max() / MOST_UNLIKE:  # such gains fit no thrusters
+        return []
+    return places
 
 
 def _dead(gains: OutputGains, places: list[int], outputs: tuple[int, ...]) -> Finding:

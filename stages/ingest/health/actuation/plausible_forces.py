@@ -1,4 +1,4 @@
-"""Forces of the thrusters against what any body of this size needs under water."""
+"""Forces of the thrusters against what any body needs under water, and their curve."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.motion_checks import down_at
+from auvid.hydro.identification.checks.response import LONGEST_RESPONSE_S, limited
 from auvid.stages.columns import ATTITUDE
-from auvid.stages.ingest.health.actuation.push_answers import pushes
+from auvid.stages.ingest.health.actuation.push_answers import push_lags, pushes
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 from auvid.stages.number_format import significant
 
@@ -22,6 +24,17 @@ LINEAR_M_S = 0.2
 """Speed at which linear drag is as large as the largest quadratic one."""
 SHORTEST_S, SLICE_S = 50.0, 3.0
 LEVEL_RAD, CLEAR = 0.25, 3.0
+SQUARE = "act by their square"
+ROOT = "act by their root"
+MIRRORED = "act by the thrust curve mirrored about neutral, ahead for astern"
+LARGEST_SHARE = 1.0 - 1e-6
+SHAPE_LAGS_S = tuple(np.round(np.arange(9) * 0.1, 1).tolist())
+SPAN_US, LIMITS_HZ, OWN = 400.0, (1.0, 0.5, 0.25), "as logged"
+"""Pulse of a full command beyond neutral; rates of limiters, in full commands a second."""
+PARTS, PART_OF_LIMITER = {SQUARE: 0.25, ROOT: 0.25, MIRRORED: 0.15}, 0.1
+"""Least likelihood of a shape over that logged, as a part of that of the force over none
+(logarithms): in sound logs the root has .05 at most, the others none.
+"""
 
 
 def force_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -130,4 +143,71 @@ def _weight(log: CheckedLog) -> Iterator[Finding]:
         f" gravity).",
         stream="actuators",
         value=borne.newtons - net,
+    )
+
+
+def shape_odds(log: CheckedLog) -> dict[str, float]:
+    """Return by how much other shapes of the outputs are likelier than those logged.
+
+    Logarithms over surge, sway, heave and yaw together, each at its best lag, and that of
+    the force as logged over none as `OWN`; empty where the thrusters' force is not known.
+    Of a long log its middle ten minutes.
+    """
+    if pushes(log) is None or not log.has("velocity"):
+        return {}
+    t_s = log.t_s("actuators")
+    middle, half = 0.5 * float(t_s[0] + t_s[-1]), 0.5 * LONGEST_RESPONSE_S
+    if t_s[-1] - t_s[0] > LONGEST_RESPONSE_S:
+        log = log.between(middle - half, middle + half)
+        t_s = log.t_s("actuators")
+    names = log.thrusters()
+    commands = np.nan_to_num((log.values("actuators", names) - NEUTRAL_US) / SPAN_US)
+    shapes = {
+        SQUARE: commands * np.abs(commands),
+        ROOT: np.sign(commands) * np.sqrt(np.abs(commands)),
+        MIRRORED: -commands,
+    } | {_limiter(rate): limited(t_s, commands, rate) for rate in LIMITS_HZ}
+    own = _answered(log, 1.0)
+    if not own:
+        return {}
+    odds = {OWN: own}
+    for words, shaped in shapes.items():
+        pulses = dict(zip(names, (NEUTRAL_US + SPAN_US * shaped).T, strict=True))
+        other = log.with_columns("actuators", pulses)
+        odds[words] = _answered(other, -1.0 if words == MIRRORED else 1.0) - own
+    return odds
+
+
+def _answered(log: CheckedLog, sign: float) -> float:
+    """Return the logarithm of the likelihood of forces of a sign over none."""
+    return sum(
+        max(
+            -0.5 * gains.count * float(np.log1p(-min(max(gains.explained, 0.0), LARGEST_SHARE)))
+            if gains is not None and sign * gains.gain[0] > 0.0
+            else 0.0
+            for gains in by_lag
+        )
+        for _, by_lag in push_lags(log, "uvwr", lags_s=SHAPE_LAGS_S)
+    )
+
+
+def _limiter(rate: float) -> str:
+    return f"pass a limiter of {rate:g} full commands a second"
+
+
+def shape_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield outputs that act by another curve than that of the vehicle file."""
+    odds = shape_odds(log)
+    if not odds:
+        return
+    own = odds.pop(OWN)
+    best = max(odds, key=lambda words: odds[words])
+    part = PARTS.get(best, PART_OF_LIMITER)
+    if odds[best] < max(limit("response_shape"), part * own):
+        return
+    yield finding(
+        "response_shape",
+        f"The motion follows the outputs better, by e^{odds[best]:.0f}, if they {best}.",
+        stream="actuators",
+        value=odds[best],
     )

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.attitude.angle_turns import angle_turns
 from auvid.hydro.identification.checks.attitude.rate_agreement import (
     RateAgreement,
     attitude_jumps,
@@ -71,6 +73,14 @@ QUATERNION_ORDERS = {
 """Order of the file, and the place in the quaternion w, x, y, z as it is read of the right
 w, x, y, z.
 """
+ANGLE_COLUMNS = {
+    (1, 0, 2): "roll and pitch",
+    (2, 1, 0): "roll and yaw",
+    (0, 2, 1): "pitch and yaw",
+    (1, 2, 0): "columns of roll, pitch and yaw",
+    (2, 0, 1): "columns of roll, pitch and yaw",
+}
+"""Places of roll, pitch and yaw among the columns, and what is exchanged."""
 SMALLEST_TILT_RAD = math.radians(2.0)
 LEFT_BY_ORDER, SURE_ORDER = 0.8, 40.0
 """What another order of turns may leave of what ZYX leaves, and its least log likelihood:
@@ -123,6 +133,8 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
                 return
     unit = list(_unit(log, agreement))
     wrong = unit or list(_axes(agreement, lambda: _over_longer_times(t_s, angles, gyro)))
+    if not wrong and not yaw_alone and not {0, 1} & set(moved_axes(agreement)):
+        wrong = list(_quiet_axes(t_s, angles, gyro))
     yield from wrong
     if not wrong:
         yield from _deviation(t_s, angles, gyro)
@@ -360,17 +372,19 @@ def _turned(log: CheckedLog, angles: Array) -> Iterator[tuple[Array, Finding]]:
                 remedy="Correct the columns of the quaternion: w is its scalar part.",
             ),
         )
-    yield (
-        angles[:, (1, 0, 2)],
-        finding(
-            "gyro_axes",
-            f"Roll and pitch of the attitude ({log.source('attitude')}) are exchanged: the other"
-            " way round they turn as the gyro does.",
-            stream="attitude",
-            value=1.0,
-            fields=ATTITUDE[:2],
-        ),
-    )
+    for places, words in ANGLE_COLUMNS.items():
+        yield (
+            angles[:, places],
+            finding(
+                "gyro_axes",
+                f"{words[0].upper()}{words[1:]} of the attitude ({log.source('attitude')}) are"
+                " exchanged: the other way round they turn as the gyro does.",
+                stream="attitude",
+                value=1.0,
+                fields=ATTITUDE[:2] if places[2] == 2 else ATTITUDE,
+                remedy="Correct the columns of roll, pitch and yaw in the column map.",
+            ),
+        )
 
 
 def _attitude_unit(text: str, unit: str, fields: tuple[str, ...] = ATTITUDE) -> Finding:
@@ -396,6 +410,35 @@ def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
         value=scale - 1.0,
         fields=GYRO,
         remedy=f"Set unit: {unit} for the columns of the gyro.",
+    )
+
+
+def _quiet_axes(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterator[Finding]:
+    """Yield gyro x and y that are exchanged or turned, where both hardly move."""
+    left: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
+    count = 0
+    for order, signs in product(((0, 1), (1, 0)), product((1, -1), (1, -1))):
+        rates = np.column_stack([gyro[1][:, list(order)] * signs, gyro[1][:, 2]])
+        turns = angle_turns(t_s, angles, gyro[0], rates)
+        if turns is None:
+            return
+        rest = (turns.by_angle - turns.by_gyro.sum(axis=2))[:, :2]
+        off = np.median(np.abs(rest - np.median(rest, axis=0)), axis=0)
+        count, left[order, signs] = len(rest), float(np.log(np.maximum(off, 1e-9)).sum())
+    order, signs = min(left, key=lambda each: left[each])
+    if count * (left[(0, 1), (1, 1)] - left[order, signs]) < SURE_ORDER:
+        return
+    taken = [
+        f"{'-' if sign < 0 else ''}gyro {XYZ[place]}"
+        for place, sign in zip(order, signs, strict=True)
+    ]
+    yield finding(
+        "gyro_axes" if order == (1, 0) else "gyro_sign",
+        f"Roll and pitch of the attitude, which hardly move, turn as {listed(taken)} do, and not as"
+        " gyro x and y.",
+        stream="imu",
+        value=-1.0 if order == (0, 1) else 1.0,
+        fields=GYRO[:2],
     )
 
 

@@ -17,9 +17,11 @@ from auvid.stages.columns import (
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import clear_arm, inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
-SURE_ODDS, SURE_BY_DEPTH = 30.0, 10.0
+SURE_ODDS, SURE_OF_ATTITUDE, SURE_BY_DEPTH = 30.0, 10.0, 10.0
 """Logarithm of the likelihood of a lag over none: by accelerometer and velocity (no
-sound leg of 60 exceeds 16), and in the depth rate, where it tells which of both is late.
+sound leg of 60 exceeds 16); over a late velocity, which explains more where it is the
+cause (by 20 to 900), and less where it is not (by 15 to 900); and in the depth rate, where
+it tells which of both is late.
 """
 ROUNDING = 1e-9
 AFTER = ("before", "after")
@@ -29,6 +31,8 @@ def with_inertial_lag(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
     """Return the log with its inertial unit and attitude in time, and what was late."""
     answer = _lag(log.in_time())
     if answer is None or answer.better_than_none < SURE_ODDS:
+        return log, []
+    if answer.better_than_velocity < SURE_OF_ATTITUDE:
         return log, []
     lag = answer.lag_s
     if abs(lag) < limit("inertial_lag") - ROUNDING:

@@ -86,6 +86,7 @@ LARGEST_TONE, SURE_OF_TONE = 0.8, 0.98
 """Share of the power of a depth rate that one frequency may have, or else the part of it
 that a lag must explain.
 """
+BY_TRACK = "the position follows it"
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
 """Standard deviation of the sine of roll or pitch that tells a frame from an offset."""
@@ -107,11 +108,13 @@ NAMED_SCALES: Mapping[float, str] = {
     0.5: "a depth that counts half, or a velocity that counts twice",
     0.3048: "a velocity in ft/s declared as m/s, or depth in m declared as ft",
     0.2778: "a velocity in km/h declared as m/s",
-    0.1: "depth in m declared as dm",
+    0.1: "depth in m declared as dm, or a pressure in bar taken for metres",
     0.01: "a velocity in cm/s declared as m/s, or depth in m declared as cm",
     0.001: "a velocity in mm/s declared as m/s, or depth in m declared as mm",
 }
 """Depth rate over vertical velocity, and what makes it so large."""
+LEAST_OF_SMALL, SMALL = 0.25, 0.5
+"""Share of the depth rate from which on a gain far below one counts, and how far."""
 NEAR_SCALE = 0.12
 """Logarithm within which a scale may be a named one."""
 
@@ -174,7 +177,7 @@ def motion_findings(
     mirrored = list(mirrored_track(log, evidence))
     yield from mirrored
     if not mirrored:
-        turned.take(_position_gains(log), range(2), "the position follows it")
+        turned.take(_position_gains(log), range(2), BY_TRACK)
         yield from heading_findings(log, evidence)
     changes = _changes(log)
     if changes is not None:
@@ -186,6 +189,17 @@ def motion_findings(
                 )
         if not exchanged:
             yield from _exchanged(correlation)
+    if _by_track_alone(turned):
+        yield finding(
+            "heading_offset",
+            f"The track ({log.source('position')}) goes where heading and velocity point away from,"
+            " and nothing else turns surge and sway round: the heading is off by 180 degrees, or x"
+            " and y of the track both have the wrong sign.",
+            stream="attitude",
+            value=180.0,
+            fields=(ATTITUDE[2],),
+        )
+        return
     for axis, reasons in sorted(turned.against.items()):
         yield finding(
             "velocity_sign",
@@ -206,6 +220,13 @@ def motion_findings(
             yield from wrong_arm(log, evidence.arm)
         yield from turned_velocity(log, evidence)
         yield from scaled_velocity(log, evidence)
+
+
+def _by_track_alone(turned: Evidence) -> bool:
+    """Return whether a track alone turns surge and sway, and both of them."""
+    reasons = [turned.against.get(axis, []) for axis in range(3)]
+    of_track = [len(each) == 1 and each[0].startswith(BY_TRACK) for each in reasons]
+    return of_track[0] and of_track[1] and not reasons[2]
 
 
 def _coarse(log: CheckedLog) -> Iterator[Finding]:
@@ -338,7 +359,10 @@ def _depth(
     log: CheckedLog, gains: AxisGains | None, response: Mapping[str, AxisGains]
 ) -> Iterator[Finding]:
     """Yield a depth that is turned, or that differs from the velocity in scale."""
-    if gains is None or gains.explained < LEAST_EXPLAINED:
+    if gains is None:
+        return
+    if gains.explained < LEAST_EXPLAINED:
+        yield from _far_too_small(log, gains)
         return
     sure = np.flatnonzero(gains.sd < SURE_GAIN_SD * np.maximum(1.0, np.abs(gains.gain)))
     clear = [axis for axis in sure if abs(gains.gain[axis]) > CLEAR * gains.sd[axis]]
@@ -373,6 +397,24 @@ def _depth(
         yield from list(tilt_findings(log)) or _scale_off(log, gains, int(best))
 
 
+def _far_too_small(log: CheckedLog, gains: AxisGains) -> Iterator[Finding]:
+    """Yield a depth that moves by less than half, whatever noise takes off its gain."""
+    best = int(np.argmin(gains.sd))
+    size, sd = float(gains.gain[best]), float(gains.sd[best])
+    if gains.explained < LEAST_OF_SMALL or size < CLEAR * sd:
+        return
+    most = size / gains.explained
+    if most + CLEAR * sd < SMALL:
+        yield finding(
+            "velocity_scale",
+            f"Depth moves {significant(size)} times as much as the velocity in {SPEEDS[best]} says,"
+            f" and {significant(most)} at most{_cause(size, most)}.",
+            stream="velocity",
+            value=size,
+            fields=(*LINEAR_VELOCITY, "depth_m"),
+        )
+
+
 def _scale_off(log: CheckedLog, gains: AxisGains, best: int) -> Iterator[Finding]:
     """Yield axes whose gain in the depth rate is off, clear of what noise takes off it.
 
@@ -397,9 +439,12 @@ def _scale_off(log: CheckedLog, gains: AxisGains, best: int) -> Iterator[Finding
         )
 
 
-def _cause(size: float) -> str:
-    """Return what makes a depth rate so large; all of it where several are as near."""
-    far = {factor: abs(float(np.log(size / factor))) for factor in NAMED_SCALES}
+def _cause(size: float, most: float | None = None) -> str:
+    """Return what makes a depth rate so large, or up to a most; all that is as near."""
+    far = {
+        factor: abs(float(np.log(np.clip(factor, size, most or size) / factor)))
+        for factor in NAMED_SCALES
+    }
     near = sorted((each for each in far if far[each] < NEAR_SCALE), key=lambda each: far[each])
     parts = [f"{factor:g} would be {NAMED_SCALES[factor]}" for factor in near]
     return f"; {', or '.join(parts)}" if parts else ""

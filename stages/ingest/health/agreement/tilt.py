@@ -12,16 +12,28 @@ from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.attitude.angle_turns import (
     AngleTurns,
     angle_turns,
+    depth_odds,
     gravity_gain,
 )
 from auvid.hydro.identification.checks.motion_checks import down_at, tilt_offset
 from auvid.hydro.identification.checks.robust_gains import AxisGains
+from auvid.hydro.identification.signals.pose.frames import (
+    euler_of_quaternion,
+    quaternion_of_euler,
+)
 from auvid.stages.columns import ATTITUDE, GYRO, OF_YAW, RATES
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 CLEAR, LARGEST_RAD = 4.0, math.radians(20.0)
 """Standard deviations beyond the limit, and the largest tilt that is taken for one."""
+TURNED_TILTS = ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0])
+SURE_INVERSE = 25.0
+"""Logarithm of the likelihood of an inverse attitude over this one, or one with signs turned:
+ten sound logs have -2 to -331, and their inverses as much the other way.
+"""
+CLOSE_RAD = math.radians(30.0)
+"""How far gravity in the accelerometer may point from that of an attitude turned round."""
 LEAST_TURN_RAD, LEAST_EXPLAINED = 0.004, 0.85
 """Standard deviation of the turns of a window, and the share of them that gyro and angle
 share, from which on a scale is compared.
@@ -75,6 +87,68 @@ def _by_gravity(log: CheckedLog, axes: list[int]) -> str:
     off = np.degrees([rest[1], -rest[0]])
     parts = [f"{RATES[axis]} {off[axis]:+.1f} degrees" for axis in axes]
     return f" By the accelerometer the attitude reads {listed(parts)} too much."
+
+
+def with_upright(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
+    """Return the log with a roll that gravity agrees with, and a half turn."""
+    force = log.accelerometer()
+    if force is None or not log.has("attitude"):
+        return log, []
+    good = np.isfinite(force).all(axis=1)
+    attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+    down = down_at(log.t_s("imu")[good], *attitude)
+    size = np.maximum(np.linalg.norm(force[good], axis=1), 1e-9)
+    along = float(np.median((force[good] * down).sum(axis=1) / size))
+    turned = down * [1.0, -1.0, -1.0]
+    other = float(np.median((force[good] * turned).sum(axis=1) / size))
+    if np.median(down[:, 2]) > 0.0 or along < 0.0 or other > -math.cos(CLOSE_RAD):
+        return log, []
+    text = (
+        f"The attitude ({log.source('attitude')}) has the vehicle upside down, and gravity in the"
+        " accelerometer has it upright: roll is off by 180 degrees, as of a unit that is mounted"
+        " upside down."
+    )
+    named = finding(
+        "accelerometer_direction",
+        text,
+        stream="attitude",
+        value=180.0,
+        fields=ATTITUDE[:1],
+        remedy="Take 180 degrees off the roll before the export, or turn the axes in its driver.",
+    )
+    roll = (attitude[1][:, 0] + 2.0 * np.pi) % (2.0 * np.pi) - np.pi
+    return log.with_columns("attitude", {ATTITUDE[0]: roll}), [named]
+
+
+def with_direction(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
+    """Return the log with an attitude that the depth follows without a gyro."""
+    if log.has("imu") or not log.has("attitude", "depth", "velocity"):
+        return log, []
+    if not np.isfinite(log.body_velocity()).all():
+        return log, []
+    on_time = log.in_time()
+    angles = on_time.values("attitude", ATTITUDE)
+    inverse = euler_of_quaternion(quaternion_of_euler(angles) * [1.0, -1.0, -1.0, -1.0])
+    others = [angles * signs for signs in ([1.0, 1.0, 1.0], *TURNED_TILTS)]
+    odds = depth_odds(
+        on_time.depth_of_velocity(),
+        on_time.t_s("attitude"),
+        [inverse, *others],
+        (on_time.t_s("velocity"), on_time.body_velocity()),
+    )
+    if odds is None or odds[0] - max(odds[1:]) < SURE_INVERSE:
+        return log, []
+    named = finding(
+        "attitude_inverse",
+        f"The depth follows the velocity by the inverse of the attitude ({log.source('attitude')}),"
+        f" e^{odds[0] - odds[1]:.0f} times as likely as by the attitude: it is that of the earth in"
+        " axes of the body.",
+        stream="attitude",
+        value=odds[0] - odds[1],
+        fields=ATTITUDE,
+    )
+    columns = dict(zip(ATTITUDE, inverse.T, strict=True))
+    return log.with_columns("attitude", columns), [named]
 
 
 def with_true_angles(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:

@@ -26,6 +26,10 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.robust_gains import AxisGains
+from auvid.hydro.identification.signals.pose.frames import (
+    euler_of_quaternion,
+    quaternion_of_euler,
+)
 from auvid.stages.ingest.health.actuation import force_clocks
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
@@ -559,6 +563,32 @@ def _askew(log: Log) -> None:
     log.streams["attitude"]["theta_rad"] = log.streams["attitude"]["theta_rad"] + 0.1
 
 
+@spoils("attitude_inverse")
+def _conjugate(log: Log) -> None:
+    """The quaternion of the earth in the body, and no gyro beside it."""
+    del log.streams["imu"]
+    attitude, names = log.streams["attitude"], ("phi_rad", "theta_rad", "psi_rad")
+    parts = quaternion_of_euler(np.column_stack([attitude[name] for name in names]))
+    attitude |= dict(
+        zip(names, euler_of_quaternion(parts * [1.0, -1.0, -1.0, -1.0]).T, strict=True)
+    )
+
+
+@spoils("velocity_delay")
+def _mean_velocity(log: Log) -> None:
+    velocity = log.streams["velocity"]
+    velocity["time_us"] = velocity["time_us"] + 250_000
+
+
+@spoils("curve_range")
+def _curve_over_percent(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    entry = document["actuators"]["thrusters"]["thrust_curve"]["pulse_width"]
+    entry["value"] = [(at - 1500.0) / 4.0 for at in entry["value"]]
+    log.vehicle = vehicle_from_document(document)
+
+
 SPOIL["attitude_scale"] = scaled("attitude", ("phi_rad",), 0.8)
 
 
@@ -844,6 +874,7 @@ def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
 def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
     of_poses = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
     of_poses |= {"commands_mixed", "run_clock"}  # which is of several logs
+    of_poses |= {"response_shape"}  # test_wrong_maps.py
     assert set(SPOIL) | {"command_lag"} | of_poses == set(checks())  # test_pose_motion.py
 
 
@@ -1381,6 +1412,20 @@ def test_a_depth_that_is_mapped_to_the_position_too_does_not_hide_its_sign() -> 
     for name in ("depth", "position"):
         log.info["streams"][name] = {"source": "run.csv"}
     assert {"depth_above_water", "depth_sign"} <= log.every_id()
+
+
+def test_a_noisy_depth_in_bar_is_too_small_whatever_noise_takes_off() -> None:
+    log, random = sound(), np.random.default_rng(4)
+    depth = 0.1 * log.streams["depth"]["depth_m"]
+    log.streams["depth"]["depth_m"] = depth + 0.01 * random.standard_normal(depth.size)
+    assert "a pressure in bar" in log.finding("velocity_scale")["text"]
+
+
+def test_a_heading_that_is_off_by_half_a_turn_is_no_wrong_sign_of_the_velocity() -> None:
+    log = sound()
+    with_track(log, 180.0)
+    assert log.finding("heading_offset")["value"] == 180.0
+    assert "velocity_sign" not in log.ids()
 
 
 @pytest.mark.parametrize("turned_deg", [12.0, -40.0, 90.0])

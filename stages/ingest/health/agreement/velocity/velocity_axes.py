@@ -29,6 +29,7 @@ from auvid.stages.ingest.health.finding import (
 )
 
 LAGS_S = tuple(np.round(np.arange(-15, 31) * 0.1, 1).tolist())
+NO_DELAY_S = (-0.1, 0.1)
 USUAL_LAGS_S = (-0.2, 0.4)
 """Of a velocity log behind the accelerometer, beyond those of the vehicle file."""
 SURE_ODDS = 25.0
@@ -175,6 +176,23 @@ def _degrees(turn: PlanarTurn, sign: float = 1.0) -> str:
     return f"{angle:+.1f} +- {sd:.1f} degrees"
 
 
+def _delayed(log: CheckedLog, answer: VelocityAnswer) -> Iterator[Finding]:
+    """Yield a velocity that is late as a filter or a mean makes it."""
+    lag = answer.lag_s
+    if abs(lag) < limit("velocity_delay") or answer.better_than(NO_DELAY_S) < SURE_ODDS:
+        return
+    late = "late" if lag > 0.0 else "early"
+    cause = f", as a delay or a moving mean of {2.0 * lag:.1f} s makes it" if lag > 0.0 else ""
+    yield finding(
+        "velocity_delay",
+        f"The velocity ({log.source('velocity')}) is some {abs(lag):.1f} s {late} against the"
+        f" accelerometer{log.beyond_stated}{cause}.",
+        stream="velocity",
+        value=lag,
+        fields=LINEAR_VELOCITY,
+    )
+
+
 def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
     """Yield a velocity log turned about the vertical, by the accelerometer."""
     turn = evidence.of_accelerometer
@@ -271,6 +289,7 @@ def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Findi
         return
     lag = answer.lag_s
     if abs(lag) < limit("velocity_lag") or answer.better_than(USUAL_LAGS_S) < SURE_ODDS:
+        yield from _delayed(log, answer)
         return
     yield finding(
         "velocity_lag",

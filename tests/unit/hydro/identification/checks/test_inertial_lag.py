@@ -47,8 +47,30 @@ def test_the_late_one_is_told_by_gravity_and_depth(
     assert answer.lag_s == pytest.approx(expected)
     if sign:
         assert answer.better_than_none > 30.0
+        assert answer.better_than_velocity > 10.0
         assert answer.by_depth is not None
         assert sign * answer.by_depth > 10.0
+
+
+def test_a_late_velocity_explains_more_than_a_lag_of_the_attitude() -> None:
+    """Thrusters that push as the hull tilts make both look alike."""
+
+    def motion(t: Array) -> tuple[Array, Array, Array]:
+        angles, gyro, speed = _motion(t)
+        pushed = 9.0 * 0.02 * np.cumsum(angles, axis=0)
+        return angles, gyro, speed + np.column_stack([-pushed[:, 1], pushed[:, 0], 0.0 * t])
+
+    t = np.arange(0.0, 60.0, 0.02)
+    angles, gyro, speed = motion(t)
+    force = np.gradient(speed, t, axis=0) + np.cross(gyro, speed) - G * down_at(t, t, angles)
+    noise = np.random.default_rng(0).normal(0.0, 0.01, force.shape)
+    late = motion(t - 0.2)[2] + 0.1 * noise
+    answer = inertial_lag(
+        (t, gyro, force + noise), (t, angles), (t, late), None, gravity=G, arm_m=np.zeros(3)
+    )
+    assert answer is not None
+    assert answer.better_than_none > 30.0
+    assert answer.better_than_velocity < -30.0
 
 
 def _at(t: Array, clock: Array, values: Array) -> Array:

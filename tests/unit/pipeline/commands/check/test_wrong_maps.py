@@ -282,6 +282,45 @@ def thrust_in(factor: float) -> Change:
     return change
 
 
+def curve_of(change: Callable[[dict[str, Any]], None]) -> Change:
+    """The vehicle file has another thrust curve."""
+
+    def spoil(case: Case) -> None:
+        document = case.vehicle.document.model_dump(mode="python", exclude_none=True)
+        change(document["actuators"]["thrusters"]["thrust_curve"])
+        case.vehicle = vehicle_from_document(document)
+
+    return spoil
+
+
+def mirrored(curve: dict[str, Any]) -> None:
+    """Forces ahead and astern are exchanged."""
+    curve["force"]["value"] = [-force for force in curve["force"]["value"][::-1]]
+    curve["pulse_width"]["value"] = [3000.0 - at for at in curve["pulse_width"]["value"][::-1]]
+
+
+def in_milliseconds(curve: dict[str, Any]) -> None:
+    """The pulses of the curve are in ms."""
+    curve["pulse_width"]["value"] = [at / 1000.0 for at in curve["pulse_width"]["value"]]
+
+
+def shaped(power: float, *names: str) -> Change:
+    """Outputs are logged before, or behind, a power of the command."""
+
+    def curved(pulse: npt.NDArray[np.float64]) -> Any:
+        command = (pulse - 1500.0) / 400.0
+        return 1500.0 + 400.0 * np.sign(command) * np.abs(command) ** power
+
+    return data(curved, *names)
+
+
+def gyro_turned(case: Case) -> None:
+    """The gyro is mounted turned by 90 degrees about the vertical."""
+    values, column = case.values(GYRO[0])
+    others, other = case.values(GYRO[1])
+    values[column], others[other] = -others[other], values[column].copy()
+
+
 def taken_twice(one: str, other: str) -> Change:
     """Two fields are mapped to one column."""
 
@@ -800,6 +839,20 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "columns_alike",
         "column of the time",
     ),
+    "thrust curve over pulses in ms": (curve_of(in_milliseconds), "curve_range", "it is in ms"),
+    "thrust curve mirrored about neutral": (curve_of(mirrored), "response_shape", "mirrored"),
+    "root of the commands as pulses": (shaped(0.5, *PULSES), "response_shape", "by their square"),
+    "square of the commands as pulses": (shaped(2.0, *PULSES), "response_shape", "by their root"),
+    "roll and yaw exchanged": (
+        exchanged(ANGLES[0], ANGLES[2]),
+        "gyro_axes",
+        "Roll and yaw of the attitude",
+    ),
+    "columns of the velocity shifted by one": (
+        both(exchanged(SPEED[0], SPEED[1]), exchanged(SPEED[1], SPEED[2])),
+        "velocity_axes",
+        "three columns exchanged",
+    ),
     "thrust curve 1.3 times too strong": (thrust_in(1.3), "response_scale", "too much"),
     "mass and displaced mass in pounds": (
         vehicle("mass", "displaced_mass", factor=2.2046),
@@ -820,6 +873,17 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
+    "roll of a unit mounted upside down": (
+        data(lambda angle: angle % 360.0 - 180.0, ANGLES[0]),
+        "accelerometer_direction",
+        "upside down, and gravity in the accelerometer has it upright",
+    ),
+    "attitude of a world east, north, up": (
+        both(sign(ANGLES[1]), data(lambda angle: 90.0 - angle, ANGLES[2])),
+        "gyro_sign",
+        "Pitch and yaw of the attitude are in axes forward, left, up",
+    ),
+    "gyro turned by 90 degrees about the vertical": (gyro_turned, "gyro_axes", "hardly move"),
     "pitch that counts .8": (
         data(lambda angle: 0.8 * angle, ANGLES[1]),
         "attitude_scale",
@@ -927,6 +991,7 @@ NOT_STOPPING = (
     "velocity_outliers",
     "outputs_frozen",
     "tilt_offset",
+    "response_shape",
     "arm_off",
     "values_coarse",
     "heading_deviation",
