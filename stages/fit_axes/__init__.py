@@ -31,7 +31,7 @@ from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import RATE_OF, fit_section, fit_views
 from auvid.stages.fit_axes.scaling import fitted_vehicle, scaled
-from auvid.stages.free_run import NAMES, PERSISTENCE
+from auvid.stages.free_run import FIT, NAMES, PERSISTENCE
 
 RMS_OF = dict(zip(VELOCITY, NAMES[:6], strict=True))
 """Column of a velocity -> that of its error in the table of free runs."""
@@ -200,14 +200,18 @@ def _free_run(fits: AxisFits, model: str) -> pa.Table:
         windows = max(len(part.windows) for _, part in parts)
         length = max(part.longest_s for _, part in parts)
         head = {"segment": leg, "as_measured": "", "horizon_s": length, "starts": windows}
-        head |= {"diverged": 0, "first_divergence_s": np.nan, **dict.fromkeys(NAMES, np.nan)}
+        head |= {
+            "diverged": 0,
+            "first_divergence_s": np.nan,
+            **dict.fromkeys((*NAMES, *FIT), np.nan),
+        }
         errors: dict[str, dict[str, float]] = {model: {}, PERSISTENCE: {}}
         for item, part in parts:
             name = RMS_OF[RATE_OF[item.axis]]
             errors[model][name], errors[PERSISTENCE][name] = part.rms_errors()
         rows += [head | {"model": name} | own for name, own in errors.items()]
     names = ("segment", "model", "as_measured", "horizon_s", "starts", "diverged")
-    heads = (*names, "first_divergence_s", *NAMES)
+    heads = (*names, "first_divergence_s", *NAMES, *FIT)
     return make_table("free_run", {name: [row[name] for row in rows] for name in heads})
 
 

@@ -14,7 +14,14 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.identification.regression.error_measures import TOTAL, ErrorMeasures
 from auvid.stages.columns import AXIS_UNITS, force_columns
-from auvid.stages.free_run import LONG_S, NAMES, PERSISTENCE, REST
+from auvid.stages.free_run import (
+    FEWEST_ENDS,
+    FIT,
+    LONG_S,
+    NAMES,
+    PERSISTENCE,
+    REST,
+)
 from auvid.stages.model_use import form_words
 from auvid.stages.page.first_screen import NO_VALIDATION_LEG
 from auvid.stages.presentation import (
@@ -244,6 +251,7 @@ def free_run_blocks(
         ]
         if cells:
             blocks.append(table(title, heads, cells, note=note))
+        blocks += _fits(f"Free run on {segment}: fit of the velocities", own, titles, put_in)
     free = [row for row in rows if not row["as_measured"]]
     lost = [model for model in titles if _is_lost(model, free)]
     if lost:
@@ -252,6 +260,36 @@ def free_run_blocks(
         words += f" rad/s): {', '.join(_with_growth(name, explained, titles) for name in lost)}."
         blocks.insert(0, remark(words, "warning"))
     return fold("Free runs of every model", blocks)
+
+
+def _fits(
+    title: str, rows: Sequence[Mapping[str, Any]], titles: Mapping[str, str], put_in: str
+) -> list[Block]:
+    """Return a table of the fits in % of velocities that move, if any does."""
+    names = [name for name in FIT if name[0] not in put_in]
+    fits = [[_fit(row[name]) for name in names] for row in rows]
+    moving = [i for i in range(len(names)) if any(fit[i] for fit in fits)]
+    cells = [
+        [{**titles, **REFERENCE_TITLES}[row["model"]], row["horizon_s"], *(fit[i] for i in moving)]
+        for row, fit in zip(rows, fits, strict=True)
+        if any(fit)
+    ]
+    heads: list[str | tuple[str, str]] = [
+        "model",
+        ("after", "s"),
+        *((names[i][0], "%") for i in moving),
+    ]
+    note = (
+        "1 - RMS error / RMS departure of the measured velocity from its mean, at that time after"
+        " each start: 100 is perfect, 0 no better than the mean, below 0 worse. Empty where fewer"
+        f" than {FEWEST_ENDS} runs reach, or the measured velocity departs by less than 0.03 m/s or"
+        " rad/s: a percentage of so little motion means nothing."
+    )
+    return [table(title, heads, cells, note=note)] if cells else []
+
+
+def _fit(percent: float | None) -> str:
+    return "" if percent is None or math.isnan(percent) else f"{percent:.0f}"
 
 
 def cause_blocks(

@@ -14,6 +14,7 @@ from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import ONCE, AnyStage
 from auvid.pipeline.output import OUTPUT
 from auvid.pipeline.terminal import path_from_here, plain, table
+from auvid.stages.free_run import PERSISTENCE
 from auvid.stages.number_format import fixed, significant
 from auvid.stages.page.campaign_sections import shared_data
 from auvid.stages.reference_check import JUDGED, ReferenceCheck, check_rows, count_bounds
@@ -109,6 +110,7 @@ def summary_document(run: Run) -> dict[str, Any]:
         "campaign": run.campaign.name,
         "verdict": verdict,
         "models": error_rows(run),
+        "free_runs": free_run_rows(run),
         "truth": [
             {"quantity": quantity, "unit": unit, "rms_error": dict(parts)}
             for quantity, unit, parts in truth_rows(run)
@@ -138,6 +140,23 @@ def result_files(run: Run) -> dict[str, Path]:
                 key = name if name not in files else f"{name}, {port.stage.name}"
                 files[key] = artefacts[0].path.parent if port.many else artefacts[0].path
     return files
+
+
+def free_run_rows(run: Run) -> list[dict[str, Any]]:
+    """Return errors and fits in % of free runs with all axes simulated.
+
+    Of the recommended model, and of the guess of no change.
+    """
+    named = {PERSISTENCE, *(ranking.choice for ranking in _of_schema(run, "ranking"))}
+    return [
+        {
+            name: None if isinstance(value, float) and isnan(value) else value
+            for name, value in row.items()
+        }
+        for rows in _of_schema(run, "free_run")
+        for row in rows.to_pylist()
+        if row["model"] in named and not row["as_measured"]
+    ]
 
 
 def error_rows(run: Run) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from auvid.hydro.dynamics.equations_of_motion import Control, state_derivative
 from auvid.hydro.dynamics.simulation.growth import Growth
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, named
-from auvid.stages.free_run import free_run_table, measured_motion, run_segment
+from auvid.stages.free_run import fits_in_percent, free_run_table, measured_motion, run_segment
 from auvid.stages.validate.flight_presentation import growth_words
 from auvid.stages.validate.presentation import cause_blocks, free_run_blocks
 from tests.support.motions import shipped_vehicle
@@ -64,7 +64,9 @@ def flown() -> tuple[pa.Table, pa.Table]:
 GROWS = Growth(3.0, "N", "N_r", 3.2)
 
 
-def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, float]]) -> pa.Table:
+def table_of(
+    flown: tuple[pa.Table, pa.Table], *, every_s: float = 5.0, **models: dict[str, dict[str, float]]
+) -> pa.Table:
     table = run_segment(
         VEHICLE,
         [IdentifiedModel(name, coefficients) for name, coefficients in models.items()],
@@ -72,7 +74,7 @@ def table_of(flown: tuple[pa.Table, pa.Table], **models: dict[str, dict[str, flo
         np.zeros((len(models), 6, 6)),
         measured_motion(*flown),
         horizons_s=(5.0, 10.0, 30.0),
-        every_s=5.0,
+        every_s=every_s,
         minimum_speed=0.05,
     )
     assert table is not None
@@ -91,6 +93,30 @@ def test_the_true_model_stays_on_the_motion(flown: tuple[pa.Table, pa.Table]) ->
         # RK4 at 20 ms over the kinks of a sampled thrust; the yaw passes pi and must
         # wrap
         assert column(results, name).max() < 1e-5, name
+
+
+def test_a_fit_in_percent_is_said_of_motion_alone(flown: tuple[pa.Table, pa.Table]) -> None:
+    """1 - RMS error / RMS departure; nothing of few runs, nothing of a velocity at rest."""
+    slow = {**STABLE, "X": {"u": -60.0}}
+    results = table_of(flown, every_s=1.0, true=STABLE, slow=slow)
+    rows = {row["model"]: row for row in results.to_pylist() if row["horizon_s"] == 5.0}
+    t_s, u = (column(flown[0], name) for name in ("t_s", "u_m_s"))
+    ends = np.interp(np.arange(5.0, 15.99, 1.0), t_s, u)
+    assert rows["true"]["u_fit_percent"] == pytest.approx(100.0, abs=0.1)
+    expected = 100.0 * (1.0 - rows["slow"]["u_rms_m_s"] / np.std(ends))
+    assert rows["slow"]["u_fit_percent"] == pytest.approx(expected, abs=0.5)
+    assert 0.0 < expected < 99.0
+    assert rows["persistence"]["u_fit_percent"] < rows["slow"]["u_fit_percent"]
+    assert rows["rest"]["u_fit_percent"] <= 0.0
+    still = np.outer(np.linspace(-0.04, 0.04, 6), np.ones(6))
+    assert np.isnan(fits_in_percent(0.1 * still, still)).all()
+    blocks = free_run_blocks(results, {"true": "True", "slow": "Slow"}, {})
+    fits = next(block for block in blocks if "fit of the velocities" in block.get("title", ""))
+    assert "means nothing" in fits["note"]
+    few = table_of(flown, true=STABLE)
+    assert np.isnan(column(few, "u_fit_percent")).all()
+    (only,) = (block for block in free_run_blocks(few, {"true": "True"}, {}))
+    assert "fit" not in only["title"]
 
 
 def test_a_motion_that_neither_grows_nor_decays_is_not_said_to_grow() -> None:
