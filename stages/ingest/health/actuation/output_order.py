@@ -46,10 +46,10 @@ from auvid.stages.number_format import percent
 
 ORDER_WINDOW_S, LEAST_ORDER_WINDOWS, ANSWERS_S = 0.5, 100, (0.0, 0.1, 0.2, 0.3)
 LEAST_ALLOCATION = 1e-6
-CLEARLY_DEAD, WEAK, MOST_UNLIKE = 3.0, 0.25, 5.0
-"""Standard deviations by which an output without effect stays below the limit, and the part
-of the usual gain that it may have for certain: a thruster is weak beyond.
-By how much the gains of the others may differ.
+CLEARLY_DEAD, PRECISE, WEAK, MOST_UNLIKE = 3.0, 0.75, 0.25, 5.0
+"""Standard deviations by which an output without effect stays below the limit, and what
+part of the usual gain they may be. Beyond a quarter of it for certain a thruster is weak; by
+how much the gains of the others may differ.
 """
 LEAST_FOLLOWED = 0.3
 """Share of some axis that the outputs must explain to tell which of them does nothing."""
@@ -126,7 +126,8 @@ def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding
     motion = answered(answers, impulse, thrusters.allocation[driven])
     gains, change = output_gains(motion), changed_order(motion, thrusters.direction)
     dead = _without_effect(gains)
-    if change is not None and _is_sure(change) and change.better > odds_without(motion, dead):
+    sure = change is not None and _is_sure(change) and _is_measured(change, gains)
+    if change is not None and sure and change.better > odds_without(motion, dead):
         yield _changed(change, thrusters, at)
         return
     if gains is not None and dead:
@@ -195,7 +196,7 @@ def _without_effect(gains: OutputGains | None) -> list[int]:
     usual = float(np.median(gains.gain[gains.acts]))
     most = CLEARLY_DEAD * gains.sd
     dead = gains.acts & (gains.gain + most < limit("output_dead") * usual)
-    precise = (most < usual) & (gains.gain + most > -usual)
+    precise = (most < PRECISE * usual) & (gains.gain + most > -usual)
     places = np.flatnonzero(dead & precise & (gains.gain - most < WEAK * usual)).tolist()
     others = np.delete(gains.gain, places)[np.delete(gains.acts, places)]
     if len(places) > np.count_nonzero(gains.acts) // 2:
@@ -224,6 +225,17 @@ def _dead(gains: OutputGains, places: list[int], outputs: tuple[int, ...]) -> Fi
         value=float(gains.gain[places].max() / usual),
         fields=tuple(f"pwm_{outputs[place]}_us" for place in places),
     )
+
+
+def _is_measured(change: ChangedOrder, gains: OutputGains | None) -> bool:
+    """Return whether the outputs of a change have gains of their own.
+
+    Those of two that move alike all log long stand for each other, as do their signs.
+    """
+    if gains is None:
+        return True
+    usual = float(np.median(gains.gain[gains.acts])) if gains.acts.any() else 1.0
+    return bool((gains.sd[list(change.pair)] < usual).all())
 
 
 def _is_sure(change: ChangedOrder) -> bool:

@@ -31,9 +31,9 @@ LARGEST_SHARE = 1.0 - 1e-6
 SHAPE_LAGS_S = tuple(np.round(np.arange(9) * 0.1, 1).tolist())
 SPAN_US, LIMITS_HZ, OWN = 400.0, (1.0, 0.5, 0.25), "as logged"
 """Pulse of a full command beyond neutral; rates of limiters, in full commands a second."""
-PARTS, PART_OF_LIMITER = {SQUARE: 0.25, ROOT: 0.25, MIRRORED: 0.15}, 0.1
+LEAST_PART = 0.25
 """Least likelihood of a shape over that logged, as a part of that of the force over none
-(logarithms): in sound logs the root has .05 at most, the others none.
+(logarithms): in 29 sound parts of logs .16 at most.
 """
 
 
@@ -202,8 +202,7 @@ def shape_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     own = odds.pop(OWN)
     best = max(odds, key=lambda words: odds[words])
-    part = PARTS.get(best, PART_OF_LIMITER)
-    if odds[best] < max(limit("response_shape"), part * own):
+    if odds[best] < max(limit("response_shape"), LEAST_PART * own):
         return
     yield finding(
         "response_shape",
