@@ -198,10 +198,12 @@ def _without_effect(gains: OutputGains | None) -> list[int]:
     dead = gains.acts & (gains.gain + most < limit("output_dead") * usual)
     precise = (most < PRECISE * usual) & (gains.gain + most > -usual)
     places = np.flatnonzero(dead & precise & (gains.gain - most < WEAK * usual)).tolist()
-    others = np.delete(gains.gain, places)[np.delete(gains.acts, places)]
+    measured = gains.acts & (most < PRECISE * usual)
+    others = np.delete(gains.gain, places)[np.delete(measured, places)]
     if len(places) > np.count_nonzero(gains.acts) // 2:
         return []
-    if places and others.min() < others.max() / MOST_UNLIKE:  # such gains fit no thrusters
+    # Gains of others that differ so much fit no thrusters.
+    if places and others.size and others.min() < others.max() / MOST_UNLIKE:
         return []
     return places
 
