@@ -119,12 +119,11 @@ def free_run_table(runs_of: Mapping[tuple[str, str], FreeRuns], names: Sequence[
                 rows.append((segment, name, put_in, float(horizon), *counts, *own, *fits))
             change = runs.persistence[reached, place]
             still = change.copy()
-            still[:, :6] += runs.starts[reached, :6]
+            still[:, :6] -= runs.starts[reached, :6]
             count = int(reached.sum())
             for name, missed in ((PERSISTENCE, change), (REST, still)):
                 rms = np.sqrt(np.mean(missed**2, axis=0))[COMPARED]
-                wrong = missed[:, :6] if name == PERSISTENCE else -ends[reached]
-                fits = fits_in_percent(wrong, ends[reached])
+                fits = fits_in_percent(missed[:, :6], ends[reached])
                 rows.append((segment, name, put_in, float(horizon), count, 0, np.nan, *rms, *fits))
     return make_table(
         "free_run", {head: [row[place] for row in rows] for place, head in enumerate(heads)}

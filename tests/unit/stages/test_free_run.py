@@ -108,6 +108,7 @@ def test_a_fit_in_percent_is_said_of_motion_alone(flown: tuple[pa.Table, pa.Tabl
     assert 0.0 < expected < 99.0
     assert rows["persistence"]["u_fit_percent"] < rows["slow"]["u_fit_percent"]
     assert rows["rest"]["u_fit_percent"] <= 0.0
+    assert rows["rest"]["u_rms_m_s"] == pytest.approx(np.sqrt(np.mean(ends**2)), rel=1e-3)
     still = np.outer(np.linspace(-0.04, 0.04, 6), np.ones(6))
     assert np.isnan(fits_in_percent(0.1 * still, still)).all()
     blocks = free_run_blocks(results, {"true": "True", "slow": "Slow"}, {})
