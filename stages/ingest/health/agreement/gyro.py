@@ -416,6 +416,7 @@ def _unit(log: CheckedLog, agreement: RateAgreement) -> Iterator[Finding]:
 def _quiet_axes(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterator[Finding]:
     """Yield gyro x and y that are exchanged or turned, where both hardly move."""
     left: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
+    explained: dict[tuple[tuple[int, int], tuple[int, int]], bool] = {}
     count = 0
     for order, signs in product(((0, 1), (1, 0)), product((1, -1), (1, -1))):
         rates = np.column_stack([gyro[1][:, list(order)] * signs, gyro[1][:, 2]])
@@ -423,10 +424,15 @@ def _quiet_axes(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterato
         if turns is None:
             return
         rest = (turns.by_angle - turns.by_gyro.sum(axis=2))[:, :2]
-        off = np.median(np.abs(rest - np.median(rest, axis=0)), axis=0)
+        off, turned = (
+            np.median(np.abs(part - np.median(part, axis=0)), axis=0)
+            for part in (rest, turns.by_angle[:, :2])
+        )
         count, left[order, signs] = len(rest), float(np.log(np.maximum(off, 1e-9)).sum())
+        explained[order, signs] = bool((off < LEFT_BY_ORDER * turned).all())
     order, signs = min(left, key=lambda each: left[each])
-    if count * (left[(0, 1), (1, 1)] - left[order, signs]) < SURE_ORDER:
+    gained = left[(0, 1), (1, 1)] - left[order, signs]
+    if not explained[order, signs] or count * gained < SURE_ORDER:
         return
     taken = [
         f"{'-' if sign < 0 else ''}gyro {XYZ[place]}"

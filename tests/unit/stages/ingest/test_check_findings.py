@@ -33,6 +33,7 @@ from auvid.hydro.identification.signals.pose.frames import (
 from auvid.stages.ingest.health.actuation import force_clocks
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
+from auvid.stages.ingest.health.agreement.gyro import _quiet_axes
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.health.vehicle import missing_findings
@@ -1823,3 +1824,11 @@ def test_an_arm_in_millimetres_is_found(sensor: str) -> None:
     log.vehicle = replace(log.vehicle, **{sensor: place})
     (finding,) = [item for item in log.health()["findings"] if item["id"] == "body_size"]
     assert "arm of the" in finding["text"]
+
+
+def test_noise_of_a_level_hull_turns_no_axis_of_the_gyro() -> None:
+    """Roll and pitch are noise that the gyro has not: of other axes it has no more."""
+    t_s = np.arange(0.0, 300.0, 0.1)
+    for seed in range(3):
+        noise = np.random.default_rng(seed).standard_normal((2, len(t_s), 3))
+        assert not list(_quiet_axes(t_s, 0.01 * noise[0], (t_s, 0.05 * noise[1])))
