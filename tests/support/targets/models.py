@@ -12,6 +12,7 @@ from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.tables import make_table
 from auvid.stages import model_file
 from auvid.stages.base import collection
+from auvid.stages.free_run import FIT
 from auvid.stages.model_file.contents import RMS
 from tests.support.example_run import example_run
 from tests.support.targets.frames import Array, rigid_body
@@ -32,7 +33,12 @@ def base() -> str:
         "as_measured": "",
         "horizon_s": 5.0,
     }
-    row |= {"starts": 4, "diverged": 4, "first_divergence_s": 1.0, **dict.fromkeys(RMS.values())}
+    row |= {
+        "starts": 4,
+        "diverged": 4,
+        "first_divergence_s": 1.0,
+        **dict.fromkeys([*RMS.values(), *FIT]),
+    }
     inputs = model_file.Inputs(
         campaign=run_inputs.campaign,
         vehicle=run_inputs.vehicle,

@@ -23,6 +23,7 @@ from auvid.hydro.model_file import forces, inertia, vehicle_of
 from auvid.pipeline.store.model_files import read_model, write_model
 from auvid.stages import model_file
 from auvid.stages.base import collection
+from auvid.stages.free_run import FIT
 from auvid.stages.model_file import contents
 from auvid.stages.model_file.contents import RMS
 from auvid.stages.validate import Predictor
@@ -82,7 +83,12 @@ def outputs_of(
     run_inputs = run.inputs()
     rows: list[dict[str, Any]] = [
         {"segment": "check", "model": "linear", "as_measured": put_in, "horizon_s": 5.0}
-        | {"starts": 4, "diverged": 4, "first_divergence_s": 1.0, **dict.fromkeys(RMS.values())}
+        | {
+            "starts": 4,
+            "diverged": 4,
+            "first_divergence_s": 1.0,
+            **dict.fromkeys([*RMS.values(), *FIT]),
+        }
         for put_in in ("", "p q")
     ]
     names = list(rows[0])
