@@ -139,7 +139,14 @@ def limited(t: Array, values: Array, rate: float) -> Array:
     >>> limited(np.arange(4.0), np.array([[0.0], [3.0], [3.0], [0.0]]), 1.0).ravel()
     array([0., 1., 2., 1.])
     """
-    out = values.copy()
-    for row, step in enumerate(rate * np.diff(t), start=1):
-        out[row] = out[row - 1] + np.clip(values[row] - out[row - 1], -step, step)
-    return out
+    steps = (rate * np.diff(t)).tolist()
+    columns = []
+    for column in values.T.tolist():
+        last = column[0]
+        kept = [last]
+        for value, step in zip(column[1:], steps, strict=True):
+            change = value - last
+            last += step if change > step else -step if change < -step else change
+            kept.append(last)
+        columns.append(kept)
+    return np.array(columns).T

@@ -13,6 +13,7 @@ from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import NEEDED, STREAMS, csv_dialects
 from auvid.data_schemas.units import NEUTRAL_US, convertible, factor_and_offset
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.stages.ingest.formats.csv.clock_digits import CLOCK_DIGITS
 from auvid.stages.ingest.formats.csv.pose_columns import (
     EXTRA_FIELDS,
@@ -52,7 +53,7 @@ OTHER_NAMES: Mapping[str, tuple[str, ...]] = {
 """Fields by what users call their axis."""
 NORMALISED: Mapping[str, float] = {"1": 400.0, "percent": 4.0}
 """Units of a normalised output, and microseconds of one: full thrust is 1100 or 1900 us."""
-WEIGHT_OF_WATER = 1025.0 * 9.80665
+WEIGHT_OF_WATER = 1025.0 * STANDARD_GRAVITY
 """Sea water, N/m^3: a pressure as the depth of so much water, zero where the sensor has it."""
 HALF_TURN = 3.141592653589793 / 2
 
