@@ -34,10 +34,11 @@ from auvid.pipeline.execution.engines import Serial
 from tests.support.campaign_runs import ROOT, copy_workspace, write_workspace
 
 WRONG = 1.01
-DIVE, CIRCLE, THAUS, VT690, REDESIGN = (
+DIVE, CIRCLE, THAUS, TWIN, VT690, REDESIGN = (
     "bluerov2_dvl",
     "hauv_circle",
     "thaus_twin",
+    "vt690_twin",
     "vt690_control",
     "hauv_redesign",
 )
@@ -143,7 +144,7 @@ FAULTS = (
     EquationFault("arm of the velocity log", ARM, DIVE, "resample"),
     EquationFault("smoother: process", f"{SIGNALS}.smoother:process_model", CIRCLE, "fuse"),
     EquationFault("smoother: measurements", f"{SIGNALS}.smoother:_measurements", CIRCLE, "fuse"),
-    EquationFault("cross-flow speed", f"{VISCOUS}:cross_flow_speed", CIRCLE, "synthesise"),
+    EquationFault("cross-flow speed", f"{VISCOUS}:cross_flow_speed", TWIN, "synthesise"),
     EquationFault("propulsion ratio", f"{VISCOUS}:eta_ratio", CIRCLE, "residual"),
     EquationFault(
         "batch least squares",

@@ -18,6 +18,7 @@ from tests.faults.equation_faults import (
     DIVE,
     FAULTS,
     THAUS,
+    TWIN,
     VT690,
     EquationFault,
     function_of,
@@ -50,7 +51,7 @@ def test_a_wrong_equation_moves_a_figure_of_the_stage_that_uses_it(
 
 @pytest.mark.release
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("name", [DIVE, CIRCLE, THAUS, VT690])
+@pytest.mark.parametrize("name", [DIVE, CIRCLE, THAUS, TWIN, VT690])
 def test_no_equation_of_a_campaign_is_wrong_unnoticed(
     committed_run: Callable[[str], Path], name: str
 ) -> None:
