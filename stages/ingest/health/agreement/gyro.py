@@ -110,14 +110,14 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
     agreement = rate_agreement(t_s, angles, *gyro)
     if agreement is None:
         return
-    yaw_alone = log.source("imu").startswith(OF_YAW)
-    if yaw_alone:  # roll and pitch would be compared with themselves
+    only_yaw_rate = log.source("imu").startswith(OF_YAW)
+    if only_yaw_rate:  # roll and pitch would be compared with themselves
         agreement = replace(agreement, std=agreement.std * [0.0, 0.0, 1.0])
     gradians = list(_gradians(log, agreement, angles))
     if gradians:
         yield from gradians
         return
-    if not yaw_alone:
+    if not only_yaw_rate:
         of_angles = [
             *_other_order(log, t_s, angles, gyro),
             *_late_angles(agreement, t_s, angles, gyro),
@@ -125,7 +125,7 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
         if of_angles:
             yield from of_angles
             return
-    if not (yaw_alone or agrees(agreement)):
+    if not (only_yaw_rate or agrees(agreement)):
         for other, item in _turned(log, angles):
             again = rate_agreement(t_s, other, *gyro)
             if again is not None and agrees(again):
@@ -133,7 +133,7 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
                 return
     unit = list(_unit(log, agreement))
     wrong = unit or list(_axes(agreement, lambda: _over_longer_times(t_s, angles, gyro)))
-    if not wrong and not yaw_alone and not {0, 1} & set(moved_axes(agreement)):
+    if not wrong and not only_yaw_rate and not {0, 1} & set(moved_axes(agreement)):
         wrong = list(_quiet_axes(t_s, angles, gyro))
     yield from wrong
     if not wrong:

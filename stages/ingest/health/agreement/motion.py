@@ -189,7 +189,7 @@ def motion_findings(
                 )
         if not exchanged:
             yield from _exchanged(correlation)
-    if _by_track_alone(turned):
+    if _only_track_tells(turned):
         yield finding(
             "heading_offset",
             f"The track ({log.source('position')}) goes where heading and velocity point away from,"
@@ -222,7 +222,7 @@ def motion_findings(
         yield from scaled_velocity(log, evidence)
 
 
-def _by_track_alone(turned: Evidence) -> bool:
+def _only_track_tells(turned: Evidence) -> bool:
     """Return whether a track alone turns surge and sway, and both of them."""
     reasons = [turned.against.get(axis, []) for axis in range(3)]
     of_track = [len(each) == 1 and each[0].startswith(BY_TRACK) for each in reasons]
