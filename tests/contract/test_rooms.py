@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from typing import Any
 
 import pytest
@@ -41,3 +42,22 @@ def test_unit_tests_lie_where_the_product_does() -> None:
     unit = ROOT / "tests" / "unit"
     tested = {path.parent.relative_to(unit) for path in unit.rglob("test_*.py")}
     assert [str(folder) for folder in sorted(tested) if not (ROOT / folder).is_dir()] == []
+
+
+def test_the_top_of_the_repository_holds_what_belongs_there() -> None:
+    """A campaign's files and a test's leftovers do not."""
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+    ).stdout.splitlines()
+    files = {name for name in listed if "/" not in name and not name.startswith(".")}
+    locks = {name for name in files if name.startswith("requirements") and name.endswith(".lock")}
+    assert files - locks == {
+        "CHANGELOG.md",
+        "LICENSE",
+        "Makefile",
+        "README.md",
+        "dvc.yaml",
+        "params.yaml",
+        "pyproject.toml",
+        "setup.py",
+    }
