@@ -46,6 +46,8 @@ def test_unit_tests_lie_where_the_product_does() -> None:
 
 def test_the_top_of_the_repository_holds_what_belongs_there() -> None:
     """A campaign's files and a test's leftovers do not."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a clone: nothing says which files belong to the repository")
     listed = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
     ).stdout.splitlines()
