@@ -30,8 +30,7 @@ from auvid.hydro.identification.regression.verdicts import (
     SHORT_OF,
     UNDER_UNSTEADY_FORCE,
     WEAK,
-    clear_of_zero,
-    withstands,
+    stands_clear,
 )
 from auvid.stages.number_format import fixed
 from auvid.stages.page.first_screen import ALL, AXIS_WORDS, Level
@@ -337,8 +336,7 @@ def weak_only_by(item: TermCard, figure: str) -> bool:
         return False
     others = {name: shift for name, shift in item.assumed_shifts.items() if name != figure}
     without_it, among_all = (
-        clear_of_zero(item.value, item.standard_error, shifts.values())
-        and withstands(item.value, shifts)
+        stands_clear(item.value, item.standard_error, shifts)
         for shifts in (others, item.assumed_shifts)
     )
     return without_it and not among_all and not item.turns_without

@@ -22,6 +22,7 @@ Verdict = Literal[
     "from a bench",
     "from the shelf",
 ]
+InertiaVerdict = Literal["identified", "weak", "not excited", "inseparable", "at its bound"]
 
 
 class TermCard(Model):
@@ -195,8 +196,10 @@ class InertiaCard(Model):
     """SI unit."""
     value: float
     """Total inertia of the axis, rigid body and added mass together."""
-    standard_error: float
-    """Its standard error."""
+    standard_error: float | None
+    """Its standard error; null at its bound."""
+    free_value: float | None = None
+    """The same without physical limits; null where they leave it."""
     in_vehicle_file: float
     """The same from the vehicle file."""
     change: float
@@ -211,7 +214,7 @@ class InertiaCard(Model):
     """Its standard error."""
     correlation: float
     """Of inertia and lag: near 1 or -1 they are one parameter."""
-    verdict: Literal["identified", "weak", "not excited", "inseparable"]
+    verdict: InertiaVerdict
     """Inseparable: from the thrust lag."""
     assumed_shifts: dict[str, float] = Field(default_factory=dict)
     """Assumed figure of the vehicle -> what one standard deviation of it moves `value` by;

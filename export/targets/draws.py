@@ -117,7 +117,8 @@ def posterior(model: ModelFile) -> tuple[list[Unknown], Array, Array]:
     covariance = joint_covariance(parts, len(unknowns))
     for item in model.fitted_inertia:
         place_of = unknowns.index(added_mass_unknown(item.name))
-        covariance[place_of, place_of] = total_error(item.standard_error, item.assumed_shifts) ** 2
+        total = total_error(item.standard_error or 0.0, item.assumed_shifts)
+        covariance[place_of, place_of] = total**2
     return unknowns, np.array(values), covariance
 
 

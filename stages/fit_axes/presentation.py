@@ -25,6 +25,7 @@ from auvid.stages.presentation import (
     Block,
     degrees,
     fold,
+    half_95,
     panel,
     plot,
     remark,
@@ -178,7 +179,7 @@ def _coefficients(card: ModelCard) -> list[Block]:
         [
             f"{axis}_{item.term.replace('*', '')}",
             item.value,
-            None if item.standard_error is None else NORMAL_95 * item.standard_error,
+            half_95(item.standard_error),
             item.unit,
             item.verdict,
             item.source or "these logs",
@@ -193,7 +194,7 @@ def _coefficients(card: ModelCard) -> list[Block]:
         [
             f"{AXIS_WORDS[item.name[0]]} inertia",
             item.value,
-            NORMAL_95 * item.standard_error,
+            half_95(item.standard_error),
             item.unit,
             item.in_vehicle_file,
             item.verdict,

@@ -123,9 +123,10 @@ def _motion_blocks(card: ModelCard, fit: LikelihoodFit) -> list[Block]:
         spread = "" if error is None else f" +- {NORMAL_95 * error:.2g} (95 %)"
         words += f" Lag of the actuators: {card.lag.value_s:.3g}{spread} s, {card.lag.verdict}."
     for item in card.inertia:
+        error = item.standard_error
+        spread = "" if error is None else f" +- {NORMAL_95 * error:.2g} (95 %)"
         words += (
-            f" Inertia of {item.name}: {item.value:.3g} +- {NORMAL_95 * item.standard_error:.2g}"
-            f" (95 %) {item.unit},"
+            f" Inertia of {item.name}: {item.value:.3g}{spread} {item.unit},"
             f" {item.verdict} (vehicle file {item.in_vehicle_file:.3g})"
         )
         words += (

@@ -36,8 +36,8 @@ from auvid.hydro.identification.regression.verdicts import (
     WEAK,
     TermStatus,
     clear_of_zero,
+    stands_clear,
     strongest,
-    withstands,
 )
 from auvid.stages.refine.fitting import SensorFit
 
@@ -205,8 +205,7 @@ def _term(
         if word not in (AT_BOUND, FROM_PRIOR):
             update["assumed_shifts"] = shifts
         if word == IDENTIFIED and (
-            not clear_of_zero(value, error, shifts.values())
-            or not withstands(value, shifts)
+            not stands_clear(value, error, shifts)
             or moved_far(value, free, total_error(error, shifts))
         ):
             update["verdict"] = WEAK
@@ -264,11 +263,15 @@ def _inertia(
     away = 0.0 if fit.estimate.windows_agree else item.in_vehicle_file - change - item.value
     update: dict[str, Any] = {
         "value": item.in_vehicle_file - change,
-        "standard_error": error if np.isfinite(error) else 0.0,
+        "standard_error": error if np.isfinite(error) else None,
+        "free_value": None,
         "change": change,
         "verdict": _clear(change, error, away),
         "assumed_shifts": _of_figures(item.assumed_shifts),
     }
+    if status[unknowns[i]].status == AT_BOUND:
+        update |= {"standard_error": None, "verdict": AT_BOUND, "assumed_shifts": {}}
+        return item.model_copy(update=update)
     if fit.problem.lag:
         j = unknowns.index(Unknown(ALL_AXES, LAG))
         lag, lag_error = float(fit.limited.values[j]), float(fit.estimate.standard_errors[j])
@@ -282,7 +285,7 @@ def _inertia(
             update["verdict"] = INSEPARABLE
         update |= {
             "beside_lag": change,
-            "beside_lag_error": update["standard_error"],
+            "beside_lag_error": update["standard_error"] or 0.0,
             "lag_s": lag,
             "lag_error_s": lag_error if np.isfinite(lag_error) else 0.0,
             "correlation": correlation,

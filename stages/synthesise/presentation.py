@@ -426,7 +426,11 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
                 item.name,
                 item.value,
                 half_95(item.standard_error),
-                *([shift_words(item.assumed_shifts, item.standard_error)] if card.spreads else []),
+                *(
+                    [shift_words(item.assumed_shifts, item.standard_error or 0.0)]
+                    if card.spreads
+                    else []
+                ),
                 item.in_vehicle_file,
                 item.unit,
                 item.lag_s,

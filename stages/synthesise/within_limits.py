@@ -21,6 +21,7 @@ from auvid.data_schemas.records.models import (
     AxisCard,
     CovarianceCard,
     InertiaCard,
+    InertiaVerdict,
     LimitCard,
     MeasuredPriorCard,
     ModelCard,
@@ -65,9 +66,8 @@ from auvid.hydro.identification.regression.verdicts import (
     IDENTIFIED,
     T_LIMIT,
     WEAK,
-    clear_of_zero,
+    stands_clear,
     strongest,
-    withstands,
 )
 from auvid.hydro.identification.selection.ranking import error_ratios
 from auvid.stages.synthesise.model_card import Prior, held_out_card
@@ -430,7 +430,7 @@ def _free_term(unknown: Unknown, status: Mapping[Unknown, CoefficientStatus]) ->
 
 def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus) -> TermCard:
     value, free, error = float(fit.values[i]), float(fit.free[i]), float(fit.standard_errors[i])
-    spread = float(np.sqrt(fit.free_covariance[i, i]))
+    spread = _spread(fit, i)
     value = value if abs(value) > ROUNDING * spread else 0.0
     update: dict[str, object] = {"verdict": strongest(status.status, "within limits")}
     if status.status == AT_BOUND:
@@ -443,8 +443,8 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
         wider = max(error, item.standard_error or 0.0)
         update |= {"value": value, "standard_error": wider}
         shifts = item.assumed_shifts
-        clear = clear_of_zero(value, wider, shifts.values()) and withstands(value, shifts)
-        if status.status == IDENTIFIED and not clear:
+        stands = stands_clear(value, wider, shifts)
+        if status.status == IDENTIFIED and not stands:
             # The data alone were clear, of a value that the limits moved.
             update["verdict"] = WEAK
         if status.status == IDENTIFIED and moved_far(value, free, total_error(wider, shifts)):
@@ -452,6 +452,11 @@ def _term(item: TermCard, i: int, fit: ConstrainedFit, status: CoefficientStatus
     if update.get("value") is not None and abs(value - free) > CHANGED * spread:
         update["free_value"] = free
     return item.model_copy(update=update)
+
+
+def _spread(fit: ConstrainedFit, i: int) -> float:
+    """Return the standard error of an unknown without limits."""
+    return float(np.sqrt(fit.free_covariance[i, i]))
 
 
 def _inertia(
@@ -470,26 +475,32 @@ def _inertia(
     moved: assumed figure -> shifts (p,) of the fit by each of its numbers.
     """
     unknown = added_mass_unknown(name)
+    at_bound = statuses(fit, {})[unknown].status == AT_BOUND
     i = fit.unknowns.index(unknown)
     row, column = AXES.index(unknown.axis), ACCELERATIONS.index(unknown.term)
     in_file = float(vehicle.mass_matrix[row, column])
     trade = inertia_against_lag(factor, viscous_equations(model, trim=card.trim), name, noise=noise)
-    change, error = float(fit.values[i]), float(fit.standard_errors[i])
-    shifts = {}
-    for figure, numbers in moved.items():
+    change, free = float(fit.values[i]), float(fit.free[i])
+    error = float(fit.standard_errors[i])
+    shifts: dict[str, float] = {}
+    for figure, numbers in () if at_bound else moved.items():
         # The file's own entry moves by the figure, too, and the total by the difference.
         spread = vehicle.spreads.get(figure, 0.0)
         own = [item[row, column] for item in inertia_changes(figure, vehicle, spread)]
         own = own or [0.0] * len(numbers)
         shifts[figure] = math.hypot(*(a - b[i] for a, b in zip(own, numbers, strict=True)))
-    verdict = trade.verdict
-    if verdict == IDENTIFIED and abs(change) <= NORMAL_95 * total_error(error, shifts):
+    total = total_error(error, shifts)
+    verdict: InertiaVerdict = AT_BOUND if at_bound else trade.verdict
+    if verdict == IDENTIFIED and (
+        abs(change) <= NORMAL_95 * total or moved_far(change, free, total)
+    ):
         verdict = WEAK
     return InertiaCard(
         name=name,
         unit=("kg", "kg*m", "kg*m^2")[(row > 2) + (column > 2)],
         value=in_file - change,
-        standard_error=error,
+        standard_error=None if at_bound else error,
+        free_value=in_file - free if abs(change - free) > CHANGED * _spread(fit, i) else None,
         in_vehicle_file=in_file,
         change=change,
         beside_lag=trade.joint[0],

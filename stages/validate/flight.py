@@ -139,7 +139,7 @@ def draw_models(card: ModelCard, vehicle: Vehicle, *, count: int, seed: int) -> 
     for item in card.inertia:
         i = unknowns.index(added_mass_unknown(item.name))
         shifts = {name: x for name, x in item.assumed_shifts.items() if name != UNSTEADY}
-        covariance[i, i] = total_error(item.standard_error, shifts) ** 2
+        covariance[i, i] = total_error(item.standard_error or 0.0, shifts) ** 2
     flown = {name: (span.low, span.high) for name, span in card.conditions.items()}
     rows, cuts = flown_limits(unknowns, card.damping, flown)
     inertia_rows, inertia_cuts = inertia_limits(unknowns, vehicle.added_mass, vehicle.mass_matrix)

@@ -382,8 +382,9 @@ def _better_forms(
 def _fitted(card: ModelCard, axis: str) -> int:
     """Return how many numbers of an axis the data set, with constant and inertia."""
     part = card.axes[axis]
-    at_bound = sum(item.verdict == AT_BOUND for item in part.terms)
-    return part.rank - at_bound + sum(item.name.startswith(axis) for item in card.inertia)
+    inertia = [item for item in card.inertia if item.name.startswith(axis)]
+    verdicts = [*(item.verdict for item in part.terms), *(item.verdict for item in inertia)]
+    return part.rank + len(inertia) - verdicts.count(AT_BOUND)
 
 
 def _counts(card: ModelCard, axis: str) -> dict[str, int]:

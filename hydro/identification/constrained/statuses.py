@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from auvid.hydro.identification.constrained.equations import Unknown
 from auvid.hydro.identification.constrained.fit import ConstrainedFit
 
-AT_BOUND, FROM_PRIOR = "at its bound", "from the prior"
+AT_BOUND: Final = "at its bound"
+FROM_PRIOR: Final = "from the prior"
 PRIOR_SHARE = 0.5
 """A number is from the prior when the prior gives at least this share of what is known
 of it (of the inverse variance).

@@ -105,7 +105,7 @@ def judge_with_motion(
     }
     verdicts |= {term: replace(verdicts[term], status=NOT_EXCITED, partners=()) for term in still}
     combinations = [
-        item
+        replace(item, standard_error=float(errors[fit.terms.index(next(iter(item.weights)))]))
         for group in fit.groups
         for item in group.combinations
         if not still & item.weights.keys()

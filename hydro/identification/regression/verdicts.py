@@ -141,12 +141,8 @@ def judge(
         t_ratio = (
             value / error if error > 0 else (np.inf if value > 0 and error == 0 else float("nan"))
         )
-        shifts = (float(shift[index]) for shift in (figures or {}).values())
-        clear = (
-            clear_of_zero(value, error, shifts)
-            and withstands(value, {name: shift[index] for name, shift in (figures or {}).items()})
-            and term not in (turns or {})
-        )
+        shifts = {name: float(shift[index]) for name, shift in (figures or {}).items()}
+        clear = stands_clear(value, error, shifts) and term not in (turns or {})
         status, partners = _rule(fit, index, groups, rms < floor or rms == 0, clear)
         verdicts[term] = Verdict(
             term=term,
@@ -183,6 +179,17 @@ def clear_of_zero(
     total = float(np.sqrt(standard_error**2 + sum(shift**2 for shift in shifts)))
     size = abs(value)
     return bool(size > 0.0 and size >= T_LIMIT * standard_error and size > quantile * total)
+
+
+def stands_clear(value: float, standard_error: float, shifts: Mapping[str, float]) -> bool:
+    """Return whether a value is `clear_of_zero` and `withstands` what leans it.
+
+    shifts: assumed figure -> what one standard deviation of it moves the value by.
+
+    >>> stands_clear(-9.0, 1.0, {UNSTEADY: 2.0}), stands_clear(-9.0, 1.0, {UNSTEADY: 4.0})
+    (True, False)
+    """
+    return clear_of_zero(value, standard_error, shifts.values()) and withstands(value, shifts)
 
 
 def withstands(value: float, shifts: Mapping[str, float]) -> bool:

@@ -17,7 +17,7 @@ from auvid.hydro.identification.regression.assumed_figures import (
     total_error,
 )
 from auvid.hydro.identification.regression.least_squares import CONSTANT
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, clear_of_zero
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, stands_clear
 from auvid.stages.number_format import (
     estimate,
     interval,
@@ -104,7 +104,7 @@ def _combinations(axis: str, part: AxisCard) -> Iterator[CoefficientRow]:
         error = item.standard_error
         units = {term.unit for term in part.terms if term.term in item.weights}
         shifts = item.assumed_shifts
-        if error and clear_of_zero(item.value, error, shifts.values()) and len(units) == 1:
+        if error and stands_clear(item.value, error, shifts) and len(units) == 1:
             parts = [
                 f"{'' if weight == 1 else f'{weight:.3g} '}{coefficient_name(axis, term)}"
                 for term, weight in item.weights.items()

@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
 from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.separability import breaks_symmetry
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, clear_of_zero
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, stands_clear
 from auvid.stages.number_format import (
     estimate,
     part_of,
@@ -122,7 +122,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
         error = item.standard_error
         if (
             error
-            and clear_of_zero(item.value, error, item.assumed_shifts.values())
+            and stands_clear(item.value, error, item.assumed_shifts)
             and all(_own(axis, term) for term in item.weights)
         ):
             units = {_unit(axis, term) for term in item.weights}

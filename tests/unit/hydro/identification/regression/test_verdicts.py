@@ -221,6 +221,18 @@ def test_own_damping_that_pushes_is_never_identified(sign: float, status: str) -
     assert verdicts["v"].status == "identified"
 
 
+def test_a_sum_of_dependent_columns_has_the_error_that_is_given() -> None:
+    """u > 0, so that u and |u| are one: of white residuals the error is much smaller."""
+    rng = np.random.default_rng(8)
+    nu = rng.uniform(0.5, 2.0, (6, 500))
+    fit = fit_of(nu, ("u", "|u|"), 5.0 * nu[0] + rng.standard_normal(500))
+    verdicts, (total,) = judge_with_motion(
+        fit, axis_excitation(nu.T), covariance=np.diag([4.0, np.nan])
+    )
+    assert {item.status for item in verdicts.values()} == {"inseparable"}
+    assert (total.value, total.standard_error) == (pytest.approx(5.0, abs=0.2), 2.0)
+
+
 def test_excitation_refuses_nothing_and_nan() -> None:
     with pytest.raises(DataError, match=r"\(n, 6\)"):
         axis_excitation(np.zeros((0, 6)))

@@ -108,7 +108,9 @@ def test_determined_sum_of_inseparable_terms_counts_as_damping() -> None:
     one = {"weights": {"u": 1.0, "|u|": 1.0}, "value": -88.83, "standard_error": 4.72}
     none = {"weights": {"u*u": 1.0, "u*|u|": 1.0}, "value": 1.0, "standard_error": 4.72}
     mixed = {"weights": {"u": 1.0, "v": 1.0}, "value": -88.83, "standard_error": 4.72}
-    (finding,) = findings(card([one, none, mixed]))
+    leaned = {"weights": {"u": 1.0, "u*|u|": 1.0}, "value": -88.83, "standard_error": 4.72}
+    leaned |= {"assumed_shifts": {"unsteady": 31.0}}  # clear of zero, not three times as large
+    (finding,) = findings(card([one, none, mixed, leaned]))
     assert finding.figures == ("X_u + X_|u| = −88.8 ± 9.3 N s/m",)
 
 
