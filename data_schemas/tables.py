@@ -68,7 +68,7 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
     arrays = []
     for target in fields:
         try:
-            arrays.append(_arrow_array(columns[target.name], target.type))
+            arrays.append(arrow_array(columns[target.name], target.type))
         except (pa.ArrowInvalid, pa.ArrowTypeError, TypeError) as fault:
             raise SchemaError(
                 f"cannot hold these values: {fault}", file=f"table '{name}'", field=target.name
@@ -84,7 +84,7 @@ def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:
     return table
 
 
-def _arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
+def arrow_array(values: Any, kind: pa.DataType) -> pa.Array:
     """Return an Arrow array of a type.
 
     Numbers of that type go over as they lie in memory, and plain lists and texts by numpy

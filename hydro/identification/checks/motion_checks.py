@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, unwrapped
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.robust_gains import (
     FEWEST_WINDOWS,
@@ -31,6 +31,8 @@ LONGEST_STEP_S = 1.0
 WINDOW_S = 1.0
 MOST_WINDOWS = 60_000
 """Windows of all lags that are integrated over in one pass: it bounds the memory."""
+MOST_WINDOWS_OF_A_LAG = 2400
+"""Of longer logs than twenty minutes each second or third window counts, all log long."""
 BLOCK_ROWS = 16384
 """Samples that are summed at a time."""
 LEAST_UPRIGHT = 0.5
@@ -126,8 +128,8 @@ def _integral_to(t: Array, values: Array, times: Array) -> Array:
 
 def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     """Return attitude (n, 3) [rad] at times t (n,), without its wraps."""
-    unwrapped = np.unwrap(euler, axis=0)
-    return np.stack([np.interp(t, t_attitude, column) for column in unwrapped.T], axis=1)
+    angles = unwrapped(euler)
+    return np.stack([np.interp(t, t_attitude, column) for column in angles.T], axis=1)
 
 
 def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
@@ -136,7 +138,7 @@ def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     [-sin(theta), cos(theta) sin(phi), cos(theta) cos(phi)]; yaw does not enter. Roll and
     pitch may wrap, as those from 0 to 360 degrees do at rest.
     """
-    tilts = np.unwrap(euler[:, :2], axis=0)
+    tilts = unwrapped(euler[:, :2])
     phi, theta = (np.interp(t, t_attitude, column) for column in tilts.T)
     level = np.cos(theta)
     return np.stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)], axis=1)
@@ -617,7 +619,12 @@ def _gains_by_motion(
     """Return what `gains_by_motion` does; taken (m, l): the coupled terms."""
     start, end = max(t_force[0], t_motion[0]), np.minimum(t_force[-1], t_motion[-1] - lags)
     starts = windows_until(start, end, t_force, t_motion, width_s=width_s)
-    tried = [(lag, at) for lag, at in zip(lags, starts, strict=True) if at.size >= FEWEST_WINDOWS]
+    thinned = max(-(-max(at.size for at in starts) // MOST_WINDOWS_OF_A_LAG), 1)
+    tried = [
+        (lag, at[::thinned])
+        for lag, at in zip(lags, starts, strict=True)
+        if at.size >= FEWEST_WINDOWS
+    ]
     if not tried:
         return [[None] * lags.size for _ in motions.T]
     # One pass over the samples serves many lags, and one batch their fits.

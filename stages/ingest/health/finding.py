@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.data_schemas.tables import column, matrix, numbers
+from auvid.data_schemas.tables import arrow_array, column, matrix, numbers
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -107,7 +107,8 @@ class CheckedLog:
         table = self.tables[stream]
         for name, values in columns.items():
             place = table.column_names.index(name)
-            table = table.set_column(place, table.schema.field(name), pa.array(values))
+            cells = arrow_array(values, pa.float64())
+            table = table.set_column(place, table.schema.field(name), cells)
         return replace(self, tables={**self.tables, stream: table})
 
     def seconds(self, time_us: npt.NDArray[np.int64]) -> Array:

@@ -47,7 +47,7 @@ def test_columns_are_those_of_arrow_itself_without_the_import_of_pandas(
     expected = [pa.array(values, kind, from_pandas=False) for values, kind in PLAIN]
     with monkeypatch.context() as patch:
         patch.setattr(pa, "array", lambda *_, **__: pytest.fail("this imports pandas"))
-        columns = [tables._arrow_array(values, kind) for values, kind in PLAIN]
+        columns = [tables.arrow_array(values, kind) for values, kind in PLAIN]
     for column, plain in zip(columns, expected, strict=True):
         column.validate(full=True)
         assert column.type == plain.type
@@ -58,4 +58,4 @@ def test_columns_are_those_of_arrow_itself_without_the_import_of_pandas(
             assert tables.numbers(twice).dtype == twice.to_numpy().dtype
     for values, kind in ((["a", 1], pa.string()), ([True], pa.int64())):
         with pytest.raises((pa.ArrowInvalid, pa.ArrowTypeError)):
-            tables._arrow_array(values, kind)
+            tables.arrow_array(values, kind)

@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from auvid.hydro import arrays
-from auvid.hydro.arrays import moving_mean, recursion
+from auvid.hydro.arrays import moving_mean, recursion, unwrapped
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 
 
@@ -50,3 +50,14 @@ def test_a_recursion_of_nothing_is_nothing(shape: tuple[int, int]) -> None:
 @pytest.mark.parametrize("shape", [(0,), (0, 4), (5, 0)])
 def test_a_lag_of_nothing_is_nothing(shape: tuple[int, ...]) -> None:
     assert first_order_lag(np.zeros(shape), lag_s=0.1, step_s=0.1).shape == shape
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_angles_without_jumps_are_numpy_s_to_the_bit(missing: bool) -> None:
+    turning = np.cumsum(np.random.default_rng(3).normal(size=(400, 3)), axis=0)
+    turning[50] = turning[49] + np.pi  # a half turn may be either one
+    jumping = np.column_stack([np.remainder(turning[:, :2], 2.0 * np.pi), 0.01 * turning[:, 2]])
+    if missing:
+        jumping[200] = np.nan
+    for angles in (jumping, jumping[:, 0], jumping[:, 2], jumping[:1], jumping[:0]):
+        np.testing.assert_array_equal(unwrapped(angles), np.unwrap(angles, axis=0))

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, unwrapped
 from auvid.hydro.identification.checks.motion_checks import WINDOW_S, integrals, windows
 from auvid.hydro.identification.checks.response import peak_of_parabola
 from auvid.hydro.identification.checks.robust_gains import fitted_gains
@@ -238,7 +238,7 @@ def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation
     at = windows(max(t_s[0], t_gyro[0]), min(t_s[-1], t_gyro[-1]), t_s, t_gyro, width_s=width)
     if at.size < FEWEST:
         return None
-    heading = np.unwrap(euler[:, 2])
+    heading = unwrapped(euler[:, 2])
     first, last = (np.interp(side, t_s, heading) for side in (at, at + width))
     turned = integrals(t_gyro, rate[:, None], at, width)[:, 0]
     swings = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -151,10 +152,15 @@ def shape_odds(log: CheckedLog) -> dict[str, float]:
 
     Logarithms over surge, sway, heave and yaw together, each at its best lag, and that of
     the force as logged over none as `OWN`; empty where the thrusters' force is not known.
-    Of a long log its middle ten minutes.
+    Of a long log its middle ten minutes. Nobody may change it.
     """
     if pushes(log) is None or not log.has("velocity"):
         return {}
+    of = log.tables, log.t_s("actuators"), log.t_s("velocity"), log.vehicle
+    return log.once("shape_odds", of, partial(_shape_odds, log))
+
+
+def _shape_odds(log: CheckedLog) -> dict[str, float]:
     t_s = log.t_s("actuators")
     middle, half = 0.5 * float(t_s[0] + t_s[-1]), 0.5 * LONGEST_RESPONSE_S
     if t_s[-1] - t_s[0] > LONGEST_RESPONSE_S:
@@ -200,8 +206,8 @@ def shape_findings(log: CheckedLog) -> Iterator[Finding]:
     odds = shape_odds(log)
     if not odds:
         return
-    own = odds.pop(OWN)
-    best = max(odds, key=lambda words: odds[words])
+    own = odds[OWN]
+    best = max((words for words in odds if words != OWN), key=lambda words: odds[words])
     if odds[best] < max(limit("response_shape"), LEAST_PART * own):
         return
     yield finding(

@@ -137,6 +137,13 @@ def test_many_lags_take_the_memory_of_a_few_and_give_the_same(
     assert len({None if gains is None else float(gains.gain[0]) for gains in few}) == len(lags)
     windows_of_all = 8 * lags.size * t.size * 0.1 / 0.5
     assert used < 8 * windows_of_all  # all at once take 32 times as much as their begins
+    monkeypatch.setattr(motion_checks, "MOST_WINDOWS_OF_A_LAG", 10_000)
+    (full,) = gains_by_lag(t, force[:, None], t, motion, lags_s=[0.0])
+    thinned = every[lags.size // 2]  # each second window of a long log says the same
+    assert full is not None
+    assert thinned is not None
+    assert (thinned.count, full.count) == pytest.approx((2000, 4000), rel=0.02)
+    assert abs(thinned.gain[0] - full.gain[0]) < 2.0 * thinned.sd[0]
 
 
 def test_roll_and_pitch_from_0_to_360_degrees_are_those_about_zero() -> None:
