@@ -34,6 +34,9 @@ LEAST_STROKE = 2e-4
 DRAG_OF_BODIES = (0.01, 3.0)
 """Drag referred to wings lies between these; beyond, a unit is wrong."""
 LEAST_SAMPLES = 50
+FLATTER_RAD = float(np.radians(3.0))
+"""A glide is steeper than its pitch, for its lift holds what weight or buoyancy has across the
+path. Both ways together, a zero of the pitch and the angle without lift cancel."""
 WRONG_WAY = 0.9
 """Share of glides against the drive from which on its sign is the fault."""
 
@@ -333,20 +336,49 @@ def _span(t_s: Array) -> tuple[float, float]:
 
 
 def _check_speed(rows: GlideRows, legs: Sequence[str]) -> None:
-    """Raise `DataError` where the depth changes faster than the glider moves."""
-    faster: Mask = np.abs(rows.depth_rate_m_s) > rows.speed_m_s
-    finite = np.isfinite(rows.speed_m_s)
-    if finite.any() and faster.sum() > 0.5 * finite.sum():
-        at = int(np.flatnonzero(faster)[0])
+    """Raise `DataError` for speeds that are not those through the water along the path.
+
+    No glider sinks faster than it moves, glides flatter than its pitch, or has one speed.
+    """
+    speed, sink = rows.speed_m_s, np.abs(rows.depth_rate_m_s)
+    finite = np.isfinite(speed)
+    if not finite.any():
+        return
+    faster: Mask = finite & (sink > speed)
+    at = int(np.flatnonzero(faster if faster.any() else finite)[0])
+    where = f"leg '{legs[rows.glide[at]]}' at {rows.t_s[at]:.0f} s"
+    if faster.sum() > 0.5 * finite.sum():
         raise DataError(
             "the depth changes faster than the speed through the water",
             field="speed_m_s",
-            value=(
-                f"{abs(rows.depth_rate_m_s[at]):.3g} m/s of depth at {rows.speed_m_s[at]:.3g} m/s,"
-                f" leg '{legs[rows.glide[at]]}' at {rows.t_s[at]:.0f} s"
-            ),
+            value=f"{sink[at]:.3g} m/s of depth at {speed[at]:.3g} m/s, {where}",
             remedy=(
                 "Is the pressure in dbar where the map says bar, or the speed in knots or cm/s?"
+            ),
+        )
+    if finite.sum() > 1 and float(np.ptp(speed[finite])) < 1e-6:
+        raise DataError(
+            "the speed through the water never changes",
+            field="speed_m_s",
+            value=f"{speed[at]:.3g} m/s in all {int(finite.sum())} stretches",
+            remedy="A set or an assumed speed measures nothing: leave its column out of the map.",
+        )
+    path = np.arcsin(np.clip(sink / np.where(finite, speed, np.inf), 0.0, 1.0))
+    pitch, up = np.abs(rows.state.pitch_rad), rows.state.pitch_rad > 0.0
+    ways = [way & finite for way in (up, ~up) if (way & finite).any()]
+    steep = [float(np.median(pitch[way])) for way in ways]
+    flat = [float(np.median(path[way])) for way in ways]
+    if np.mean(steep) - np.mean(flat) > FLATTER_RAD:
+        raise DataError(
+            "the speed is more than pitch and depth rate allow: its path is flatter than the pitch",
+            field="speed_m_s",
+            value=(
+                f"{np.degrees(np.mean(flat)):.2g} deg of path at"
+                f" {np.degrees(np.mean(steep)):.2g} deg of pitch"
+            ),
+            remedy=(
+                "Is it a speed over ground, with a current in it, or in knots? Leave its column"
+                " out of the map: drag is told without it."
             ),
         )
 

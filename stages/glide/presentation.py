@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.glide.comparison import GlideComparison
+from auvid.hydro.identification.glide.comparison import GlideComparison, trim_step
 from auvid.hydro.identification.glide.fit import UNKNOWNS
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
 from auvid.stages.glide.glider import Glider
@@ -117,6 +117,20 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
             "finding",
         )
     ]
+    step = trim_step(glides.rows, estimate, glides.stroke_m3)
+    if step is not None:
+        begin_s = float(glides.rows.t_s[glides.rows.glide == step.glide][0])
+        grams = 1e3 * estimate.body.neutral_kg_m3 * np.array([step.size_m3, step.error_m3])
+        words.append(
+            remark(
+                f"From the glide at {begin_s:.0f} s of leg"
+                f" '{glides.leg_of_glide[step.glide]}' on it is"
+                f" {_with_interval(abs(grams[0]), grams[1])} g"
+                f" {'lighter' if grams[0] > 0.0 else 'heavier'}, by its depth rates:"
+                " ballast thrown, gas or water taken? One trim stands for both; end a leg there.",
+                "warning",
+            )
+        )
     directions = set(glides.directions)
     if len(directions) == 1:
         (one,) = directions

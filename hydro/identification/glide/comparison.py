@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +11,14 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.identification.glide.bins import GlideRows
-from auvid.hydro.identification.glide.fit import FileFigure, GlideEstimate, fit_glides
+from auvid.hydro.identification.glide.fit import UNKNOWNS, FileFigure, GlideEstimate, fit_glides
+
+CLEAR_STEP, LEAST_STEP = 6.0, 0.03
+"""Standard errors, as the largest of many places is looked at, and share of the stroke from which
+on a trim that changes under way is one."""
+LEAST_BESIDE = 2
+"""Glides before and after such a change."""
+TRIM_SLOPE_M3 = 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,6 +74,47 @@ def compare(
         _fit_percent(measured, rate, centre),
         other,
     )
+
+
+@dataclass(frozen=True)
+class TrimStep:
+    """A trim that changes before a glide: its number, size [m^3], standard error."""
+
+    glide: int
+    size_m3: float
+    error_m3: float
+
+
+def trim_step(rows: GlideRows, estimate: GlideEstimate, stroke_m3: float) -> TrimStep | None:
+    """Return the clearest change of the trim under way, None where none is clear.
+
+    Ballast that is thrown, or water that is taken. Trim of each glide by its depth rates;
+    dives and climbs have a level each, as a zero of the pitch moves them apart.
+    """
+    other = estimate.values.copy()
+    other[UNKNOWNS.index("trim")] += TRIM_SLOPE_M3
+    here, there = (item.predict(rows) for item in (estimate, replace(estimate, values=other)))
+    slope = (there.depth_rate_m_s - here.depth_rate_m_s) / TRIM_SLOPE_M3
+    left = rows.depth_rate_m_s - here.depth_rate_m_s
+    numbers = np.unique(rows.glide)
+    own = [rows.glide == number for number in numbers]
+    trims = np.array([float(slope[i] @ left[i] / (slope[i] @ slope[i])) for i in own])
+    up = np.array([float(np.mean(rows.state.pitch_rad[i]) > 0.0) for i in own])
+    levels = np.column_stack([way for way in (up, 1.0 - up) if way.any()])
+    spare, best = numbers.size - levels.shape[1] - 1, None
+    for first in range(LEAST_BESIDE, numbers.size - LEAST_BESIDE + 1 if spare > 1 else 0):
+        step = (np.arange(numbers.size) >= first).astype(np.float64)
+        design = np.column_stack([levels, step])
+        values, _, rank, _ = np.linalg.lstsq(design, trims, rcond=None)
+        if rank < design.shape[1]:
+            continue
+        rest = trims - design @ values
+        error = np.sqrt(rest @ rest / spare * np.linalg.inv(design.T @ design)[-1, -1])
+        if best is None or abs(values[-1]) / error > abs(best.size_m3) / best.error_m3:
+            best = TrimStep(int(numbers[first]), float(values[-1]), float(error))
+    if best is None or abs(best.size_m3) < max(CLEAR_STEP * best.error_m3, LEAST_STEP * stroke_m3):
+        return None
+    return best
 
 
 def _predicted(

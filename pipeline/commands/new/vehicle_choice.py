@@ -131,6 +131,8 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     if named is not None:
         path = vehicle_file_of(named)
         text = _annotated(path, log)
+        if log.has("glider"):
+            text = _of_glider(text, log)
         title = str(read_yaml(text).get("title", path.stem))
         return VehicleChoice(path.stem, "named by --vehicle", text, title=title)
     if log.has("glider"):
@@ -187,7 +189,10 @@ def _as_moved(text: str, log: CheckedLog) -> str:
 
 
 def _of_glider(text: str, log: CheckedLog) -> str:
-    """Return the file of a glider that is neutral in the median water of a log."""
+    """Return the file of a glider that is neutral in the median water of a log.
+
+    A density that the file has measured stays.
+    """
     if "density_kg_m3" not in log.tables["glider"].column_names:
         return text
     density = float(np.nanmedian(log.column("glider", "density_kg_m3")))
@@ -195,7 +200,7 @@ def _of_glider(text: str, log: CheckedLog) -> str:
         f"  water_density: {{value: {density:.1f}, unit: kg/m^3, source: median of the log,"
         " assumed: true}"
     )
-    return re.sub(r"^  water_density: .*$", entry, text, flags=re.MULTILINE)
+    return re.sub(r"^  water_density: .*assumed: true}$", entry, text, flags=re.MULTILINE)
 
 
 def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> VehicleChoice:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,25 @@ def test_glides_against_a_drive_at_its_stop_are_left_out_and_named(
     assert "43" in words  # the first of them starts at 4300 s and some
 
 
+def test_ballast_that_is_thrown_under_way_is_named(ingested: ingest.Outputs) -> None:
+    """30 cm^3 less in the column than in the hull, from 4300 s on."""
+
+    def thrown(columns: Columns) -> None:
+        t = (columns["time_us"] - columns["time_us"][0]) / 1e6
+        columns["buoyancy_drive_m3"] = columns["buoyancy_drive_m3"] - np.where(t > 4300, 3e-5, 0.0)
+
+    def words(outputs: glide.Outputs) -> str:
+        return " ".join(block.get("text", "") for block in outputs.section["blocks"])
+
+    assert "ballast" not in words(run(ingested))
+    named = re.search(
+        r"From the glide at 4\d{3} s .* is ([.\d]+) ± [.\d]+ g lighter",
+        words(run(ingested, thrown)),
+    )
+    assert named is not None
+    assert float(named[1]) == pytest.approx(30.0, abs=5.0)
+
+
 def constant(columns: Columns) -> None:
     columns["buoyancy_drive_m3"] = np.full_like(columns["buoyancy_drive_m3"], -2.3e-4)
 
@@ -166,6 +186,11 @@ def clipped(columns: Columns) -> None:
     low, high = float(np.nanmin(drive)), float(np.nanmax(drive))
     ends = low + np.array([0.45, 0.55]) * (high - low)
     columns["buoyancy_drive_m3"] = np.clip(drive, *ends)
+
+
+def one_speed(columns: Columns) -> None:
+    measured = np.isfinite(columns["speed_m_s"])
+    columns["speed_m_s"] = np.where(measured, 0.35, np.nan)
 
 
 def one_yo(columns: Columns) -> None:
@@ -186,6 +211,9 @@ def one_yo(columns: Columns) -> None:
         (times(buoyancy_drive_m3=1e-6), "the buoyancy drive never moves"),
         (times(pitch_rad=np.pi / 180.0), "steepest pitch is .*is the column in rad"),
         (times(pressure_pa=0.1), "deepest point is .*bar where the map says dbar"),
+        (times(speed_m_s=1.944), "flatter than the pitch; found .*over ground.*knots"),
+        (times(speed_m_s=1e-12), "depth changes faster"),
+        (one_speed, "speed through the water never changes; found '0.35 m/s"),
         (times(pressure_pa=10.0), "depth changes faster than the speed.*dbar where the map says"),
         (without("density_kg_m3"), "has no density of the water.*constant_density"),
         (without("buoyancy_drive_m3"), "lacks buoyancy_drive_m3"),

@@ -1,12 +1,17 @@
-"""Of several runs one is held out: one that the others can do without."""
+"""Of several runs one is held out: one that the others can do without; a named glider."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
+from auvid.pipeline.commands.new import vehicle_choice
 from auvid.pipeline.commands.new.feedable import judging_log
+from auvid.pipeline.commands.new.vehicle_choice import choose_vehicle
 
 
 @pytest.mark.parametrize(
@@ -24,3 +29,19 @@ def test_the_others_feed_all_that_it_feeds(
     axes: Sequence[str], spans_s: Sequence[float], judge: int | None
 ) -> None:
     assert judging_log(axes, spans_s) == judge
+
+
+def test_a_named_glider_is_neutral_in_the_water_of_its_log() -> None:
+    """2 % more density is more than its drive; one that the file has measured stays."""
+    density = np.array([1026.0, 1027.0, 1028.0])
+    table = SimpleNamespace(column_names=["density_kg_m3"])
+    log: Any = SimpleNamespace(
+        has=lambda stream: stream == "glider",
+        tables={"glider": table},
+        column=lambda stream, name: density,
+        info=SimpleNamespace(parameters={}),
+    )
+    text = choose_vehicle(log, named="slocum", normalised=False).text
+    assert "water_density: {value: 1027.0, unit: kg/m^3, source: median of the log" in text
+    measured = text.replace("source: median of the log, assumed: true", "source: measured")
+    assert vehicle_choice._of_glider(measured, log) == measured
