@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from itertools import chain
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -54,7 +55,10 @@ from auvid.hydro.identification.regression.normal_changes import (
     smoothed_force,
 )
 from auvid.hydro.identification.regression.prior import coloured_over_white
-from auvid.hydro.identification.regression.standard_errors import LeftOutBlocks
+from auvid.hydro.identification.regression.standard_errors import (
+    LeftOutBlocks,
+    updated_together,
+)
 from auvid.hydro.identification.regression.unsteady_force import LINEARISED, unsteady_changes
 from auvid.hydro.identification.signals.filters import spline_lowpass
 from auvid.hydro.identification.signals.lost_motion import lost_motion
@@ -568,10 +572,12 @@ def coloured_errors(
         for key, fit in fits.items()
         if fit.n_samples > len(fit.independent)
     }
+    together = _by_columns(fits, left_out)
     for leg in legs:
         for rows, force in leg.blocks(SEGMENT_SAMPLES, terms):
-            updated = at_once(partial(_with_block, rows, force, row_of), left_out.values())
-            left_out = dict(zip(left_out, updated, strict=True))
+            groups = [[left_out[key] for key in keys] for keys in together]
+            updated = at_once(partial(_with_block, rows, force, row_of), groups)
+            left_out = dict(zip(chain(*together), chain(*updated), strict=True))
             del rows, force  # before the next ones are made
     errors = {}
     for key, fit in fits.items():
@@ -663,9 +669,23 @@ def _moved(
     return changes
 
 
+def _by_columns(fits: Fits, chosen: Iterable[tuple[str, str]]) -> list[list[tuple[str, str]]]:
+    """Return the chosen fits in groups that share their columns, largest first."""
+    groups: dict[object, list[tuple[str, str]]] = {}
+    for key in chosen:
+        fit = fits[key]
+        arrays = (fit.scaled_triangle.tobytes(), fit.column_norms.tobytes())
+        groups.setdefault((fit.terms, fit.independent, arrays), []).append(key)
+    return sorted(groups.values(), key=lambda keys: -len(fits[keys[0]].independent))
+
+
 def _with_block(
-    rows: Array, force: Array, row_of: Mapping[str, int], blocks: LeftOutBlocks
-) -> LeftOutBlocks:
-    """Return what blocks left out say, with those of one more stretch of a leg."""
-    own = [row_of[term] for term in blocks.fit.terms if term != CONSTANT]
-    return blocks.update(rows[own], force[:, AXES.index(blocks.fit.axis)])
+    rows: Array, force: Array, row_of: Mapping[str, int], blocks: Sequence[LeftOutBlocks]
+) -> list[LeftOutBlocks]:
+    """Return what blocks left out say, with those of one more stretch of a leg.
+
+    blocks: of fits that share their columns.
+    """
+    own = [row_of[term] for term in blocks[0].fit.terms if term != CONSTANT]
+    axes = [AXES.index(each.fit.axis) for each in blocks]
+    return updated_together(blocks, rows[own], force[:, axes])

@@ -173,36 +173,7 @@ class LeftOutBlocks:
         rows: basis rows (k, n) of the fit's terms without the constant; force: the
         axis's measured force (n,). Raises `DataError` when rows and terms disagree.
         """
-        from scipy.linalg import solve_triangular
-
-        fit, kept = self.fit, list(self.fit.independent)
-        design = np.asarray(rows, dtype=np.float64)
-        target = np.asarray(force, dtype=np.float64)
-        if fit.terms and fit.terms[-1] == CONSTANT:
-            design = np.vstack([design, np.ones(len(target))])
-        del rows  # no array of a long leg stays that is not needed any more
-        if design.shape != (len(fit.terms), len(target)):
-            raise DataError(
-                "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
-            )
-        if kept != list(range(len(design))):
-            design = design[kept]
-        residual = target - design.T @ fit.solution[kept]
-        # Columns that are orthonormal over all data: A becomes the unit matrix.
-        design = design / fit.column_norms[kept][:, None]
-        columns = solve_triangular(fit.scaled_triangle, design, trans="T", overwrite_b=True)
-        del design
-        edges = np.linspace(0, len(target), block_count(residual) + 1).astype(int)
-        blocks = [(columns[:, a:b], residual[a:b]) for a, b in pairwise(edges)]
-        share, axes = np.linalg.eigh(np.array([block @ block.T for block, _ in blocks]))
-        score = np.array([own.T @ (x @ e) for own, (x, e) in zip(axes, blocks, strict=True)])
-        size = np.array([np.linalg.norm(e) for _, e in blocks])
-        left, most = 1.0 - share, np.sqrt(np.maximum(share, 0.0)) * size[:, None]
-        # What nothing outside the block determines has no fit without it.
-        change = np.where(left > LEAST_LEFT, score / np.maximum(left, LEAST_LEFT), most)
-        changes = (axes @ change[..., None])[..., 0]
-        d = solve_triangular(fit.scaled_triangle, changes.T)
-        return LeftOutBlocks(fit, self.squares + d @ d.T, self.count + len(blocks))
+        return updated_together([self], rows, np.asarray(force, dtype=np.float64)[:, None])[0]
 
     def covariance(self) -> Array:
         """Return the covariance (k, k) in the order of `fit.terms`.
@@ -219,6 +190,59 @@ class LeftOutBlocks:
                 / np.outer(fit.column_norms[kept], fit.column_norms[kept])
             )
         return covariance
+
+
+def updated_together(
+    sums: Sequence[LeftOutBlocks], rows: ArrayLike, forces: Array
+) -> list[LeftOutBlocks]:
+    """Return what `LeftOutBlocks.update` does of fits that share their columns.
+
+    forces (n, len(sums)): the measured force of each. What blocks hold of the information
+    depends on the columns alone, and takes nearly all of the time.
+    """
+    from scipy.linalg import solve_triangular
+
+    fit, kept = sums[0].fit, list(sums[0].fit.independent)
+    design = np.asarray(rows, dtype=np.float64)
+    if fit.terms and fit.terms[-1] == CONSTANT:
+        design = np.vstack([design, np.ones(len(forces))])
+    del rows  # no array of a long leg stays that is not needed any more
+    if design.shape != (len(fit.terms), len(forces)):
+        raise DataError(
+            "basis rows and terms of the fit do not agree", value=(design.shape, len(fit.terms))
+        )
+    if kept != list(range(len(design))):
+        design = design[kept]
+    residuals = [
+        force - design.T @ each.fit.solution[kept]
+        for each, force in zip(sums, forces.T, strict=True)
+    ]
+    # Columns that are orthonormal over all data: A becomes the unit matrix.
+    design = design / fit.column_norms[kept][:, None]
+    columns = solve_triangular(fit.scaled_triangle, design, trans="T", overwrite_b=True)
+    del design
+    information: dict[int, tuple[Array, Array]] = {}
+    updated = []
+    for each, residual in zip(sums, residuals, strict=True):
+        count = block_count(residual)
+        edges = list(pairwise(np.linspace(0, len(residual), count + 1).astype(int)))
+        if count not in information:
+            blocks = [columns[:, a:b] for a, b in edges]
+            information[count] = np.linalg.eigh(np.array([block @ block.T for block in blocks]))
+        share, axes = information[count]
+        score = np.array(
+            [
+                own.T @ (columns[:, a:b] @ residual[a:b])
+                for own, (a, b) in zip(axes, edges, strict=True)
+            ]
+        )
+        size = np.array([np.linalg.norm(residual[a:b]) for a, b in edges])
+        left, most = 1.0 - share, np.sqrt(np.maximum(share, 0.0)) * size[:, None]
+        # What nothing outside the block determines has no fit without it.
+        change = np.where(left > LEAST_LEFT, score / np.maximum(left, LEAST_LEFT), most)
+        d = solve_triangular(fit.scaled_triangle, (axes @ change[..., None])[..., 0].T)
+        updated.append(LeftOutBlocks(each.fit, each.squares + d @ d.T, each.count + count))
+    return updated
 
 
 def widened_by(degrees: float) -> float:

@@ -5,6 +5,7 @@ coverage on a known truth.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -30,6 +31,7 @@ from auvid.hydro.identification.regression.standard_errors import (
     long_run_moment,
     mapped,
     stationary_covariance,
+    updated_together,
 )
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
@@ -137,6 +139,19 @@ def test_a_left_out_block_changes_coefficients_as_a_fit_without_it_does() -> Non
     np.testing.assert_allclose(
         blocks.covariance(), expected, rtol=1e-7
     )  # NORMAL_95 has seven digits
+
+    # Of another axis with a longer memory beside it: each has its own blocks.
+    other = replace(fit, solution=0.0 * fit.solution)
+    both = [LeftOutBlocks.empty(each) for each in (fit, other)]
+    single = LeftOutBlocks.empty(other)
+    for rows, force in segments:
+        slow = np.cumsum(force - force.mean())
+        both = updated_together(both, rows, np.column_stack([force, slow]))
+        single = single.update(rows, slow)
+    assert single.count < g
+    for one, expect in zip(both, (blocks, single), strict=True):
+        assert one.count == expect.count
+        np.testing.assert_array_equal(one.squares, expect.squares)
 
 
 def test_blocks_are_as_long_as_the_residual_remembers() -> None:
