@@ -6,7 +6,8 @@ the Parquet file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -45,6 +46,16 @@ def _arrow_field(column: Field) -> pa.Field:
         nullable=column.nullable or column.dtype.startswith("float"),
         metadata=metadata,
     )
+
+
+@dataclass(frozen=True)
+class TableParts:
+    """A table without a clock whose rows are made while it is written.
+
+    `make` gives its parts, one after another, of which one is in memory at a time.
+    """
+
+    make: Callable[[], Iterator[pa.Table]]
 
 
 def make_table(name: str, columns: Mapping[str, Any]) -> pa.Table:

@@ -25,7 +25,7 @@ import pyarrow as pa
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord
 from auvid.data_schemas.records.motion import SegmentRecord
-from auvid.data_schemas.tables import column, has_columns, labels, make_table, matrix
+from auvid.data_schemas.tables import TableParts, column, has_columns, labels, make_table, matrix
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
@@ -91,6 +91,8 @@ COLUMNS = (
     *(name for part in ("tau_bar", *ACTUATORS) for name in force_columns(part)),
 )
 """Of the residual force, beside its clock: not its other components, the most of it."""
+LONG_ROWS, MODELS_AT_ONCE = 250_000, 2
+"""Of predictions: from how many on they are made while they are written, for how many."""
 SEED = 1
 """Of the draws, so that a run gives the same band again."""
 
@@ -137,7 +139,7 @@ class Params:
 
 @dataclass(frozen=True)
 class Outputs:
-    predictions: Mapping[str, pa.Table] = port("predictions", many=True)
+    predictions: Mapping[str, pa.Table | TableParts] = port("predictions", many=True)
     error_table: pa.Table = port("error_table")
     error_metrics: Document = port("error_metrics")
     free_run: pa.Table = port("free_run")
@@ -490,28 +492,30 @@ def _free_runs(
     )
 
 
-def _put_force(
-    force: Array, predicted: Mapping[str, Array], numbered_model: tuple[int, str]
-) -> None:
-    number, name = numbered_model
-    force[:, number] = predicted[name].T
-
-
-def _predictions(inputs: Inputs, models: Mapping[str, Predictor], key: str) -> pa.Table:
+def _predictions(
+    inputs: Inputs, models: Mapping[str, Predictor], key: str
+) -> pa.Table | TableParts:
+    """Return the forces of all models on a segment; of a long one as it is written."""
     residual = inputs.residual.part(key, COLUMNS)
-    n, predicted = residual.num_rows, _forces(inputs, models, key, residual)
-    force = np.empty((6, len(models), n))
+    predicted, t_s = _forces(inputs, models, key, residual), clock(residual)
+    parts = TableParts(partial(_of_models, predicted, key, t_s))
+    if len(t_s) * len(models) > LONG_ROWS:
+        return parts
+    return pa.concat_tables(parts.make()).combine_chunks()
 
-    at_once(partial(_put_force, force, predicted), enumerate(models))
-    force = force.reshape(6, -1)
-    t_s = np.tile(clock(residual), len(models))
-    del residual, predicted
-    columns: dict[str, Any] = {
-        "segment": labels([key], n * len(models)),
-        "model": labels(list(models), n),
-        "t_s": t_s,
-    }
-    return make_table("predictions", columns | named(force_columns("tau"), force.T))
+
+def _of_models(predicted: Mapping[str, Array], segment: str, t_s: Array) -> Iterator[pa.Table]:
+    """Yield the forces of one model after another, worked out for a few at once."""
+    names = list(predicted)
+    for start in range(0, len(names), MODELS_AT_ONCE):
+        some = names[start : start + MODELS_AT_ONCE]
+        for name, force in zip(some, at_once(predicted.__getitem__, some), strict=True):
+            columns: dict[str, Any] = {
+                "segment": labels([segment], len(t_s)),
+                "model": labels([name], len(t_s)),
+                "t_s": t_s,
+            }
+            yield make_table("predictions", columns | named(force_columns("tau"), force))
 
 
 STAGE = Stage(

@@ -130,8 +130,10 @@ def gyro_bias(t_s: ArrayLike, euler: ArrayLike, omega: ArrayLike) -> BiasFit:
             remedy="Take the gyro as it is.",
         )
     path = integrate(t, np.einsum("nij,nj->ni", matrices, rates))
-    gain = integrate(t, matrices.reshape(len(t), 9)).reshape(-1, 3, 3)
-    design = np.concatenate([-gain, np.broadcast_to(np.eye(3), gain.shape)], axis=2)
+    design = np.empty((len(t), 3, 6))
+    np.negative(integrate(t, matrices.reshape(len(t), 9)).reshape(-1, 3, 3), out=design[:, :, :3])
+    design[:, :, 3:] = np.eye(3)
+    del matrices
     value, std, rms = _regress(t, design, angles - path)
     return BiasFit(value[:3], value[3:], std[:3], std[3:], rms)
 
@@ -256,7 +258,7 @@ def _regress(t: Array, design: Array, y: Array) -> tuple[Array, Array, Array]:
     """
     present = np.isfinite(y)
     k = design.shape[2]
-    rows = design[present]
+    rows = design.reshape(-1, k) if present.all() else design[present]
     if len(rows) <= k:
         raise DataError("too few measurements to find a bias", value=len(rows))
     value, _, rank, _ = np.linalg.lstsq(rows, y[present], rcond=None)

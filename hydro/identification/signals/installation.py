@@ -158,9 +158,9 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     from auvid.hydro.identification.signals.compiled_filter import run_filter
 
     def filtered(
-        inputs: Callable[[slice], Array], values: Array, variance: Array
+        inputs: Callable[[slice], Array], ordered: Array, variance: Array
     ) -> tuple[Array, Array, Array]:
-        ordered, columns = values[order], values.shape[1]
+        columns = ordered.shape[1]
         x, P = np.zeros((7, columns)), np.diag(prior)
         x[:, 0] = start
         innovations, scaled = np.empty((len(steps), columns)), np.empty(len(steps))
@@ -179,7 +179,7 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     # Faults are made of what the filter expects, halfway to what it makes of the sample.
     measured = np.concatenate([carried.ravel(), z])
     first, first_scaled, bias = filtered(
-        lambda part: leg.acceleration[part, :, None], measured[:, None], variance
+        lambda part: leg.acceleration[part, :, None], measured[order, None], variance
     )
     halfway = 0.5 * (1.0 - variance[sensor] / first_scaled)
     expected = np.empty(len(measured))
@@ -190,7 +190,8 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     rate = smooth - bias - cross(omega, v) + cross(leg.omega_dot[step_v], arm)
 
     k = len(FAULTS)
-    on_velocity, on_depth = np.zeros((len(tv), 3, 1 + k)), np.zeros((len(tz), 1 + k))
+    values = np.zeros((len(measured), 1 + k))
+    on_velocity, on_depth = values[: 3 * len(tv)].reshape(-1, 3, 1 + k), values[3 * len(tv) :]
     for axis, unit in enumerate(np.eye(3)):
         on_velocity[:, :, 1 + axis] = cross(omega, np.broadcast_to(unit, omega.shape))
         on_velocity[:, :, 4 + axis] = cross(reading, np.broadcast_to(unit, reading.shape))
@@ -212,7 +213,8 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
         out[..., 1 + FAULTS.index("transport")] = -cross(leg.omega[part], speed[part])
         return out
 
-    values = np.concatenate([on_velocity.reshape(-1, 1 + k), on_depth])
+    del on_velocity, on_depth
+    values = values[order]
     innovations, scaled, _ = filtered(on_accel, values, variance)
 
     # Once more with the noise that the innovations show, less what the faults explain.
@@ -220,9 +222,11 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     place = weighted[:, 1 : 1 + PLACES]
     explained = np.linalg.lstsq(place, weighted[:, 0], rcond=1e-9)[0]
     left = innovations[:, 0] - innovations[:, 1 : 1 + PLACES] @ explained
+    del place, weighted
     counts = np.bincount(sensor, minlength=len(SENSORS))
     excess = np.bincount(sensor, left**2 - scaled, minlength=len(SENSORS)) / counts
     variance = np.clip(variance + excess, LEAST_NOISE * variance, None)
+    del innovations
     innovations, scaled, _ = filtered(on_accel, values, variance)
     weighted = innovations / np.sqrt(scaled)[:, None]
     gram = np.zeros((int(blocks[-1]) + 1, 1 + k, 1 + k))

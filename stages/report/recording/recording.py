@@ -23,7 +23,7 @@ from auvid.data_schemas.records.axes import AxisWindowsRecord
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Ints
 from auvid.stages.base import Document, part_of
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import (
@@ -68,6 +68,8 @@ BAND, GAP, MINUTE_S = 2.0, 20.0, 60.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
 NOTHING: Mapping[str, Document] = {}
 NO_TITLES: Mapping[str, str] = {}
+Filter = tuple[tuple[str, str], ...]
+Places = slice | Ints
 Placed = tuple[str, str, str, list[Document]]
 """Table, entity, owner and groups of what is sent together."""
 
@@ -186,17 +188,23 @@ def _send_groups(
         if (name := find_table(tables, owner, str(bundle[0]["table"]))) is not None
     ]
     pieces = _pieces(sorted(bundles, key=itemgetter(0)))
-    rows: dict[tuple[str, ...], pa.Table] = {}
+    of_tables: dict[str, list[Document]] = defaultdict(list)
+    for name, _, _, bundle in bundles:
+        of_tables[name] += bundle
+    rows: dict[Filter, pa.Table] = {}
     parts: list[pa.Table] = []
-    before: tuple[str, ...] = ()
+    places: dict[Filter, Places] = {}
+    before: tuple[str, ...] = ("",)
     for (name, entity, owner, bundle), columns in counted("recording: group", pieces):
         if (name, *columns) != before:
+            if name != before[0]:
+                places = _places(tables, name, of_tables[name])
             before = (name, *columns)
             rows.clear()
             parts.clear()
             load.cache_clear()
             load_part.cache_clear()
-        parts = [_rows(load(name, columns), group, rows) for group in bundle]
+        parts = [_rows(load(name, columns), group, places, rows) for group in bundle]
         times = clock.seconds(name, parts[0])
         if (
             times is None
@@ -279,26 +287,26 @@ def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
     pieces = []
     for table, of_table in groupby(bundles, key=itemgetter(0)):
         members = list(of_table)
-        filters = {name for *_, groups in members for item in groups for name in _filter(item)}
-        if filters:
+        is_filtered = any(_filter(item) for *_, groups in members for item in groups)
+        if is_filtered:
             members.sort(key=lambda item: _columns(item[3][0]))
         piece: list[Placed] = []
         columns: dict[str, None] = {}
         for member in members:
             own = dict.fromkeys(name for item in member[3] for name in _columns(item))
-            is_long = bool(filters) or table.startswith(OF_LOG)
+            is_long = is_filtered or table.startswith(OF_LOG)
             if is_long and piece and len(columns | own) > MOST_COLUMNS:
-                pieces += [(item, (*columns, *sorted(filters), *CLOCKS)) for item in piece]
+                pieces += [(item, (*columns, *CLOCKS)) for item in piece]
                 piece, columns = [], {}
             piece.append(member)
             columns |= own
-        pieces += [(item, (*columns, *sorted(filters), *CLOCKS)) for item in piece]
+        pieces += [(item, (*columns, *CLOCKS)) for item in piece]
     return pieces
 
 
-def _filter(group: Document) -> dict[str, str]:
+def _filter(group: Document) -> Filter:
     """Return what the rows of a group have in other columns."""
-    return {name: str(value) for name, value in (group.get("filter") or {}).items()}
+    return tuple((name, str(value)) for name, value in (group.get("filter") or {}).items())
 
 
 def _edges_only(group: Document) -> bool:
@@ -384,17 +392,41 @@ def _drawn_at_first(bundle: Sequence[Document], preferred: Sequence[str]) -> lis
     return [not is_model(role) or not liked or key(role) in liked for role in roles]
 
 
-def _rows(table: pa.Table, group: Document, rows: dict[tuple[str, ...], pa.Table]) -> pa.Table:
+def _places(
+    tables: Mapping[str, pa.Table], name: str, groups: Sequence[Document]
+) -> dict[Filter, Places]:
+    """Return which rows of a table the filters of its groups leave.
+
+    The texts that they compare take more memory than the numbers that are drawn.
+    """
+    filters = {_filter(group) for group in groups}
+    columns = sorted({column for pairs in filters for column, _ in pairs})
+    texts = part_of(tables, name, columns) if columns else pa.table({})
+    places: dict[Filter, Places] = {}
+    for pairs in filters:
+        is_left = [np.asarray(pc.equal(texts[column], value)) for column, value in pairs]
+        if not is_left:
+            places[pairs] = slice(None)
+            continue
+        numbers = np.flatnonzero(np.all(is_left, axis=0))
+        first, count = (int(numbers[0]), len(numbers)) if len(numbers) else (0, 0)
+        is_one_piece = not count or int(numbers[-1]) - first + 1 == count
+        places[pairs] = slice(first, first + count) if is_one_piece else numbers
+    return places
+
+
+def _rows(
+    table: pa.Table,
+    group: Document,
+    places: Mapping[Filter, Places],
+    rows: dict[Filter, pa.Table],
+) -> pa.Table:
     """Return the rows of a group; `rows`: those of other groups, by their filter."""
-    filters = _filter(group)
-    chosen = tuple(part for pair in filters.items() for part in pair)
+    chosen = _filter(group)
     if chosen not in rows:
-        for name, value in filters.items():
-            places = np.flatnonzero(np.asarray(pc.equal(table[name], value)))
-            first, count = (int(places[0]), len(places)) if len(places) else (0, 0)
-            is_one_piece = not count or int(places[-1]) - first + 1 == count
-            table = table.slice(first, count) if is_one_piece else table.take(pa.array(places))
-        rows[chosen] = table
+        place = places[chosen]
+        is_slice = isinstance(place, slice)
+        rows[chosen] = table[place] if is_slice else table.take(pa.array(place))
     return rows[chosen]
 
 

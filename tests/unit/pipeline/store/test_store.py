@@ -11,6 +11,7 @@ import os
 import stat
 import tempfile
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from auvid.data_schemas.errors import DataError, PipelineError, SchemaError
-from auvid.data_schemas.tables import make_table
+from auvid.data_schemas.tables import TableParts, make_table
 from auvid.pipeline.graph import Graph, stages_of_kind
 from auvid.pipeline.store import artefacts, file_hashes, pipes
 from auvid.pipeline.store.artefacts import encode, in_pieces, load, to_json, to_plain
@@ -426,16 +427,22 @@ def test_what_is_saved_comes_out_in_pieces_while_it_is_written() -> None:
 
 def test_a_long_table_is_written_while_it_is_encoded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipes, "PIECE_BYTES", 300)
-    table = depth_table()
+    table = depth_table(13)
     content = encode(table, "depth", file="x")
     assert list(in_pieces(table, "depth", file="x")) == [content]
     monkeypatch.setattr(artefacts, "LONG_TABLE_BYTES", 0)
     pieces = list(in_pieces(table, "depth", file="x"))
     assert len(pieces) > 1
     assert b"".join(pieces) == content
+    monkeypatch.setattr(artefacts, "GROUP_ROWS", 3)
+    expected = encode(table, "depth", file="x")
+    lengths = (0, 1, 5, 9, table.num_rows)
+    parts = TableParts(lambda: (table[low:high] for low, high in pairwise(lengths)))
+    assert b"".join(in_pieces(parts, "depth", file="x")) == expected
     wrong = table.append_column("odd", table.column(0))
-    with pytest.raises(SchemaError, match="unknown column"):
-        list(in_pieces(wrong, "depth", file="x"))
+    for artefact in (wrong, TableParts(lambda: iter([wrong]))):
+        with pytest.raises(SchemaError, match="unknown column"):
+            list(in_pieces(artefact, "depth", file="x"))
 
 
 def test_some_columns_of_a_table_are_read_with_its_clock(tmp_path: Path) -> None:

@@ -45,6 +45,7 @@ from auvid.stages.report.recording.recording import (
     _edges,
     _measured,
     _pieces,
+    _places,
     _rows,
     _send_groups,
     _values,
@@ -467,17 +468,21 @@ def test_a_long_table_is_loaded_a_few_columns_at_a_time() -> None:
     assert [table for table, _ in forces] == ["a/long", "a/long", "b/short"]
     assert max(len(part) for table, part in forces if table == "a/long") == MOST_COLUMNS
     assert forces[0][1].isdisjoint(forces[1][1])
+    assert all("model" not in loaded for _, loaded in loads)
     assert forces[2][1] == set(columns)
 
 
 def test_rows_of_a_filter_are_those_of_the_table() -> None:
     table = pa.table({"model": ["a", "a", "b", "a"], "v": [1.0, 2.0, 3.0, 4.0]})
-    rows: dict[tuple[str, ...], pa.Table] = {}
-    for model, values in (("a", [1.0, 2.0, 4.0]), ("b", [3.0]), ("c", [])):
-        part = _rows(table, {"filter": {"model": model}}, rows)
+    groups = [{}, *({"filter": {"model": model}} for model in "abc")]
+    places, rows = _places({"t": table}, "t", groups), {}
+    drawn = table.select(["v"])
+    for group, values in zip(
+        groups, ([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 4.0], [3.0], []), strict=True
+    ):
+        part = _rows(drawn, group, places, rows)
         assert part["v"].to_pylist() == values
-        assert _rows(table, {"filter": {"model": model}}, rows) is part
-    assert _rows(table, {}, rows) is table
+        assert _rows(drawn, group, places, rows) is part
 
 
 def test_long_series_show_their_extremes_and_the_recording_says_so(
