@@ -214,6 +214,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
             **_standard_deviations(result, inputs.segment, keep, params.method),
         },
     )
+    gyro_bias = motion.gyro_bias
+    del motion, drift, nu_dot  # a leg of hours has no place for them beside what is drawn
     settings = {
         "method": params.method,
         "as_published": params.as_published,
@@ -223,7 +225,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     }
     state = named(POSE, pose) | named(VELOCITY, over_ground)
     fusion = fusion_document(
-        inputs.segment, settings, motion.gyro_bias, result, inputs.resampled, state, keep
+        inputs.segment, settings, gyro_bias, result, inputs.resampled, state, keep
     )
     return Outputs(
         fused=fused,

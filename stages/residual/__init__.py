@@ -84,15 +84,17 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         columns |= named(VELOCITY_SD, matrix(fused, VELOCITY_SD))
     if level is not None:
         columns["eta_ratio"] = eta_ratio(level, nu, params.minimum_speed_m_s)
-    for name, force in components.items():
-        columns |= named(force_columns(name), force)
     t = clock(fused) + float(inputs.segment.leg_start_s)
     warning = voltage_note(vehicle, bare)
+    section = residual_section(str(inputs.segment.id), t, components, direction_note, warning)
+    views = residual_views(components)
+    for name in list(components):  # columns are copies, as long as the arrays that go
+        columns |= named(force_columns(name), components.pop(name))
     return Outputs(
         residual=make_table("residual", columns),
         controls=_controls(clock(fused), control, level),
-        section=residual_section(str(inputs.segment.id), t, components, direction_note, warning),
-        views=residual_views(components),
+        section=section,
+        views=views,
     )
 
 

@@ -188,6 +188,7 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     arm = np.broadcast_to(leg.arm_m, omega.shape)
     reading = v + cross(omega, arm)
     rate = smooth - bias - cross(omega, v) + cross(leg.omega_dot[step_v], arm)
+    del spline
 
     k = len(FAULTS)
     values = np.zeros((len(measured), 1 + k))
