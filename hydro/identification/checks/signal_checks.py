@@ -302,3 +302,30 @@ def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) ->
     return Following(
         float(np.sqrt(other_energy / energy)) * (-1.0 if correlation < 0.0 else 1.0), correlation
     )
+
+
+AROUND, BEYOND_OTHERS, OF_STEP = 5, 3.0, 0.7
+"""Samples on either side of a jump, how many times their steps it is, and the part of it
+by which the medians of both sides differ.
+"""
+
+
+def jumps(t_s: ArrayLike, values: ArrayLike, *, least: float, rate: float) -> npt.NDArray[np.intp]:
+    """Return the samples (k,) before steps to another level, which the record keeps.
+
+    A step is larger than `least`, faster than `rate` per second, and larger than those
+    around it.
+    """
+    t, x = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+    step = np.diff(x)
+    large = np.flatnonzero((np.abs(step) > least) & (np.abs(step) > rate * np.diff(t)))
+    large = large[(large >= AROUND - 1) & (large < x.size - AROUND)]
+    if not large.size:
+        return large
+    near = large[:, None] + np.arange(1 - AROUND, AROUND + 1)
+    sides = np.split(x[near], 2, axis=1)
+    rise = np.median(sides[1], axis=1) - np.median(sides[0], axis=1)
+    others = np.max([np.abs(np.diff(side, axis=1)).max(axis=1) for side in sides], axis=0)
+    own = step[large]
+    stays = (np.abs(own) > BEYOND_OTHERS * others) & (rise * np.sign(own) > OF_STEP * np.abs(own))
+    return np.asarray(large[stays], dtype=np.intp)

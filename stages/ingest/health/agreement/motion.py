@@ -51,6 +51,10 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     scaled_velocity,
     turned_velocity,
 )
+from auvid.stages.ingest.health.agreement.velocity.velocity_depth import (
+    level_velocity,
+    unrelated_depth,
+)
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
@@ -163,7 +167,7 @@ def motion_findings(
     if not log.has("velocity", "attitude"):
         return
     depth = depth_answers(log)
-    others = list(_other_axes(log, depth))
+    others = list(_other_axes(log, depth)) or list(level_velocity(log))
     yield from others
     if others:
         return
@@ -362,7 +366,7 @@ def _depth(
     if gains is None:
         return
     if gains.explained < LEAST_EXPLAINED:
-        yield from _far_too_small(log, gains)
+        yield from list(_far_too_small(log, gains)) or unrelated_depth(log)
         return
     sure = np.flatnonzero(gains.sd < SURE_GAIN_SD * np.maximum(1.0, np.abs(gains.gain)))
     clear = [axis for axis in sure if abs(gains.gain[axis]) > CLEAR * gains.sd[axis]]

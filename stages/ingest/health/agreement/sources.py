@@ -13,12 +13,14 @@ from auvid.hydro.identification.checks.signal_checks import (
     Following,
     attitude_difference,
     following,
+    jumps,
 )
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, OF_POSES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     ESTIMATED,
     CheckedLog,
     Finding,
+    counted,
     finding,
     limit,
     listed,
@@ -28,6 +30,8 @@ from auvid.stages.ingest.streams.mapping import OtherSource
 from auvid.stages.number_format import significant
 
 SMALLEST_MOVE_M_S = 0.03
+FASTEST_M_S = 1.0
+"""A step of the depth that is slower may be a motion."""
 BAROMETER = re.compile(r"^(BARO|BAR2|BAR3|sensor_baro|vehicle_air_data|SCALED_PRESSURE)")
 
 
@@ -97,7 +101,26 @@ def depth_findings(log: CheckedLog) -> Iterator[Finding]:
     if any(note.startswith("depth") and ESTIMATED.search(note) for note in log.info.notes):
         text = f"Depth is taken from {log.source('depth')}, an estimate of the navigation filter."
         yield finding("depth_estimated", text, stream="depth")
+    yield from _jumps(log, t_s, depth)
     yield from _other_depths(log, t_s, depth)
+
+
+def _jumps(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
+    """Yield a depth that goes on at another level; poses have a check of their own."""
+    at = jumps(t_s, depth, least=limit("depth_jumps"), rate=FASTEST_M_S)
+    if _of_a_pose(log) or not at.size:
+        return
+    steps = depth[at + 1] - depth[at]
+    largest = int(np.argmax(np.abs(steps)))
+    yield finding(
+        "depth_jumps",
+        f"Depth ({log.source('depth')}) jumps {counted(int(at.size), 'time')} and goes on at"
+        f" another level, by {steps[largest]:+.2f} m at {t_s[at[largest]]:.1f} s from the start.",
+        stream="depth",
+        value=float(abs(steps[largest])),
+        at_s=float(t_s[at[largest]]),
+        fields=("depth_m",),
+    )
 
 
 def _of_csv(log: CheckedLog) -> bool:

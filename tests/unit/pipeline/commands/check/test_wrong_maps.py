@@ -870,6 +870,17 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "Pitch and its rate",
     ),
     "roll 4 degrees off": (data(lambda a: a + 4.0, ANGLES[0]), "tilt_offset", "roll reads +4.0"),
+    "depth of another dive": (
+        data(lambda z: z[::-1], "depth_m"),
+        "depth_unrelated",
+        "they correlate by -0.0",
+    ),
+    "depth 12 s late": (late(12.0, "depth_m"), "depth_unrelated", "With the depth 12 s earlier"),
+    "depth zeroed anew under way": (
+        data(lambda z: z - 0.4 * (np.arange(z.size) > 400), "depth_m"),
+        "depth_jumps",
+        "1 time and goes on at another level, by -0.4",
+    ),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -993,6 +1004,7 @@ NOT_STOPPING = (
     "tilt_offset",
     "response_shape",
     "arm_off",
+    "depth_jumps",
     "values_coarse",
     "heading_deviation",
     "velocity_zero",
@@ -1131,6 +1143,20 @@ def sticks(count: int, seed: int) -> npt.NDArray[np.float64]:
 def weighty(case: Case) -> list[str]:
     """The findings of a log but for notes."""
     return [item["id"] for item in case.findings() if item["severity"] != "note"]
+
+
+def test_a_heave_that_is_the_depth_rate_is_no_axis_of_a_tilted_body() -> None:
+    """Most of the depth is by heave, so that other axes explain no more for certain."""
+    case = driven(1500.0 + sticks(900, 4) * [0.5, 0.5, 0.5, 1.6], 4)
+    assert weighty(case) == []
+    values = case.files["run.csv"]
+    tilt = Rotation.from_euler(
+        "YX", np.column_stack([values["pitch_deg"], values["roll_deg"]]), degrees=True
+    )
+    level = tilt.apply(np.column_stack([values[name] for name in "uvw"]))
+    values |= dict(zip("uvw", level.T, strict=True))
+    texts = [item["text"] for item in case.findings() if item["id"] == "velocity_axes"]
+    assert ["level axes" in text for text in texts] == [True]
 
 
 @pytest.mark.parametrize(("hertz", "seed"), [(0.03, 0), (0.1, 3), (0.15, 4), (0.4, 7)])

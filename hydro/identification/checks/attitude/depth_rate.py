@@ -1,0 +1,112 @@
+"""The depth rate that attitude and velocity make, against that of the depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import (
+    WINDOW_S,
+    down_at,
+    integrals,
+    windows,
+)
+from auvid.hydro.kept_results import kept
+
+FEWEST = 25
+"""Windows of a second that tell anything."""
+FEWEST_OF_A_SHIFT = 30
+
+
+@dataclass(frozen=True)
+class DepthRates:
+    """Rises of a depth over windows of a second, and what a velocity makes of them.
+
+    Begins `at` (n,) [s], `rise` (n,) and `expected` (n,) [m], and the integrals `parts`
+    (n, 3) of surge, sway and heave [m].
+    """
+
+    at: Array
+    rise: Array
+    expected: Array
+    parts: Array
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of both, 0 where one of them does not change."""
+        return _correlation(self.rise, self.expected)
+
+    def level_odds(self) -> float:
+        """Return how much likelier heave alone makes the rise than all by the tilt.
+
+        Logarithm of the likelihood; a constant tilt of the mounting and a constant are
+        taken off both. The lower one of that by squares and by medians.
+        """
+        aside = np.column_stack([self.parts[:, :2], np.ones(self.rise.size)])
+        left = [
+            _left(self.rise, np.column_stack([rise, aside]))
+            for rise in (self.expected, self.parts[:, 2])
+        ]
+        squares, medians = (np.log(own / level) for own, level in zip(*left, strict=True))
+        return float(self.rise.size * min(squares, medians))
+
+    def best_shift(self) -> tuple[float, float]:
+        """Return how much later the depth fits best, and the correlation there.
+
+        In whole seconds; only shifts that leave half a minute in common.
+        """
+        place = np.round((self.at - self.at[0]) / WINDOW_S).astype(np.int64)
+        grids = np.zeros((3, int(place[-1]) + 1))
+        for grid, values in zip(grids, (self.rise, self.expected, None), strict=True):
+            grid[place] = 1.0 if values is None else values - values.mean()
+        rise, expected, there = grids
+        both = np.correlate(there, there, "full")
+        power = [
+            np.correlate(rise**2, there, "full"),
+            np.correlate(there, expected**2, "full"),
+        ]
+        size = np.sqrt(np.maximum(power[0] * power[1], 1e-18))
+        likeness = np.where(
+            both > FEWEST_OF_A_SHIFT, np.correlate(rise, expected, "full") / size, 0.0
+        )
+        best = int(np.argmax(likeness))
+        return float((best - (rise.size - 1)) * WINDOW_S), float(likeness[best])
+
+
+def _correlation(one: Array, other: Array) -> float:
+    first, second = one - one.mean(), other - other.mean()
+    size = float(np.linalg.norm(first) * np.linalg.norm(second))
+    return float(first @ second) / size if size > 0.0 else 0.0
+
+
+def _left(values: Array, design: Array) -> tuple[float, float]:
+    """Return the RMS and the median size of what a fit leaves."""
+    rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+    return max(float(np.std(rest)), 1e-12), max(float(np.median(np.abs(rest))), 1e-12)
+
+
+@kept
+def depth_rates(
+    t_depth: Array,
+    depth: Array,
+    t_attitude: Array,
+    euler: Array,
+    t_velocity: Array,
+    velocity: Array,
+) -> DepthRates | None:
+    """Return the rises of a depth and what a velocity (n, 3) makes of them.
+
+    None for too few windows, or where an axis of the velocity is not measured.
+    """
+    start = max(t_depth[0], t_velocity[0], t_attitude[0])
+    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
+    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    if at.size < FEWEST or not np.isfinite(velocity).all():
+        return None
+    down = down_at(t_velocity, t_attitude, euler)
+    rates = np.column_stack([(down * velocity).sum(axis=1), velocity])
+    parts = integrals(t_velocity, rates, at)
+    rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
+    return DepthRates(at, rise, parts[:, 0], parts[:, 1:])

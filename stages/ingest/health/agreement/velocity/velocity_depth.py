@@ -1,0 +1,79 @@
+"""Depths that have nothing to do with a velocity, and velocities in level axes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from auvid.hydro.identification.checks.attitude.depth_rate import DepthRates, depth_rates
+from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
+
+LEAST_RATE_M_S, FEWEST_WINDOWS = 0.03, 40
+"""Standard deviation over a second from which a depth rate tells, and how many of them."""
+NEAR_S, NEAR_ALIKE, ALIKE = 3.0, 0.5, 0.8
+"""Shifts up to which velocity_lag tells a clock, and correlations there and further away
+that are more than chance.
+"""
+SURE_LEVEL = 25.0
+
+
+def _rates(log: CheckedLog) -> DepthRates | None:
+    if not log.has("depth", "velocity", "attitude"):
+        return None
+    return depth_rates(
+        *log.depth_of_velocity(),
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        log.t_s("velocity"),
+        log.body_velocity(),
+    )
+
+
+def unrelated_depth(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a depth that changes in another way than the velocity says."""
+    rates = _rates(log)
+    if rates is None or rates.rise.size < FEWEST_WINDOWS:
+        return
+    moves = [float(np.std(values)) for values in (rates.rise, rates.expected)]
+    unmeasured = float(np.ptp(rates.parts[:, 2])) == 0.0
+    if min(moves) < LEAST_RATE_M_S or unmeasured:
+        return
+    likeness = rates.correlation
+    if abs(likeness) > limit("depth_unrelated"):
+        return
+    shift_s, there = rates.best_shift()
+    if abs(shift_s) <= NEAR_S and there > NEAR_ALIKE:
+        return
+    text = (
+        f"Depth ({log.source('depth')}) and velocity ({log.source('velocity')}) have nothing to do"
+        f" with each other: the depth changes by {moves[0]:.2f} m/s (standard deviation over a"
+        f" second), the velocity as the attitude turns it makes {moves[1]:.2f} m/s of it, and they"
+        f" correlate by {likeness:.2f}."
+    )
+    if there > ALIKE:
+        side = "earlier" if shift_s > 0.0 else "later"
+        text += f" With the depth {abs(shift_s):.0f} s {side} they would by {there:.2f}."
+    yield finding("depth_unrelated", text, stream="depth", value=likeness, fields=("depth_m",))
+
+
+def level_velocity(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a velocity whose heave is the depth rate, whatever roll and pitch are."""
+    rates = _rates(log)
+    if rates is None:
+        return
+    odds = rates.level_odds()
+    if odds < SURE_LEVEL:
+        return
+    yield finding(
+        "velocity_axes",
+        f"The depth rate follows heave of the velocity ({log.source('velocity')}) alone,"
+        f" e^{odds:.0f} times as likely as with the roll and pitch of the attitude: the velocity is"
+        " in level axes (ahead, aside, down) or over ground, and not in those of the body.",
+        stream="velocity",
+        value=odds,
+        fields=LINEAR_VELOCITY,
+        remedy="Turn the velocity into body axes with roll and pitch before the export, or map the"
+        " log's body velocity; a heave that was made from the depth is no measurement.",
+    )

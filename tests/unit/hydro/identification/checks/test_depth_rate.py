@@ -1,0 +1,53 @@
+"""The depth rate of a velocity, as body and as level axes, and jumps of a record."""
+
+import numpy as np
+import pytest
+
+from auvid.hydro.identification.checks.attitude.depth_rate import DepthRates, depth_rates
+from auvid.hydro.identification.checks.signal_checks import jumps
+
+T_S = 0.1 * np.arange(1200)
+
+
+def rates(later_s: float = 0.0, *, level: bool = False) -> DepthRates:
+    """A body that surges at 0.5 m/s, heaves and pitches by 3 degrees."""
+    noise = np.random.default_rng(5)
+    heave = 0.1 * np.convolve(noise.normal(size=T_S.size), np.ones(30) / 5.0, "same")
+    pitch = 0.05 * np.sin(0.9 * T_S)
+    speed = np.column_stack([np.full(T_S.size, 0.5), 0.0 * T_S, heave])
+    speed[:, 0] += 0.2 * np.sin(0.4 * T_S)
+    down = heave * np.cos(pitch) - speed[:, 0] * np.sin(pitch)
+    depth = 5.0 + np.cumsum(down) * 0.1 + noise.normal(0.0, 0.002, T_S.size)
+    depth = np.interp(T_S - later_s, T_S, depth)
+    euler = np.column_stack([0.0 * T_S, pitch, 0.3 * T_S])
+    if level:
+        speed[:, 2] = down
+    compared = depth_rates(
+        T_S, depth, T_S, euler, T_S, speed + noise.normal(0.0, 0.003, speed.shape)
+    )
+    assert compared is not None
+    return compared
+
+
+def test_level_axes_are_told_by_heave_that_the_tilt_does_not_turn() -> None:
+    assert rates().level_odds() < -25.0
+    assert rates(level=True).level_odds() > 25.0
+    assert rates().correlation > 0.99
+
+
+@pytest.mark.parametrize("later_s", [14.0, -9.0])
+def test_a_shift_is_measured_where_nothing_relates(later_s: float) -> None:
+    shifted = rates(later_s)
+    assert abs(shifted.correlation) < 0.3
+    shift_s, likeness = shifted.best_shift()
+    assert shift_s == later_s
+    assert likeness > 0.95
+
+
+def test_only_steps_to_a_level_that_stays_are_jumps() -> None:
+    values = 0.02 * np.sin(T_S)
+    values[500:] += 0.5
+    values[700] += 0.5  # and back
+    values[900:] += np.minimum(0.09 * np.arange(300), 0.9)  # fast, and a motion
+    assert jumps(T_S, values, least=0.1, rate=1.0).tolist() == [499]
+    assert not jumps(T_S[:8], values[496:504], least=0.1, rate=1.0).size
