@@ -25,6 +25,12 @@ from auvid.hydro.kept_results import kept
 
 LARGEST_LACK = 0.6
 """Part of an axis of the velocity that may lack, or be too much."""
+LARGE_TURN_RAD, FITS = 0.15, 0.9
+"""Turn from which on, or share of the changes up to which, lags are tried with a turn."""
+SURE_OF_TURN, LEAST_OF_TURN = 25.0, 0.6
+"""By how much a velocity that is turned back must be likelier (logarithm), and the share of
+the changes that it explains at least.
+"""
 NORMAL_SPREAD = 1.4826
 """Standard deviation of a normal distribution over its median deviation."""
 
@@ -104,13 +110,32 @@ def velocity_answer(
         return None
     pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
     pulled = pulled - np.median(pulled, axis=0)
-    half = at < 0.5 * (at[0] + at[-1])
-    changes = np.stack([changes_of(t_imu, gyro, t_velocity - lag, speed, at) for lag in lags])
-    changes -= np.median(changes, axis=1)[:, None]
+
+    def at_lags(speeds: Array) -> Array:
+        moved = np.stack([changes_of(t_imu, gyro, t_velocity - lag, speeds, at) for lag in lags])
+        return np.asarray(moved - np.median(moved, axis=1)[:, None])
+
+    changes = fitting = at_lags(speed)
     odds = log_odds(changes, pulled)
-    halves = np.stack([log_odds(changes[:, rows], pulled[rows]) for rows in (half, ~half)])
     turn = planar_turn(pulled[:, :2], changes[int(np.argmax(odds)), :, :2])
+    if turn is not None and (turn.explained < FITS or abs(turn.angle) > LARGE_TURN_RAD):
+        # Of a velocity that is turned far any lag may fit best as it stands.
+        turns = [planar_turn(pulled[:, :2], change[:, :2]) for change in changes]
+        best = max((each for each in turns if each), key=lambda each: each.explained)
+        if best.explained > LEAST_OF_TURN:
+            back = at_lags(turned_back(speed, best.angle))
+            odds_back = log_odds(back, pulled)
+            if odds_back.max() - odds.max() > SURE_OF_TURN:
+                fitting, odds, turn = back, odds_back, turns[int(np.argmax(odds_back))]
+    half = at < 0.5 * (at[0] + at[-1])
+    halves = np.stack([log_odds(fitting[:, rows], pulled[rows]) for rows in (half, ~half)])
     return VelocityAnswer(lags, odds, halves, turn)
+
+
+def turned_back(speed: Array, angle: float) -> Array:
+    """Return a velocity (n, 3) whose surge and sway were turned by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.asarray(speed @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]))
 
 
 def odds_of_velocities(

@@ -17,21 +17,23 @@ from auvid.hydro.kept_results import kept
 
 FEWEST = 25
 """Windows of a second that tell anything."""
-FEWEST_OF_A_SHIFT = 30
+FEWEST_OF_A_SHIFT, MOST_BY_LIFT = 30, 25.0
 
 
 @dataclass(frozen=True)
 class DepthRates:
     """Rises of a depth over windows of a second, and what a velocity makes of them.
 
-    Begins `at` (n,) [s], `rise` (n,) and `expected` (n,) [m], and the integrals `parts`
-    (n, 3) of surge, sway and heave [m].
+    Begins `at` (n,) [s], `rise` (n,) and `expected` (n,) [m], and the integrals [m] of
+    surge, sway and heave, `parts` (n, 3), and of surge and sway as pitch and roll lift
+    each, `lifted` (n, 4).
     """
 
     at: Array
     rise: Array
     expected: Array
     parts: Array
+    lifted: Array
 
     @property
     def correlation(self) -> float:
@@ -42,15 +44,17 @@ class DepthRates:
         """Return how much likelier heave alone makes the rise than all by the tilt.
 
         Logarithm of the likelihood; a constant tilt of the mounting and a constant are
-        taken off both. The lower one of that by squares and by medians.
+        taken off both. The lower one of that by squares and by medians. Of axes with a
+        wrong sign, scale or turn, which what is lifted with any gain tells, 0 at most.
         """
         aside = np.column_stack([self.parts[:, :2], np.ones(self.rise.size)])
-        left = [
-            _left(self.rise, np.column_stack([rise, aside]))
-            for rise in (self.expected, self.parts[:, 2])
-        ]
-        squares, medians = (np.log(own / level) for own, level in zip(*left, strict=True))
-        return float(self.rise.size * min(squares, medians))
+        heave = self.parts[:, 2]
+        own, level, free = (
+            _left(self.rise, np.column_stack([*columns, aside]))
+            for columns in ((self.expected,), (heave,), (heave, self.lifted))
+        )
+        odds = self.rise.size * np.log([own / level, level / free]).min(axis=1)
+        return float(min(odds[0], 0.0) if odds[1] > MOST_BY_LIFT else odds[0])
 
     def best_shift(self) -> tuple[float, float]:
         """Return how much later the depth fits best, and the correlation there.
@@ -81,10 +85,10 @@ def _correlation(one: Array, other: Array) -> float:
     return float(first @ second) / size if size > 0.0 else 0.0
 
 
-def _left(values: Array, design: Array) -> tuple[float, float]:
+def _left(values: Array, design: Array) -> Array:
     """Return the RMS and the median size of what a fit leaves."""
     rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
-    return max(float(np.std(rest)), 1e-12), max(float(np.median(np.abs(rest))), 1e-12)
+    return np.maximum([np.std(rest), np.median(np.abs(rest))], 1e-12)
 
 
 @kept
@@ -106,7 +110,8 @@ def depth_rates(
     if at.size < FEWEST or not np.isfinite(velocity).all():
         return None
     down = down_at(t_velocity, t_attitude, euler)
-    rates = np.column_stack([(down * velocity).sum(axis=1), velocity])
+    lifted = [down[:, [tilt]] * velocity[:, :2] for tilt in (0, 1)]
+    rates = np.column_stack([(down * velocity).sum(axis=1), velocity, *lifted])
     parts = integrals(t_velocity, rates, at)
     rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
-    return DepthRates(at, rise, parts[:, 0], parts[:, 1:])
+    return DepthRates(at, rise, parts[:, 0], parts[:, 1:4], parts[:, 4:])

@@ -167,10 +167,11 @@ def motion_findings(
     if not log.has("velocity", "attitude"):
         return
     depth = depth_answers(log)
-    others = list(_other_axes(log, depth)) or list(level_velocity(log))
+    others = list(_other_axes(log, depth))
     yield from others
     if others:
         return
+    yield from level_velocity(log)
     turned = Evidence()
     found_depth = list(_depth(log, depth, response))
     yield from found_depth

@@ -11,6 +11,7 @@ import numpy as np
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.answers import PlanarTurn, track_turn
 from auvid.hydro.identification.checks.velocity_answer import (
+    LARGE_TURN_RAD,
     ArmOffset,
     AxisScales,
     VelocityAnswer,
@@ -215,7 +216,7 @@ def turned_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
 
 def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
     """Yield a velocity that is too large or small against accelerometer or track."""
-    single = list(_single_scales(log, evidence.scales))
+    single = list(_single_scales(log, evidence.scales, evidence.of_accelerometer))
     if single:
         yield from single
         return
@@ -230,10 +231,14 @@ def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
         yield from _scale(log, turn, bounds, words)
 
 
-def _single_scales(log: CheckedLog, scales: AxisScales | None) -> Iterator[Finding]:
+def _single_scales(
+    log: CheckedLog, scales: AxisScales | None, turn: PlanarTurn | None
+) -> Iterator[Finding]:
     """Yield surge or sway of another scale than the other one, by the accelerometer."""
     if scales is None or scales.explained.min() < SURE_AXIS:
         return
+    if turn is not None and abs(turn.angle) > LARGE_TURN_RAD:
+        return  # its axes are not surge and sway
     off = 1.0 - 1.0 / scales.scale
     difference = abs(float(off[0] - off[1])) - CLEAR * float(np.hypot(*scales.sd))
     clear = np.abs(off) - CLEAR * scales.sd - (1.0 - scales.explained) > limit("scale_off")

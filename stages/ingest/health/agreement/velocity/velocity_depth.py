@@ -16,7 +16,6 @@ NEAR_S, NEAR_ALIKE, ALIKE = 3.0, 0.5, 0.8
 """Shifts up to which velocity_lag tells a clock, and correlations there and further away
 that are more than chance.
 """
-SURE_LEVEL = 25.0
 
 
 def _rates(log: CheckedLog) -> DepthRates | None:
@@ -64,16 +63,14 @@ def level_velocity(log: CheckedLog) -> Iterator[Finding]:
     if rates is None:
         return
     odds = rates.level_odds()
-    if odds < SURE_LEVEL:
+    if odds < limit("velocity_level"):
         return
     yield finding(
-        "velocity_axes",
+        "velocity_level",
         f"The depth rate follows heave of the velocity ({log.source('velocity')}) alone,"
         f" e^{odds:.0f} times as likely as with the roll and pitch of the attitude: the velocity is"
         " in level axes (ahead, aside, down) or over ground, and not in those of the body.",
         stream="velocity",
         value=odds,
         fields=LINEAR_VELOCITY,
-        remedy="Turn the velocity into body axes with roll and pitch before the export, or map the"
-        " log's body velocity; a heave that was made from the depth is no measurement.",
     )
