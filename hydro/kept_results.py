@@ -93,5 +93,8 @@ def signs_of(columns: Array) -> Array:
     """
     if not len(columns):
         return np.ones(columns.shape[1])
-    first = np.argmax(columns != 0.0, axis=0)
-    return np.where(np.take_along_axis(columns, first[None], axis=0)[0] < 0.0, -1.0, 1.0)
+    first = columns[0]
+    if not first.all():
+        there = np.argmax(columns != 0.0, axis=0)
+        first = columns[there, np.arange(columns.shape[1])]
+    return np.where(first < 0.0, -1.0, 1.0)

@@ -90,17 +90,12 @@ def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> 
 
 def _integral_in_one(t: Array, values: Array, times: Array) -> Array:
     """Return `_integral_to` of one block; the times need not ascend."""
-    steps = t[1:] - t[:-1]
+    mean = 0.5 * (values[1:] + values[:-1])
     sums = np.zeros(values.shape)
-    np.cumsum(0.5 * (values[1:] + values[:-1]) * steps[:, None], axis=0, out=sums[1:])
-    after = np.searchsorted(t, times, side="right")
-    out = np.zeros((times.size, values.shape[1]))
-    out[after == t.size] = sums[-1]
-    inside = np.flatnonzero((after > 0) & (after < t.size))
-    row = after[inside] - 1
-    slope = (sums[row + 1] - sums[row]) / steps[row][:, None]
-    out[inside] = slope * (times[inside] - t[row])[:, None] + sums[row]
-    return out
+    np.cumsum(mean * (t[1:] - t[:-1])[:, None], axis=0, out=sums[1:])
+    there = np.clip(times, t[0], t[-1])
+    row = np.minimum(np.searchsorted(t, there, side="right") - 1, t.size - 2)
+    return np.asarray(mean[row] * (there - t[row])[:, None] + sums[row])
 
 
 def _integral_to(t: Array, values: Array, times: Array) -> Array:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, median
 from auvid.hydro.identification.checks.response import LONGEST_RESPONSE_S, without_drift
 from auvid.hydro.kept_results import kept
 
@@ -131,7 +131,7 @@ def _between_samples(clock: Array, at: Array) -> Mask:
     """Return which times (n,) lie in no pause of samples `at` (m,)."""
     steps = np.diff(at)
     place = np.clip(np.searchsorted(at, clock) - 1, 0, len(steps) - 1)
-    longest = max(LONGEST_PAUSE_S, LONGEST_PAUSE_STEPS * float(np.median(steps)))
+    longest = max(LONGEST_PAUSE_S, LONGEST_PAUSE_STEPS * float(median(steps)))
     return np.asarray(steps[place] <= longest)
 
 
@@ -157,9 +157,12 @@ def _likeness(basis: Array, other: Array) -> Array:
 def _about(shares: Array) -> Array:
     """Return the largest of shares (n, k) over the lags about each shift, by motion."""
     first, last = (round(lag * RATE_HZ) for lag in LAGS_S)
+    count, taken = last - first + 1, 1
     largest = np.roll(shares, -first, axis=0)
-    for lag in range(first + 1, last + 1):
-        np.maximum(largest, np.roll(shares, -lag, axis=0), out=largest)
+    while taken < count:  # of twice as many lags each time
+        more = min(taken, count - taken)
+        largest = np.maximum(largest, np.roll(largest, -more, axis=0))
+        taken += more
     return largest
 
 

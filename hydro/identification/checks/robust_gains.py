@@ -101,10 +101,10 @@ def robust_fits(y: Array, design: Array) -> RobustFits:
     Rows that are not finite are left out, and those further off than `ROBUST_SPREADS`.
     """
     good: Mask = np.isfinite(y) & np.isfinite(design).all(axis=2)
-    target = np.where(good, y, 0.0)
-    full = np.concatenate(
-        [np.where(good[..., None], design, 0.0), np.ones((*good.shape, 1))], axis=2
-    )
+    target = y
+    if not good.all():
+        target, design = np.where(good, y, 0.0), np.where(good[..., None], design, 0.0)
+    full = np.concatenate([design, np.ones((*good.shape, 1))], axis=2)
     fewest = FEWEST_WINDOWS + design.shape[2]
     keep, enough = good, good.sum(axis=1) >= fewest
     for _ in range(ROBUST_ROUNDS):
@@ -120,9 +120,10 @@ def robust_fits(y: Array, design: Array) -> RobustFits:
     count = np.where(enough, keep.sum(axis=1), 0)
     rows = np.maximum(count, full.shape[2] + 1)
     left = np.einsum("bn,bn,bn->b", keep, off, off) / (rows - full.shape[2])
-    variance = _variance(target[..., None], keep, rows)[:, 0]
-    explained = 1.0 - np.divide(left, variance, out=np.ones_like(left), where=variance > 0.0)
-    spread = np.sqrt(_variance(full[..., :-1], keep, rows))
+    variance = _variance(np.concatenate([design, target[..., None]], axis=2), keep, rows)
+    own = variance[:, -1]
+    explained = 1.0 - np.divide(left, own, out=np.ones_like(left), where=own > 0.0)
+    spread = np.sqrt(variance[:, :-1])
     return RobustFits(gain, count, inverse, spread, explained, left)
 
 
@@ -141,7 +142,7 @@ def _least_squares(full: Array, target: Array, keep: Mask) -> tuple[Array, Array
 
     That of the moments of scaled columns, scaled back.
     """
-    turned = (full * keep[..., None]).swapaxes(1, 2)
+    turned = (full if keep.all() else full * keep[..., None]).swapaxes(1, 2)
     moment = turned @ full
     scale = np.sqrt(np.diagonal(moment, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -156,9 +157,9 @@ def _least_squares(full: Array, target: Array, keep: Mask) -> tuple[Array, Array
 
 def _variance(values: Array, keep: Mask, rows: Array) -> Array:
     """Return the variance (b, k) of the rows to keep of values (b, n, k)."""
-    mask = keep[..., None]
-    mean = (values * mask).sum(axis=1) / rows[:, None]
-    return np.asarray((((values - mean[:, None]) * mask) ** 2).sum(axis=1) / rows[:, None])
+    weight = keep[:, None].astype(np.float64)
+    off = values - weight @ values / rows[:, None, None]
+    return np.asarray((weight @ (off * off))[:, 0] / rows[:, None])
 
 
 def _medians(values: Array, keep: Mask) -> Array:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, median
 
 Choices = Sequence[Sequence[Array]]
 STEP_S = 1.0
@@ -60,22 +60,22 @@ def sign_change(
     start = min(float(target.at[0]) for target in targets)
     end = max(float(target.at[-1]) for target in targets) + STEP_S
     clock = np.arange(start, end + STEP_S, STEP_S)
-    best: SignChange | None = None
-    for number, choice in enumerate(choices):
-        gained = np.zeros(clock.size)
-        for target, signs in zip(targets, choice, strict=True):
-            place = np.searchsorted(clock, target.at, side="right") - 1
-            np.add.at(gained, place, _gained(target, signs))
-        before = np.concatenate([[0.0], np.cumsum(gained)])
-        after = before[-1] - before
-        for later, own, other in ((False, before, after), (True, after, before)):
-            odds = np.minimum(own, -other)
-            row = int(np.argmax(odds))
-            if best is None or odds[row] > best.odds:
-                at_s = start + row * STEP_S
-                shorter = min(at_s - start, end - at_s)
-                best = SignChange(number, at_s, later, float(odds[row]), shorter, [])
-    return None if best is None else replace(best, explained=_explained(best, targets, choices))
+    gained = np.zeros((len(choices), clock.size))
+    first = clock.size * np.arange(len(choices))
+    for number, target in enumerate(targets):
+        place = np.searchsorted(clock, target.at, side="right") - 1
+        own = _gained(target, np.array([choice[number] for choice in choices]))
+        sums = np.bincount((first[:, None] + place).ravel(), own.ravel(), gained.size)
+        gained += sums.reshape(gained.shape)
+    before = np.hstack([np.zeros((len(choices), 1)), np.cumsum(gained, axis=1)])
+    after = before[:, -1:] - before
+    odds = np.minimum(np.stack([before, after], 1), -np.stack([after, before], 1))
+    number, later, row = (int(i) for i in np.unravel_index(np.argmax(odds), odds.shape))
+    at_s = start + row * STEP_S
+    best = SignChange(
+        number, at_s, later == 1, float(odds[number, later, row]), min(at_s - start, end - at_s), []
+    )
+    return replace(best, explained=_explained(best, targets, choices))
 
 
 def _explained(change: SignChange, targets: Sequence[SignTarget], choices: Choices) -> list[float]:
@@ -85,20 +85,27 @@ def _explained(change: SignChange, targets: Sequence[SignTarget], choices: Choic
         wrong = (target.at >= change.at_s) == change.after
         mended = np.where(wrong[:, None], target.parts * signs, target.parts).sum(axis=1)
         left, size = (
-            float(np.median(np.abs(np.diff(part))))
-            for part in (target.values - mended, target.values)
+            float(median(np.abs(np.diff(part)))) for part in (target.values - mended, target.values)
         )
         shares.append(1.0 - (left / max(size, 1e-12)) ** 2)
     return shares
 
 
 def _gained(target: SignTarget, signs: Array) -> Array:
-    """Return the logarithm of the likelihood (m,) of signs over none, by windows.
+    """Return the logarithm of the likelihood (c, m) of signs (c, k) over none.
 
-    By what changes from window to window: a constant of either part is no sign.
+    By what changes from window (m) to window: a constant of either part is no sign.
     """
-    left = [target.values - target.parts.sum(axis=1), target.values - target.parts @ signs]
-    left = [np.diff(rest, prepend=rest[0]) for rest in left]
-    spread = NORMAL_SPREAD * float(np.median(np.minimum(*np.abs(left))))
-    own, other = (np.minimum((rest / max(spread, 1e-12)) ** 2, LARGEST_SQUARE) for rest in left)
-    return np.asarray(0.5 * (own - other))
+    own = _steps(target.values - target.parts.sum(axis=1))
+    others = _steps(target.values - signs @ target.parts.T)
+    nearer = np.minimum(np.abs(own), np.abs(others))
+    spread = np.maximum(NORMAL_SPREAD * median(nearer.T), 1e-12)[:, None]
+    own, others = (np.minimum((rest / spread) ** 2, LARGEST_SQUARE) for rest in (own, others))
+    return np.asarray(0.5 * (own - others))
+
+
+def _steps(rest: Array) -> Array:
+    """Return the changes of rests (..., m) from window to window; 0 at the first."""
+    steps = np.zeros(rest.shape)
+    np.subtract(rest[..., 1:], rest[..., :-1], out=steps[..., 1:])
+    return steps

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, median
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 
 MOST_SAMPLES = 4000
@@ -105,7 +105,7 @@ def repeats(values: ArrayLike) -> Repeats:
     lengths = np.diff(np.append(starts, len(array)))
     longest = int(np.argmax(lengths))
     moves = [column[column > 0.0] for column in steps.T]
-    leap = max((float(np.median(item) / item.min()) for item in moves if item.size), default=1.0)
+    leap = max((float(median(item) / item.min()) for item in moves if item.size), default=1.0)
     return Repeats(float(np.mean(~new[1:])), int(starts[longest]), int(lengths[longest]), leap)
 
 
@@ -124,8 +124,8 @@ def hold_period_s(t_s: ArrayLike, values: ArrayLike) -> float | None:
     changes = at[1:][(np.diff(array, axis=0) != 0.0).any(axis=1)]
     if changes.size < FEWEST_CHANGES:
         return None
-    step, gaps = float(np.median(np.diff(at))), np.diff(changes)
-    period = float(np.median(gaps))
+    step, gaps = float(median(np.diff(at))), np.diff(changes)
+    period = float(median(gaps))
     anew = changes.size * period / float(np.ptp(changes))
     regular = float(np.mean(gaps > period - 1.5 * step)) > SURE_OF_PERIOD
     slow = period > HELD_STEPS * step and regular and anew > LEAST_ANEW
@@ -144,7 +144,7 @@ def slow_speed(velocity: ArrayLike) -> float:
     if not moving.any():
         return 0.0
     steps = np.abs(np.diff(values, axis=0)).max(axis=1)[moving[1:] & moving[:-1]]
-    usual = float(np.median(steps)) if steps.size else 0.0
+    usual = float(median(steps)) if steps.size else 0.0
     return max(4.0 * usual, 2.0 * float(np.percentile(speed[moving], 1.0)))
 
 
@@ -190,7 +190,7 @@ def attitude_difference(
         return None
     near = nearest(t, second)
     good = np.abs(second[near] - t) <= 0.5 * max(
-        float(np.median(np.diff(t))), float(np.median(np.diff(second)))
+        float(median(np.diff(t))), float(median(np.diff(second)))
     )
     good &= np.isfinite(first).all(axis=1) & np.isfinite(angles[near]).all(axis=1)
     if np.count_nonzero(good) < FEWEST:
@@ -201,9 +201,9 @@ def attitude_difference(
     down = np.einsum("ni,ni->n", one[:, 2], two[:, 2])
     turn = np.angle(np.exp(1j * (first[kept, 2] - angles[near[kept], 2])))
     return AttitudeDifference(
-        angle=float(np.median(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))),
-        tilt=float(np.median(np.arccos(np.clip(down, -1.0, 1.0)))),
-        heading=float(np.median(np.abs(turn))),
+        angle=float(median(np.arccos(np.clip((trace - 1.0) / 2.0, -1.0, 1.0)))),
+        tilt=float(median(np.arccos(np.clip(down, -1.0, 1.0)))),
+        heading=float(median(np.abs(turn))),
     )
 
 
@@ -254,15 +254,15 @@ def gravity(
     t, values = t[rows], values[rows]
     size = np.linalg.norm(values, axis=1)
     if t_attitude is None or euler is None or np.asarray(t_attitude).size < FEWEST:
-        return Gravity(float(np.median(size)), None)
+        return Gravity(float(median(size)), None)
     at, angles = np.asarray(t_attitude, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     near = nearest(t, at)
     close = (np.abs(at[near] - t) <= LONGEST_INTERVAL_S) & (size > 0.0)
     if np.count_nonzero(close) < FEWEST:
-        return Gravity(float(np.median(size)), None)
+        return Gravity(float(median(size)), None)
     up = -rotation_body_to_ned(angles[near[close]])[:, 2]
     cosine = np.einsum("ni,ni->n", values[close], up) / size[close]
-    return Gravity(float(np.median(size)), float(np.arccos(np.clip(np.median(cosine), -1.0, 1.0))))
+    return Gravity(float(median(size)), float(np.arccos(np.clip(np.median(cosine), -1.0, 1.0))))
 
 
 @dataclass(frozen=True)

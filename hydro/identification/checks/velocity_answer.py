@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, median
 from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
@@ -176,7 +176,8 @@ def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> 
 def log_odds(changes: Array, pulled: Array) -> Array:
     """Return the log likelihood (...) of changes (..., n, 3) over none, by medians."""
     left, own = (
-        NORMAL_SPREAD * np.median(np.abs(part), axis=-2) for part in (changes - pulled, changes)
+        NORMAL_SPREAD * median(np.abs(np.moveaxis(part, -2, 0)))
+        for part in (changes - pulled, changes)
     )
     moving = (own > 0.0) & (left > 0.0)
     ratio = np.divide(own, left, out=np.ones_like(own), where=moving)

@@ -19,6 +19,7 @@ from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.motion_checks import down_at
+from auvid.hydro.identification.checks.signal_checks import ClockStatistics, clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, LINEAR_VELOCITY, OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
@@ -68,6 +69,11 @@ class CheckedLog:
             stamps = numbers(self.tables[stream]["time_us"])
             self._times[stream] = self.seconds(stamps)
         return self._times[stream]
+
+    def clock(self, stream: str) -> ClockStatistics | None:
+        """Return statistics of the steps of a stream's clock; None for too few."""
+        t_s = self.t_s(stream)
+        return self.once(("clock", stream), (t_s,), lambda: clock_statistics(t_s))
 
     def between(self, start_s: float, end_s: float) -> CheckedLog:
         """Return the log between two times [s] from its start."""

@@ -15,7 +15,6 @@ from auvid.data_schemas.checks import FORCE_MODEL_NEEDS, SEVERITIES, checks
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.response import Response
-from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.long_series.heap import give_back_heap
 from auvid.hydro.long_series.threads import at_once
@@ -363,7 +362,7 @@ def ranked(findings: Iterable[Finding]) -> list[Finding]:
 
 def _stream(log: CheckedLog, name: str) -> dict[str, Any]:
     about = log.info.streams[name]
-    clock = None if name in ON_CHANGE else clock_statistics(log.t_s(name))
+    clock = None if name in ON_CHANGE else log.clock(name)
     others = [item for item in about.alternatives if item.source != about.source]
     absent = ("not logged", "has no column")
     return {

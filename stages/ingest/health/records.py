@@ -14,7 +14,6 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.signal_checks import (
     ClockStatistics,
     Repeats,
-    clock_statistics,
     flat_top,
     hold_period_s,
     repeats,
@@ -200,7 +199,7 @@ def clock_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield time columns in a wrong unit, and streams that share no time."""
     wrong = []
     for stream in TIMED:
-        clock = clock_statistics(log.t_s(stream)) if log.has(stream) else None
+        clock = log.clock(stream) if log.has(stream) else None
         if clock is None:
             continue
         rate = 1.0 / clock.step_s
@@ -246,7 +245,7 @@ def gap_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield pauses of the sensors; those that several sensors share are one finding."""
     gaps: list[tuple[str, int, float, float]] = []
     for stream in log.tables:
-        clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
+        clock = None if stream in ON_CHANGE else log.clock(stream)
         if clock is None:
             continue
         least = max(limit("gap"), GAP_STEPS / clock.rate_hz)
@@ -298,7 +297,7 @@ def _is_cut(log: CheckedLog, start_s: float, end_s: float) -> bool:
 def rate_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield slow and irregular clocks."""
     for stream in log.tables:
-        clock = None if stream in ON_CHANGE else clock_statistics(log.t_s(stream))
+        clock = None if stream in ON_CHANGE else log.clock(stream)
         if clock is None:
             continue
         rate = f"{stream} ({log.source(stream)}) comes at {significant(clock.rate_hz)} Hz"

@@ -11,7 +11,7 @@ from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
 from auvid.stages.columns import ATTITUDE, GYRO, OF_FIXES, OF_POSES
-from auvid.stages.ingest.health.actuation.plausible_forces import OWN, borne_weight, shape_odds
+from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight, tells_shape
 from auvid.stages.ingest.health.actuation.push_answers import (
     clear_scales,
     push_responses,
@@ -121,8 +121,7 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         "each axis shows its force over its inertia alone; pulls on the bench in surge, sway and"
         " yaw (docs/bench.md), or a pendulum, tell them",
     )
-    odds = shape_odds(log)
-    if not odds or max(value for words, value in odds.items() if words != OWN) > -CLEAR_SHAPE:
+    if not tells_shape(log, CLEAR_SHAPE):
         yield (
             "shape of the thrust curve, and a limit to how fast outputs change",
             "a curve turned about neutral, a root or a square of the command, or a limiter explain"

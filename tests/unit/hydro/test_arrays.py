@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from auvid.hydro import arrays
-from auvid.hydro.arrays import moving_mean, recursion, unwrapped
+from auvid.hydro.arrays import median, moving_mean, recursion, unwrapped
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 
 
@@ -61,3 +61,11 @@ def test_angles_without_jumps_are_numpy_s_to_the_bit(missing: bool) -> None:
         jumping[200] = np.nan
     for angles in (jumping, jumping[:, 0], jumping[:, 2], jumping[:1], jumping[:0]):
         np.testing.assert_array_equal(unwrapped(angles), np.unwrap(angles, axis=0))
+
+
+@pytest.mark.parametrize("shape", [(1,), (6,), (7,), (8, 3), (9, 2, 2)])
+def test_a_median_is_numpy_s(shape: tuple[int, ...]) -> None:
+    values = np.random.default_rng(2).normal(size=shape)
+    np.testing.assert_array_equal(median(values), np.median(values, axis=0))
+    values[0] = np.nan
+    np.testing.assert_array_equal(median(values), np.median(values, axis=0))

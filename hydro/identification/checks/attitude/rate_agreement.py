@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, unwrapped
+from auvid.hydro.arrays import Array, median, unwrapped
 from auvid.hydro.identification.checks.motion_checks import WINDOW_S, integrals, windows
 from auvid.hydro.identification.checks.response import peak_of_parabola
 from auvid.hydro.identification.checks.robust_gains import fitted_gains
@@ -130,7 +130,7 @@ def rate_agreement(
         nearest = np.clip(1.0, low, high)
         open_to_1 = np.abs(nearest - 1.0) < ALIKE
         scale = np.sign(covered) * np.where(open_to_1, nearest, np.sqrt(low * high))
-    bias = np.median(measured - expected, axis=0)
+    bias = median(measured - expected)
     return RateAgreement(
         _correlation(centred, measured),
         scale,
@@ -186,24 +186,25 @@ def other_order(
     With the part of what ZYX leaves over windows of 1 s, and the logarithm of its
     likelihood over ZYX. None for too few intervals.
     """
+    turns = _turns(t_s, euler, t_gyro, gyro)
+    if turns is None:
+        return None
+    t, rows = turns.t, turns.rows
+    step = t[rows + 1] - t[rows]
+    window = np.floor((t[rows] - t[0]) / ORDER_WINDOW_S)
+    first = np.flatnonzero(np.diff(window, prepend=-1.0))
+    complete = np.add.reduceat(step, first) > 0.8 * ORDER_WINDOW_S
+    count = int(np.count_nonzero(complete))
+    if count < FEWEST:
+        return None
+    by_gyro = turns.mean_rate(rows, 0.0) * step[:, None]
+    turned = {"ZYX": turns.expected * step[:, None]}
+    for order in OTHER_ORDERS:
+        turned[order] = _turned_by(quaternion_of_euler(in_order(turns.angles, order)), rows)
     left: dict[str, float] = {}
-    count = 0
-    for order in ("ZYX", *OTHER_ORDERS):
-        turns = _turns(t_s, euler, t_gyro, gyro, order)
-        if turns is None:
-            return None
-        t, rows, expected = turns.t, turns.rows, turns.expected
-        step = t[rows + 1] - t[rows]
-        rest = (expected - turns.mean_rate(rows, 0.0)) * step[:, None]
-        window = np.floor((t[rows] - t[0]) / ORDER_WINDOW_S)
-        first = np.flatnonzero(np.diff(window, prepend=-1.0))
-        sums = np.add.reduceat(rest, first, axis=0)
-        complete = np.add.reduceat(step, first) > 0.8 * ORDER_WINDOW_S
-        count = int(np.count_nonzero(complete))
-        if count < FEWEST:
-            return None
-        sums = sums[complete] - np.median(sums[complete], axis=0)
-        left[order] = max(float(np.median(np.linalg.norm(sums, axis=1))), 1e-9)
+    for order, own in turned.items():
+        sums = np.add.reduceat(own - by_gyro, first, axis=0)[complete]
+        left[order] = max(float(median(_length(sums - median(sums)))), 1e-9)
     best = min(OTHER_ORDERS, key=lambda order: left[order])
     return best, left[best] / left["ZYX"], count * float(np.log(left["ZYX"] / left[best]))
 
@@ -253,7 +254,7 @@ def deviation(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> Deviation
 
 @dataclass(frozen=True)
 class _Turns:
-    """Intervals between attitudes at t (n,), by their first rows (m,).
+    """Intervals between attitudes (n, 3) at t (n,), by their first rows (m,).
 
     `expected` (m, 3): mean body rates; `angle` (k, 3) that the gyro turned since its
     first sample, at times `at` (k,); what differs over an interval, `unexplained` (m,)
@@ -261,6 +262,7 @@ class _Turns:
     """
 
     t: Array
+    angles: Array
     rows: npt.NDArray[np.intp]
     expected: Array
     at: Array
@@ -280,17 +282,14 @@ MOST_KEPT_ROWS = 50_000
 
 
 @partial(kept, most=FEW, longest=MOST_KEPT_ROWS)
-def _turns(
-    t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike, order: str = "ZYX"
-) -> _Turns | None:
+def _turns(t_s: ArrayLike, euler: ArrayLike, t_gyro: ArrayLike, gyro: ArrayLike) -> _Turns | None:
     """Return the intervals between attitudes, or None for too few."""
     t, angles = np.asarray(t_s, dtype=np.float64), np.asarray(euler, dtype=np.float64)
     at, rates = np.asarray(t_gyro, dtype=np.float64), np.asarray(gyro, dtype=np.float64)
     if t.size < FEWEST or at.size < FEWEST:
         return None
-    stride = max(1, int(np.ceil(RATE_INTERVAL_S / np.median(np.diff(t)) - 0.01)))
+    stride = max(1, int(np.ceil(RATE_INTERVAL_S / median(np.diff(t)) - 0.01)))
     t, angles = t[::stride], angles[::stride]
-    angles = angles if order == "ZYX" else in_order(angles, order)
     width = np.diff(t)
     inside = (
         (t[:-1] >= at[0])
@@ -309,18 +308,23 @@ def _turns(
     angle = np.zeros(rates.shape)
     np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(at)[:, None], axis=0, out=angle[1:])
     differs = expected - _mean_rates(t, rows, at, angle, np.zeros(()))
-    unexplained = np.linalg.norm(differs * width[rows, None], axis=1)
+    unexplained = _length(differs * width[rows, None])
     # A slow gyro may miss what it turned between its samples: by no more than its
     # change over the interval.
-    missed = np.linalg.norm(
-        rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)],
-        axis=1,
+    missed = _length(
+        rates[np.clip(after[rows], 0, at.size - 1)] - rates[np.clip(before[rows], 0, at.size - 1)]
     )
-    missed *= np.maximum(width[rows], float(np.median(np.diff(at))))
+    missed *= np.maximum(width[rows], float(median(np.diff(at))))
     jumped = unexplained > np.maximum(
         max(SMALLEST_JUMP_RAD, JUMP_SPREADS * float(np.percentile(unexplained, 90.0))), missed
     )
-    return _Turns(t, rows, expected, at, angle, unexplained, jumped)
+    return _Turns(t, angles, rows, expected, at, angle, unexplained, jumped)
+
+
+def _length(vectors: Array) -> Array:
+    """Return the lengths (n,) of vectors (n, 3)."""
+    x, y, z = vectors.T
+    return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
 def _turned_by(quaternions: Array, rows: npt.NDArray[np.intp]) -> Array:
@@ -338,7 +342,7 @@ def _turned_by(quaternions: Array, rows: npt.NDArray[np.intp]) -> Array:
         ],
         axis=1,
     )
-    sine = np.linalg.norm(part, axis=1)
+    sine = _length(part)
     angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0.0, -1.0, 1.0)
     scale = np.divide(angle, sine, out=np.full(w.shape, 2.0), where=sine > 1e-12)
     return np.asarray(scale[:, None] * part)

@@ -93,10 +93,12 @@ def drift_findings(log: CheckedLog) -> Iterator[Finding]:
         return
     start, end = times[[0, -1]]
     middle = 0.5 * (start + end)
-    parts = [_odds_by_axis(log.between(*span)) for span in ((start, middle), (middle, end))]
-    axes = [axis for axis in SPEEDS if all(axis in part for part in parts)]
-    if len(axes) < 2:
-        return
+    parts: list[dict[str, Array]] = []
+    for span in ((start, middle), (middle, end)):
+        parts.append(_odds_by_axis(log.between(*span)))
+        axes = [axis for axis in SPEEDS if all(axis in part for part in parts)]
+        if len(axes) < 2:
+            return
     halves = [np.sum([part[axis] for axis in axes], axis=0) for part in parts]
     drift = drift_of(LAGS_S, np.array(halves))
     if abs(drift.change_s) < limit("clock_drift") or drift.better_than_none < SURE_ODDS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -30,8 +30,18 @@ ROOT = "act by their root"
 MIRRORED = "act by the thrust curve mirrored about neutral, ahead for astern"
 LARGEST_SHARE = 1.0 - 1e-6
 SHAPE_LAGS_S = tuple(np.round(np.arange(9) * 0.1, 1).tolist())
-SPAN_US, LIMITS_HZ, OWN = 400.0, (1.0, 0.5, 0.25), "as logged"
-"""Pulse of a full command beyond neutral; rates of limiters, in full commands a second."""
+SPAN_US, OWN = 400.0, "as logged"
+"""Pulse of a full command beyond neutral."""
+SHAPES: Mapping[str, Callable[[Array, Array], Array]] = {
+    MIRRORED: lambda _, commands: -commands,
+    **{
+        f"pass a limiter of {rate:g} full commands a second": partial(limited, rate=rate)
+        for rate in (1.0, 0.5, 0.25)
+    },
+    SQUARE: lambda _, commands: commands * np.abs(commands),
+    ROOT: lambda _, commands: np.sign(commands) * np.sqrt(np.abs(commands)),
+}
+"""Other shapes (n, k) of commands (n, k) at times (n,); those that are likeliest first."""
 LEAST_PART = 0.25
 """Least likelihood of a shape over that logged, as a part of that of the force over none
 (logarithms): in 29 sound parts of logs .16 at most.
@@ -152,36 +162,49 @@ def shape_odds(log: CheckedLog) -> dict[str, float]:
 
     Logarithms over surge, sway, heave and yaw together, each at its best lag, and that of
     the force as logged over none as `OWN`; empty where the thrusters' force is not known.
-    Of a long log its middle ten minutes. Nobody may change it.
+    Of a long log its middle ten minutes.
     """
+    return dict(_shape_odds(log))
+
+
+def tells_shape(log: CheckedLog, clear: float) -> bool:
+    """Return whether other shapes are less likely than the one logged, by so much."""
+    odds = _shape_odds(log)
+    own = next(odds, (OWN, 0.0))[1]  # another shape explains nothing at worst
+    return own >= clear and all(value <= -clear for _, value in odds)
+
+
+def _shape_odds(log: CheckedLog) -> Iterator[tuple[str, float]]:
+    """Yield what `shape_odds` returns; each is worked out once."""
     if pushes(log) is None or not log.has("velocity"):
-        return {}
+        return
     of = log.tables, log.t_s("actuators"), log.t_s("velocity"), log.vehicle
-    return log.once("shape_odds", of, partial(_shape_odds, log))
+    middle = log.once("middle of outputs", of, partial(_middle, log))
+    own = log.once(("shape", OWN), of, partial(_answered, middle, 1.0))
+    if not own:
+        return
+    yield OWN, own
+    for words in SHAPES:
+        yield words, log.once(("shape", words), of, partial(_shaped_answer, middle, words)) - own
 
 
-def _shape_odds(log: CheckedLog) -> dict[str, float]:
-    t_s = log.t_s("actuators")
-    middle, half = 0.5 * float(t_s[0] + t_s[-1]), 0.5 * LONGEST_RESPONSE_S
-    if t_s[-1] - t_s[0] > LONGEST_RESPONSE_S:
-        log = log.between(middle - half, middle + half)
-        t_s = log.t_s("actuators")
+def _middle(log: CheckedLog) -> CheckedLog:
+    """Return the ten minutes in the middle of the outputs of a longer log."""
+    start, end = log.t_s("actuators")[[0, -1]].tolist()
+    if end - start <= LONGEST_RESPONSE_S:
+        return log
+    middle, half = 0.5 * (start + end), 0.5 * LONGEST_RESPONSE_S
+    return log.between(middle - half, middle + half)
+
+
+def _shaped_answer(log: CheckedLog, words: str) -> float:
+    """Return the logarithm of the likelihood of outputs in a shape over none."""
     names = log.thrusters()
     commands = np.nan_to_num((log.values("actuators", names) - NEUTRAL_US) / SPAN_US)
-    shapes = {
-        SQUARE: commands * np.abs(commands),
-        ROOT: np.sign(commands) * np.sqrt(np.abs(commands)),
-        MIRRORED: -commands,
-    } | {_limiter(rate): limited(t_s, commands, rate) for rate in LIMITS_HZ}
-    own = _answered(log, 1.0)
-    if not own:
-        return {}
-    odds = {OWN: own}
-    for words, shaped in shapes.items():
-        pulses = dict(zip(names, (NEUTRAL_US + SPAN_US * shaped).T, strict=True))
-        other = log.with_columns("actuators", pulses)
-        odds[words] = _answered(other, -1.0 if words == MIRRORED else 1.0) - own
-    return odds
+    shaped = SHAPES[words](log.t_s("actuators"), commands)
+    pulses = dict(zip(names, (NEUTRAL_US + SPAN_US * shaped).T, strict=True))
+    sign = -1.0 if words == MIRRORED else 1.0
+    return _answered(log.with_columns("actuators", pulses), sign)
 
 
 def _answered(log: CheckedLog, sign: float) -> float:
@@ -195,10 +218,6 @@ def _answered(log: CheckedLog, sign: float) -> float:
         )
         for _, by_lag in push_lags(log, "uvwr", lags_s=SHAPE_LAGS_S)
     )
-
-
-def _limiter(rate: float) -> str:
-    return f"pass a limiter of {rate:g} full commands a second"
 
 
 def shape_findings(log: CheckedLog) -> Iterator[Finding]:

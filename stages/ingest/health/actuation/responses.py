@@ -8,7 +8,6 @@ import numpy as np
 
 from auvid.hydro.identification.checks.answers import slow_answer
 from auvid.hydro.identification.checks.response import Response, response_lag
-from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import push_responses
@@ -33,7 +32,7 @@ def responses(log: CheckedLog) -> dict[str, Response]:
     if not log.has("actuators") or log.under_water is False:
         return {}
     names = log.thrusters() + log.commands()
-    clock = clock_statistics(log.t_s("actuators"))
+    clock = log.clock("actuators")
     moving = activity(log)
     if (
         not names

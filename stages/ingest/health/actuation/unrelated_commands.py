@@ -10,7 +10,6 @@ from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.relation import Relation, relation
 from auvid.hydro.identification.checks.response import tone_share
-from auvid.hydro.identification.checks.signal_checks import clock_statistics
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
@@ -34,7 +33,7 @@ def unrelated_commands(log: CheckedLog) -> Iterator[Finding]:
     """Yield commands that explain no more of the motion than they do at other times."""
     if log.under_water is False or not log.has("actuators"):
         return
-    acting, clock = activity(log), clock_statistics(log.t_s("actuators"))
+    acting, clock = activity(log), log.clock("actuators")
     if acting is None or float(np.mean(acting)) < limit("little_actuation"):
         return
     if clock is None or clock.rate_hz < SLOWEST_HZ:

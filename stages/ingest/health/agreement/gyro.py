@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, median
 from auvid.hydro.identification.checks.attitude.angle_turns import angle_turns
 from auvid.hydro.identification.checks.attitude.rate_agreement import (
     RateAgreement,
@@ -418,18 +418,16 @@ def _quiet_axes(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterato
     left: dict[tuple[tuple[int, int], tuple[int, int]], float] = {}
     explained: dict[tuple[tuple[int, int], tuple[int, int]], bool] = {}
     count = 0
-    for order, signs in product(((0, 1), (1, 0)), product((1, -1), (1, -1))):
-        rates = np.column_stack([gyro[1][:, list(order)] * signs, gyro[1][:, 2]])
-        turns = angle_turns(t_s, angles, gyro[0], rates)
+    for order in ((0, 1), (1, 0)):
+        turns = angle_turns(t_s, angles, gyro[0], gyro[1][:, [*order, 2]])
         if turns is None:
             return
-        rest = (turns.by_angle - turns.by_gyro.sum(axis=2))[:, :2]
-        off, turned = (
-            np.median(np.abs(part - np.median(part, axis=0)), axis=0)
-            for part in (rest, turns.by_angle[:, :2])
-        )
-        count, left[order, signs] = len(rest), float(np.log(np.maximum(off, 1e-9)).sum())
-        explained[order, signs] = bool((off < LEFT_BY_ORDER * turned).all())
+        turned = _spread(turns.by_angle[:, :2])
+        for signs in product((1, -1), (1, -1)):
+            rest = (turns.by_angle - turns.by_gyro @ [*signs, 1.0])[:, :2]
+            off = _spread(rest)
+            count, left[order, signs] = len(rest), float(np.log(np.maximum(off, 1e-9)).sum())
+            explained[order, signs] = bool((off < LEFT_BY_ORDER * turned).all())
     order, signs = min(left, key=lambda each: left[each])
     gained = left[(0, 1), (1, 1)] - left[order, signs]
     if not explained[order, signs] or count * gained < SURE_ORDER:
@@ -446,6 +444,11 @@ def _quiet_axes(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Iterato
         value=-1.0 if order == (0, 1) else 1.0,
         fields=GYRO[:2],
     )
+
+
+def _spread(values: Array) -> Array:
+    """Return the median (k,) of the departures of values (n, k) from their median."""
+    return median(np.abs(values - median(values)))
 
 
 def _over_longer_times(t_s: Array, angles: Array, gyro: tuple[Array, Array]) -> Array:
