@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +14,12 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import ForceDrive
-from auvid.hydro.identification.axes.judgement import STRAIGHT, InertiaPrior, ShapeVerdict
+from auvid.hydro.identification.axes.judgement import (
+    STRAIGHT,
+    InertiaPrior,
+    LagVerdict,
+    ShapeVerdict,
+)
 from auvid.hydro.identification.axes.record import AxisRecord, is_idle
 from auvid.hydro.identification.axes.single_axis import (
     LAG_FLOOR_S,
@@ -384,8 +390,10 @@ def _fit(
         rate_rms=fit.speed,
         measured_by=next(iter(using.values())).windows.measured_by[axis],  # type: ignore[index]
         lag_s=fit.lag.value_s,
-        lag_error_s=fit.lag.standard_error if fit.lag.determined else 0.0,
-        lag_verdict="identified" if fit.lag.determined else "assumed",
+        lag_error_s=0.0
+        if fit.lag.by_motion_s is None and not fit.lag.determined
+        else float(np.nan_to_num(fit.lag.standard_error, nan=fit.lag.deviation_s)),
+        lag_verdict=_lag_word(fit.lag),
         shape=fit.shape,
         inertia=fit.inertia.word,
         quantities=fit.without_newtons(),
@@ -397,6 +405,12 @@ def _fit(
             FlownAxis(fit.velocity, fit.pool, fit.fit), fit.held_out, using, legs, rms=fit.speed
         ),
     )
+
+
+def _lag_word(lag: LagVerdict) -> Literal["identified", "weak", "assumed"]:
+    if lag.determined:
+        return "identified"
+    return "assumed" if lag.by_motion_s is None else "weak"
 
 
 def _bend(shape: ShapeVerdict) -> tuple[str, ...]:

@@ -56,6 +56,9 @@ EARLY_S, LATE_S = 0.1, 1.2
 """Motion that comes so much before, or after, its force is that of another clock."""
 SLOWEST_HZ = 0.5
 WORDS = dict(zip(AXES, ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
+LARGEST_TILT_RAD = float(np.pi / 4.0)
+"""Of a hull that is tilted more depth tells the speed ahead and aside more than heave."""
+TILTED = f"tilted by more than {np.degrees(LARGEST_TILT_RAD):.0f} degrees, depth tells no heave"
 NOT_MEASURED, NOT_COMMANDED = "nothing measures it", "not commanded"
 STUCK = "force without motion"
 TAUT = f"within {TAUT_S:g} s of a force without motion"
@@ -281,6 +284,9 @@ def _reasons(
     if motion.depth_m is not None and from_surface:
         shallow = np.nan_to_num(motion.depth_m, nan=np.inf) < SURFACE_M[axis]
         reasons.append(("at the surface", shallow))
+    if axis == "Z" and motion.depth_m is not None and not np.isfinite(motion.rate["w"]).any():
+        level = np.prod(np.cos(motion.attitude_rad[:, :2]), axis=1)
+        reasons.append((TILTED, np.nan_to_num(level, nan=1.0) < np.cos(LARGEST_TILT_RAD)))
     step = 1.0 / rate_hz
     reasons.append(("the attitude jumps", motion.jumps))
     reasons.append(("no actuator acts", ~driven(drive.acting.astype(float), step, 0.5)))

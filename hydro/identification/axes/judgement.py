@@ -252,13 +252,15 @@ class LagVerdict:
     """Thrust lag [s] of a fit; `standard_error` nan where it is fixed.
 
     `deviation_s`: what an assumed one, or a determined one beside speeds that nothing
-    measures, may be off by; 0 where it is given.
+    measures, may be off by; 0 where it is given. `by_motion_s`: what the motion tells, with
+    its error, where the value lies between that and the assumed one.
     """
 
     value_s: float
     standard_error: float
     determined: bool
     deviation_s: float = 0.0
+    by_motion_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -357,7 +359,13 @@ def notes_of(
             " vehicle file"
         )
     if not lag.determined:
-        words = f"thrust lag not determined: {lag.value_s:g} s is assumed"
+        words = f"thrust lag not determined: {lag.value_s:.2g} s is assumed"
+        if lag.by_motion_s is not None:
+            late_s, error_s = lag.by_motion_s
+            words = (
+                f"thrust lag hardly determined: {lag.value_s:.2g} s, from {late_s:.2g} +-"
+                f" {error_s:.1g} s by the motion and what thrusters have"
+            )
         notes.append(words + "; inertia trades with it" * (inertia.word == "weak"))
     return tuple(notes)
 

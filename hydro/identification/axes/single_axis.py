@@ -86,6 +86,9 @@ SURGE = "surge"
 LAG_SD_S, LAG_FLOOR_S = 0.1, 0.02
 """Deviation of a lag that nothing tells, as thrusters of vehicles have .05 to .3 s; and the
 least, where the lag that would be fitted is near the assumed one."""
+LEAST_OF_MOTION, AS_WELL = 0.5, 2.0
+"""Share of what is known of a lag from which on the motion counts beside the assumed one, and
+held-out fit [%] that the lag between the two may cost."""
 LAG_SHARE = 0.1
 """Of a lag that is fitted, its deviation where surge and sway are not measured: of 21 twins it
 came out up to a seventh short (decision 0073)."""
@@ -417,7 +420,7 @@ def _with_lag(
 ) -> tuple[Pool, PoolFit, tuple[HeldOut, ...], LagVerdict]:
     """Return the fit with a free lag where it is clear and better held out.
 
-    Otherwise the fit with the fixed one.
+    Otherwise that with the lag between what is assumed and what the motion tells.
     """
     late = setup.pool(free=(LAG,))
     other = fit_pool(late, fit.values)
@@ -426,17 +429,34 @@ def _with_lag(
     fixed = LagVerdict(
         pool.drive.lag_s, float("nan"), False, min(max(off_s, LAG_FLOOR_S), LAG_SD_S)
     )
-    if other.at_bound[-1] or not 0.0 < error * T_LIMIT < value:
+    if other.at_bound[-1] or not 0.0 < error < np.inf:
         return pool, fit, blocks, fixed
-    tried = held_out_blocks(late, fit.values)
-    better = all(
-        new.percent[setup.velocity] > old.percent[setup.velocity]
+    if error * T_LIMIT < value:
+        tried = held_out_blocks(late, fit.values)
+        if tried and _flown_better(setup.velocity, tried, blocks, by=0.0):
+            share = LAG_SHARE * value if unmeasured(setup.records) else 0.0
+            return late, other, tried, LagVerdict(value, float(np.hypot(error, share)), True, share)
+    if setup.records[0].normalised:
+        return pool, fit, blocks, fixed
+    weight = LAG_SD_S**2 / (LAG_SD_S**2 + error**2)
+    lag_s = pool.drive.lag_s + weight * (value - pool.drive.lag_s)
+    moved = replace(pool, drive=changed(pool.drive, {LAG: lag_s}))
+    tried = held_out_blocks(moved, fit.values)
+    if weight < LEAST_OF_MOTION or not _flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
+        return pool, fit, blocks, fixed
+    deviation = float(np.hypot(np.sqrt(weight) * error, LAG_SHARE * lag_s))
+    verdict = LagVerdict(lag_s, float("nan"), False, deviation, (value, error))
+    return moved, fit_pool(moved, fit.values), tried, verdict
+
+
+def _flown_better(
+    velocity: str, tried: Sequence[HeldOut], blocks: Sequence[HeldOut], *, by: float
+) -> bool:
+    """Return whether each part that was held out is flown better by so much [%]."""
+    return all(
+        new.percent[velocity] > old.percent[velocity] + by
         for new, old in zip(tried, blocks, strict=True)
     )
-    if not (better and tried):
-        return pool, fit, blocks, fixed
-    share = LAG_SHARE * value if unmeasured(setup.records) else 0.0
-    return late, other, tried, LagVerdict(value, float(np.hypot(error, share)), True, share)
 
 
 def _inertia_verdict(

@@ -103,6 +103,22 @@ def test_a_snag_is_named_and_in_no_window():
     assert not [w for w in outputs(Dive()).axis_windows.warnings if "Force without" in w]
 
 
+def test_a_hull_that_tumbles_tells_no_heave_by_its_depth():
+    """Pitched by 60 degrees depth is mostly its speed ahead; with a velocity log heave stays."""
+    tilted = Dive()
+    attitude = tilted.streams["attitude"]
+    seconds = (attitude["time_us"] - FIRST_US) / 1e6
+    attitude["theta_rad"] = np.where((seconds > 30.0) & (seconds < 50.0), 1.05, 0.0)
+    record = outputs(tilted).axis_windows
+    (span,) = [item for item in record.left_out if "tilted by more than 45 degrees" in item.reason]
+    assert (span.axis, span.start_s, span.end_s) == (
+        "Z", pytest.approx(30.0, abs=0.2), pytest.approx(50.0, abs=0.2)
+    )  # fmt: skip
+    zero = np.zeros(tilted.t.size)
+    tilted.log("velocity", 10.0, {"u_m_s": zero, "v_m_s": zero, "w_m_s": tilted.w})
+    assert not [item for item in outputs(tilted).axis_windows.left_out if "tilted" in item.reason]
+
+
 def test_the_surface_is_left_out_further_down_in_heave():
     result = outputs(Dive(start_m=0.05))
     ends = {

@@ -147,13 +147,15 @@ def test_truth_comes_back_from_gyro_and_from_depth() -> None:
     assert all(part.percent["w"] > 85.0 for part in heave.held_out)
 
 
-def test_a_longer_lag_is_determined_and_a_short_one_assumed() -> None:
+def test_a_longer_lag_is_determined_and_a_short_one_near_what_the_motion_tells() -> None:
     late = fit_axis([axis_leg(5, YAW, lag_s=0.4)], "N")
     assert late.lag.determined
     assert late.lag.value_s == pytest.approx(0.4, abs=4.0 * late.lag.standard_error + 0.01)
     usual = fit_axis([axis_leg(5, YAW)], "N")
     assert not usual.lag.determined
-    assert any("lag not determined" in note for note in usual.notes)
+    assert usual.lag.by_motion_s is not None
+    assert usual.lag.value_s == pytest.approx(0.08, abs=0.002)
+    assert any("lag hardly determined: 0.08 s" in note for note in usual.notes)
 
 
 def test_commands_give_no_newtons_before_a_pull_or_a_mass() -> None:
@@ -479,17 +481,23 @@ def test_an_inertia_is_weak_beside_a_lag_that_is_assumed() -> None:
     assert any("inertia trades with it" in note for note in assumed.notes)
 
 
-def test_a_lag_that_nothing_tells_widens_the_inertia() -> None:
-    """One deviation of the lag is in the intervals, where nobody gave it."""
+def test_a_lag_that_is_hardly_told_lies_between_and_widens_the_inertia() -> None:
+    """By their weights between the assumed one and the motion's; its deviation counts."""
     leg = axis_leg(3, YAW, seconds=40.0, noise=0.3)
-    fixed, assumed, later = (
-        fit_axis([leg], "N", drive=ForceDrive(lag_s=lag), try_lag=tried)
-        for lag, tried in ((0.05, False), (0.05, True), (0.1, False))
-    )
+    assumed = fit_axis([leg], "N", drive=ForceDrive(lag_s=0.05))
+    assert assumed.lag.by_motion_s is not None
+    by_motion, error = assumed.lag.by_motion_s
+    lag_s = (by_motion / error**2 + 0.05 / 0.1**2) / (error**-2 + 0.1**-2)
+    assert assumed.lag.value_s == pytest.approx(lag_s)
+    assert abs(by_motion - 0.08) < 2.0 * error
     lag_sd_s = assumed.lag.deviation_s
-    assert 0.02 < lag_sd_s < 0.1
+    assert lag_sd_s == pytest.approx(np.hypot((error**-2 + 0.1**-2) ** -0.5, 0.1 * lag_s))
+    fixed, later = (
+        fit_axis([leg], "N", drive=ForceDrive(lag_s=lag), try_lag=False)
+        for lag in (lag_s, lag_s + 0.05)
+    )
     assert not assumed.lag.determined
-    assert assumed.values == pytest.approx(fixed.values)
+    assert assumed.values == pytest.approx(fixed.values, rel=0.01)
     change = lag_sd_s / 0.05 * (later.values - fixed.values)
     wider = fixed.covariance + np.outer(change, change)  # nearly a straight line in the lag
     assert assumed.covariance == pytest.approx(wider, rel=0.1, abs=1e-2)
