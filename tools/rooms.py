@@ -14,10 +14,12 @@ from __future__ import annotations
 import argparse
 import ast
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from auvid.pipeline.store.import_closure import scan_source
 
 PRODUCT = ("data_schemas", "hydro", "stages", "export", "pipeline")
 """The floors, lowest first."""
@@ -45,14 +47,6 @@ def module_files(root: Path) -> dict[str, Path]:
     return files
 
 
-def statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield all statements, without what stands in expressions."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.stmt | ast.ExceptHandler | ast.match_case):
-            yield node
-            yield from statements(node)
-
-
 def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     """Return the modules of the product that one module imports (type checking
     included).
@@ -60,10 +54,11 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
     path = files[name]
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     modules = set()
-    for node in statements(ast.parse(path.read_bytes())):
+    source = path.read_bytes().replace(b"if TYPE_CHECKING:", b"if True:")
+    for node in scan_source(source).imports:
         if isinstance(node, ast.Import):
             targets = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             above = package.split(".")[: len(package.split(".")) - node.level + 1]
             base = (
                 ".".join([*above, node.module or ""]).strip(".")
@@ -73,8 +68,6 @@ def imported(name: str, files: Mapping[str, Path]) -> set[str]:
             base = base.removeprefix(f"{PACKAGE}.")
             members = [f"{base}.{alias.name}" for alias in node.names]
             targets = [member if member in files else base for member in members]
-        else:
-            continue
         modules |= {target.removeprefix(f"{PACKAGE}.") for target in targets} & set(files)
     return modules - {name}
 

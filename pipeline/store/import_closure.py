@@ -115,9 +115,14 @@ class SourceScan:
 @cache
 def scan(path: Path) -> SourceScan:
     """Return what a source file imports, wherever the statement stands, and names."""
+    return scan_source(path.read_bytes())
+
+
+def scan_source(source: bytes) -> SourceScan:
+    """Return what `scan` does of a source."""
     statements: list[bytes] = []
     names: set[str] = set()
-    for match in TOKEN.finditer(b"\n" + path.read_bytes()):
+    for match in TOKEN.finditer(b"\n" + source):
         if match["statement"]:
             statements.append(match["statement"])
         elif text := match["double"] or match["single"]:
