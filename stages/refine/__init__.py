@@ -6,12 +6,15 @@ Kalman filter with an unsteady force (filter error), or by free motion from fitt
 starts (output error). A fit starts from the card of `synthesise` and keeps its terms,
 prior, fitted inertia and limits; noise, biases and a lag of the actuators are found
 with it. Where it fails the card of `synthesise` stays, and the reason is said.
+
+By itself (`auto`) a run tries output error for one form, and takes the fit only where its
+windows agree: then the form misses nothing that the sensors show.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pyarrow as pa
@@ -39,9 +42,11 @@ from auvid.stages.refine.fitting import ESTIMATORS, CardUnknowns, SensorFit, fit
 from auvid.stages.refine.legs import SegmentSamples, leg_record
 from auvid.stages.refine.presentation import refine_section
 from auvid.stages.refine.refined_card import refined_card
+from auvid.stages.refine.tried_form import disagreeing, likely_form, pushed, too_long
 from auvid.stages.sensor_motion import VelocityLogPlacement
 from auvid.stages.steps import counted
 
+AUTO, LEAST_SQUARES = "auto", "least_squares"
 MISSED = 3.0
 """Errors of free runs in parts of the samples' scatter, the median of the channels, from
 which on they are said to be missed: 1 to 2.8 where a fit converges, 8 under the unsteady
@@ -84,16 +89,22 @@ class Inputs:
 @dataclass(frozen=True)
 class Params:
     models: tuple[str, ...] = param(
-        "1", (), meaning="models of synthesise that are fitted again to the sensors themselves"
+        "1",
+        (),
+        meaning=(
+            "models of synthesise that are fitted again to the sensors themselves; none: auto"
+            " tries the simplest of next to the least BIC on training that loses energy"
+        ),
     )
     estimator: str = param(
         "1",
-        "filter_error",
+        AUTO,
         meaning=(
-            "innovations of a Kalman filter with an unsteady force, or free motion from fitted"
-            " starts"
+            "innovations of a Kalman filter with an unsteady force (filter_error), free motion"
+            " from fitted starts (output_error), that where it holds (auto), or neither"
+            " (least_squares)"
         ),
-        allowed=ESTIMATORS,
+        allowed=(AUTO, LEAST_SQUARES, *ESTIMATORS),
     )
     window_s: float = param(
         "s",
@@ -126,9 +137,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
     Raises `CampaignError` for a model that synthesise did not fit.
     """
-    if not params.models:
+    names = params.models
+    if params.estimator == AUTO and not names:
+        likely = likely_form(inputs.model_card)
+        names = () if likely is None else (likely,)
+    if params.estimator == LEAST_SQUARES or not names:
         return Outputs({}, None)
-    cards = _chosen(inputs.model_card, params)
+    estimator = "output_error" if params.estimator == AUTO else params.estimator
+    cards = _chosen(inputs.model_card, names, estimator)
+    if params.estimator == AUTO:
+        return _where_it_holds(inputs, replace(params, estimator=estimator), cards)
     legs, left_out, warnings = _legs(inputs)
     refined: dict[str, ModelCard] = {}
     for name, card in counted("model", cards.items()):
@@ -142,22 +160,66 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if fit.estimate.word != "converged":
             warnings.append(_kept(card, _unsettled(fit.estimate, params, legs)))
             continue
-        refined[name] = refined_card(
-            fit,
-            name,
-            params.estimator,
-            legs,
-            dict(zip(AXES, _force_errors(inputs, fit, legs)[0].tolist(), strict=True)),
-            _held_out(inputs, fit, legs),
-            left_out,
-        )
+        refined[name] = _refined(inputs, params, fit, name, legs, left_out)
     return Outputs(refined, refine_section(inputs.model_card, refined, warnings))
 
 
-def _chosen(cards: Mapping[str, ModelCard], params: Params) -> dict[str, ModelCard]:
+def _where_it_holds(inputs: Inputs, params: Params, cards: Mapping[str, ModelCard]) -> Outputs:
+    """Return cards of output error whose windows agree, and why others have none."""
+    refined: dict[str, ModelCard] = {}
+    notes = []
+    for name, card in counted("model", cards.items()):
+        fitted = pushed(card) or _doubtful_card(inputs, params, name, card)
+        if isinstance(fitted, ModelCard):
+            refined[name] = fitted
+        else:
+            notes.append(
+                f"{card.title} keeps the coefficients of least squares, without a fit to the sensors"
+                f" themselves (output error): {fitted}."
+            )
+    return Outputs(refined, refine_section(inputs.model_card, refined, (), notes=notes))
+
+
+def _doubtful_card(inputs: Inputs, params: Params, name: str, card: ModelCard) -> ModelCard | str:
+    """Return the card of a fit that is tried, or why there is none."""
+    legs, left_out, _ = _legs(inputs)
+    if left_out:
+        return left_out[0]
+    words = too_long(CardUnknowns(card, inputs.vehicle, params.thrust_lag), legs)
+    if words:
+        return words
+    try:
+        fit = _fit(inputs, params, card, legs, doubtful=True)
+    except DataError as fault:
+        return fault.message
+    return disagreeing(fit.estimate) or _refined(inputs, params, fit, name, legs, left_out)
+
+
+def _refined(
+    inputs: Inputs,
+    params: Params,
+    fit: SensorFit,
+    name: str,
+    legs: Sequence[LegRecord],
+    left_out: Sequence[str],
+) -> ModelCard:
+    return refined_card(
+        fit,
+        name,
+        params.estimator,
+        legs,
+        dict(zip(AXES, _force_errors(inputs, fit, legs)[0].tolist(), strict=True)),
+        _held_out(inputs, fit, legs),
+        left_out,
+    )
+
+
+def _chosen(
+    cards: Mapping[str, ModelCard], names: Sequence[str], estimator: str
+) -> dict[str, ModelCard]:
     """Return the cards to start from, by the names of those to come."""
     field = "stages.refine.models"
-    for name in params.models:
+    for name in names:
         if name not in cards:
             raise CampaignError(
                 "synthesise fits no such model",
@@ -166,11 +228,11 @@ def _chosen(cards: Mapping[str, ModelCard], params: Params) -> dict[str, ModelCa
                 allowed=tuple(cards),
                 remedy=nearest(name, cards) or "Name it in stages.synthesise.models too.",
             )
-    chosen = {f"{name}_{params.estimator}": cards[name] for name in params.models}
+    chosen = {f"{name}_{estimator}": cards[name] for name in names}
     taken = [name for name in chosen if name in cards]
-    if taken or len(chosen) < len(params.models):
+    if taken or len(chosen) < len(names):
         raise CampaignError(
-            "a name stands twice among the models", field=field, value=taken or list(params.models)
+            "a name stands twice among the models", field=field, value=taken or list(names)
         )
     return chosen
 
@@ -205,7 +267,14 @@ def _legs(inputs: Inputs) -> tuple[list[LegRecord], list[str], list[str]]:
     return legs, left_out, warnings
 
 
-def _fit(inputs: Inputs, params: Params, card: ModelCard, legs: Sequence[LegRecord]) -> SensorFit:
+def _fit(
+    inputs: Inputs,
+    params: Params,
+    card: ModelCard,
+    legs: Sequence[LegRecord],
+    *,
+    doubtful: bool = False,
+) -> SensorFit:
     if not legs:
         raise DataError("no training leg has all the sensors that are needed")
     gyro_bias = {
@@ -214,7 +283,12 @@ def _fit(inputs: Inputs, params: Params, card: ModelCard, legs: Sequence[LegReco
     problem = CardUnknowns(card, inputs.vehicle, params.thrust_lag)
     try:
         return fit_card(
-            problem, legs, gyro_bias, estimator=params.estimator, window_s=params.window_s
+            problem,
+            legs,
+            gyro_bias,
+            estimator=params.estimator,
+            window_s=params.window_s,
+            doubtful=doubtful,
         )
     except np.linalg.LinAlgError:
         raise DataError("the data leave a direction of the coefficients open") from None

@@ -41,6 +41,11 @@ from auvid.hydro.identification.regression.verdicts import INSEPARABLE
 ESTIMATORS = ("filter_error", "output_error")
 FIRST_LAG_S, LONGEST_LAG_S = 0.05, 1.0
 FIRST_FORCE_TIME_S = 0.5
+MOST_MISSED, MOST_STEPS = 1.05, 60
+"""What free runs of a doubtful fit may miss the samples by, in parts of their scatter, after
+its first steps: 1.00 to 1.03 where the form has the truth. Steps allowed to it: such a fit
+converges in 8 to 20.
+"""
 SMALLEST_FORCE = 1e-3
 """Smallest unsteady force to start from: so much of the axis's inertia times 1 m/s^2."""
 
@@ -209,10 +214,12 @@ def fit_card(
     *,
     estimator: str,
     window_s: float,
+    doubtful: bool = False,
 ) -> SensorFit:
     """Return the model of a card fitted to the sensors of legs.
 
-    gyro_bias: leg -> bias [rad/s] in body axes to start from. Raises `DataError` where
+    gyro_bias: leg -> bias [rad/s] in body axes to start from. doubtful: whether output error
+    ends early where its free runs miss the samples. Raises `DataError` where
     the start diverges, windows are longer than all legs, or samples are too few.
     """
     biases = np.zeros((len(legs), 6))
@@ -224,7 +231,14 @@ def fit_card(
         )
     else:
         estimate = fit_output_error(
-            legs, parameters, start, prior=problem.prior, biases=biases, window_s=window_s
+            legs,
+            parameters,
+            start,
+            prior=problem.prior,
+            biases=biases,
+            window_s=window_s,
+            most_missed=MOST_MISSED if doubtful else None,
+            most_steps=MOST_STEPS if doubtful else None,
         )
     return SensorFit(problem, estimate, _within_limits(problem, estimate, estimate.theta))
 

@@ -27,9 +27,16 @@ NORMAL = 1.3
 
 
 def refine_section(
-    started: Mapping[str, ModelCard], refined: Mapping[str, ModelCard], warnings: Sequence[str]
+    started: Mapping[str, ModelCard],
+    refined: Mapping[str, ModelCard],
+    warnings: Sequence[str],
+    *,
+    notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return the section: coefficients of each model beside its start, noise, lag."""
+    """Return the section: coefficients of each model beside its start, noise, lag.
+
+    notes: why models were left to least squares.
+    """
     blocks = [
         equation(
             r"\ln L = -\tfrac{1}{2} \sum_i \left( e_i^2 / s_i + \ln 2 \pi s_i \right)",
@@ -47,6 +54,7 @@ def refine_section(
             *_noise(card, card.likelihood),
         ]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
+    blocks += [remark(words) for words in notes]
     return section(
         "Models fitted to the sensors themselves",
         blocks,

@@ -157,6 +157,7 @@ def _axis(
     return part.model_copy(
         update={
             "j": force_error,
+            "lacking": [] if complete(fit.estimate) else part.lacking,
             "terms": [_term(axis, item, fit, status) for item in part.terms],
             "covariance": CovarianceCard(
                 terms=[unknowns[i].term for i in kept],
@@ -212,15 +213,23 @@ def _term(
     return item.model_copy(update=update)
 
 
+def complete(estimate: LikelihoodEstimate) -> bool:
+    """Return whether windows were compared, and agree."""
+    return estimate.agreement is not None and estimate.agreement.holds
+
+
 def _shifts(item: TermCard, value: float, estimate: LikelihoodEstimate) -> dict[str, float]:
     """Return what assumed figures move a coefficient by, and what its form lacks.
 
     Velocities are not taken from sensors here, so a force that moves the vehicle does not go
-    with them. Where the windows do not agree, the form lacks something, and two estimators
-    that weigh the motion differently take it up differently: how far this one is from least
-    squares counts as well.
+    with them. Where windows agree, the form lacks nothing that the sensors show, whatever terms
+    least squares finds beside it. Where they do not, the form lacks something, and two
+    estimators that weigh the motion differently take it up differently: how far this one is
+    from least squares counts as well.
     """
     shifts = _of_figures(item.assumed_shifts)
+    if complete(estimate):
+        shifts.pop(FORM, None)
     if not estimate.windows_agree:
         away = abs(value - item.value) if item.value is not None else abs(value)
         shifts[FORM] = float(np.hypot(shifts.get(FORM, 0.0), away))

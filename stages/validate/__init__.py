@@ -52,6 +52,7 @@ from auvid.stages.columns import (
     forces,
     named,
 )
+from auvid.stages.form_evidence import reference_model
 from auvid.stages.free_run import free_run_table, measured_motion, run_segment
 from auvid.stages.presentation import Block
 from auvid.stages.steps import tell
@@ -75,7 +76,7 @@ from auvid.stages.validate.presentation import (
     validate_section,
     validate_views,
 )
-from auvid.stages.validate.ranking import rank, reference_model, resting_velocities
+from auvid.stages.validate.ranking import rank, resting_velocities
 from auvid.stages.validate.tables import (
     ALL,
     Group,

@@ -17,7 +17,6 @@ from auvid.data_schemas.records.models import (
 )
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.dynamics.steady_motion import TIPPED_RAD
-from auvid.hydro.dynamics.viscous.basis import basis
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.hydro.dynamics.viscous.structures import OWN_VELOCITY
 from auvid.hydro.identification.constrained.statuses import AT_BOUND, FROM_PRIOR
@@ -25,6 +24,7 @@ from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.hydro.identification.selection.information import bic
 from auvid.hydro.identification.selection.ranking import RankedModel, choose
+from auvid.stages.form_evidence import counted_by_blocks, fitted_numbers, pushing_axes
 from auvid.stages.free_run import ANGLE_OF, LONG_S, PERSISTENCE, REST
 from auvid.stages.model_use import NO_CONSTANT, SMALLER, usable_for
 from auvid.stages.validate.tables import ALL
@@ -54,7 +54,7 @@ def rank(
     runs = [row for row in free_run if not row["as_measured"]]
     judge = "validation" if any(use == "validation" for use, *_ in of) else "training"
     horizon, ratios = free_run_ratios(runs)
-    counted = {**samples_per_one, **_counted_by_blocks(cards)}
+    counted = {**samples_per_one, **counted_by_blocks(cards)}
     information = {name: _information(card, of, counted) for name, card in cards.items()}
     least = {
         axis: min((values[axis] for values in information.values()), default=math.nan)
@@ -146,38 +146,6 @@ def free_run_ratios(rows: Iterable[Row]) -> tuple[float | None, dict[str, dict[s
     return horizon, ratios
 
 
-def pushing_axes(card: ModelCard) -> list[str]:
-    """Return axes that motion along themselves alone pushes on, in the flown range.
-
-    nu_a (tau_a(nu_a e_a + u) - tau_a(u)) > 0 at the lowest or highest velocity of training:
-    damping that gives energy. u: the least speed ahead, 0 where it flew both ways, since
-    lift by it damps as well.
-    """
-    pushing, surge = [], card.conditions["u"]
-    ahead = np.zeros(6)
-    ahead[0] = np.clip(0.0, surge.low, surge.high)
-    for i, axis in enumerate(AXES):
-        terms = {t: k for t, k in card.predictor.get(axis, {}).items() if t != CONSTANT}
-        reach = card.conditions[OWN_VELOCITY[axis]]
-        for speed in (reach.low, reach.high):
-            still = ahead if i else np.zeros(6)
-            nu = np.where(np.eye(6)[i], speed, still)
-            rows = basis(np.stack([nu, still]), np.ones(2), tuple(terms))
-            force = float((rows[0] - rows[1]) @ list(terms.values()))
-            if force * speed > 0.0 and axis not in pushing:
-                pushing.append(axis)
-    return pushing
-
-
-def reference_model(cards: Mapping[str, ModelCard]) -> str:
-    """Return the model whose residual says how many samples are independent.
-
-    That within limits of most terms, else the one of most terms.
-    """
-    within = [card for card in cards.values() if card.method == "within limits"]
-    return max(within or list(cards.values()), key=lambda card: card.n_bar).name
-
-
 def resting_velocities(cards: Mapping[str, ModelCard]) -> str:
     """Return the velocities whose damping no model within limits has from the data.
 
@@ -218,7 +186,7 @@ def _choice(
     candidates = [
         RankedModel(
             item.name,
-            sum(_fitted(cards[item.name], axis) for axis in cards[item.name].axes),
+            sum(fitted_numbers(cards[item.name], axis) for axis in cards[item.name].axes),
             np.array(
                 [v for part in cards[item.name].held_out.values() if (v := part[ALL]) is not None]
             ),
@@ -242,18 +210,18 @@ def _choice(
     elif not passing:
         words += "; none of the models that predict the force passes physics"
     name, place = chosen.name, {item.name: item for item in better}
+    complete = _complete_form(chosen.name, better, cards, information)
+    if complete is not None:
+        name = complete
+        words += (
+            f"; {cards[name].title} replaces it: its windows agree, so that its form misses"
+            " nothing that the sensors show"
+        )
     for other in _refined(cards):
         fit = cards[other].likelihood
-        if fit is None or fit.started_from != chosen.name or other not in place:
+        if complete is not None or fit is None or fit.started_from != chosen.name:
             continue
-        if fit.windows_agree and not place[other].faults:
-            name = other
-            words += (
-                f"; {cards[other].title} replaces it: its windows agree, so that its form misses"
-                " nothing that the sensors show"
-            )
-            continue
-        if other not in sensor_fits:
+        if other not in place or other not in sensor_fits:
             continue
         worse = _worse_on_validation(place[other], place[chosen.name])
         if worse:
@@ -266,6 +234,32 @@ def _choice(
             )
     flown, its_words = _better_flown(place[name], better, cards)
     return name, words + its_words, flown
+
+
+def _complete_form(
+    chosen: str,
+    sound: Sequence[MeritRecord],
+    cards: Mapping[str, ModelCard],
+    information: Mapping[str, Mapping[str, float]],
+) -> str | None:
+    """Return the fit to the sensors whose windows agree, of this form or a likelier one.
+
+    Left-out legs do not tell a form with the truth from a simpler one, sensors do. None for
+    none, and for one that is chosen already.
+    """
+    complete = [
+        (fit.started_from != chosen, item.terms, item.name)
+        for item in sound
+        if (fit := cards[item.name].likelihood) is not None
+        and fit.windows_agree
+        and not item.faults
+        and (
+            fit.started_from == chosen
+            or information[fit.started_from][ALL] <= information[chosen][ALL]
+        )
+    ]
+    name = min(complete, default=(True, 0, chosen))[2]
+    return None if name == chosen else name
 
 
 def _better_flown(
@@ -317,14 +311,6 @@ def _refined(cards: Mapping[str, ModelCard]) -> tuple[str, ...]:
     return tuple(name for name, card in cards.items() if card.likelihood is not None)
 
 
-def _counted_by_blocks(cards: Mapping[str, ModelCard]) -> dict[str, float]:
-    """Return how many samples count as one, by blocks, of the reference model."""
-    if not cards:
-        return {}
-    parts = cards[reference_model(cards)].axes
-    return {axis: part.samples_per_one for axis, part in parts.items() if part.samples_per_one}
-
-
 def _information(
     card: ModelCard, of: Mapping[tuple[str, str, str], Row], samples_per_one: Mapping[str, float]
 ) -> dict[str, float]:
@@ -337,7 +323,7 @@ def _information(
             continue
         values[axis] = bic(
             row["sse"],
-            _fitted(card, axis),
+            fitted_numbers(card, axis),
             n_samples=row["samples"],
             samples_per_one=samples_per_one.get(axis, 1.0),
         )
@@ -377,14 +363,6 @@ def _better_forms(
             if (start, axis) in better:
                 better[name, axis] = better[start, axis]
     return better
-
-
-def _fitted(card: ModelCard, axis: str) -> int:
-    """Return how many numbers of an axis the data set, with constant and inertia."""
-    part = card.axes[axis]
-    inertia = [item for item in card.inertia if item.name.startswith(axis)]
-    verdicts = [*(item.verdict for item in part.terms), *(item.verdict for item in inertia)]
-    return part.rank + len(inertia) - verdicts.count(AT_BOUND)
 
 
 def _counts(card: ModelCard, axis: str) -> dict[str, int]:

@@ -235,7 +235,7 @@ def solve_scaled(matrix: Array, right: Array) -> Array:
     scaled.flat[:: len(scaled) + 1] = 1.0 + 1e-13
     shaped = (right.T / scale).T
     if not (np.isfinite(scaled).all() and np.isfinite(shaped).all()):
-        raise ValueError("normal equations must not contain infs or NaNs")
+        raise np.linalg.LinAlgError("normal equations must not contain infs or NaNs")
     _, solved, failed = dposv(scaled, shaped)
     if failed:
         values, vectors = np.linalg.eigh(scaled)
@@ -253,7 +253,7 @@ def solve_each(matrices: Array, rights: Array) -> Array:
     scaled[:, range(size), range(size)] = 1.0 + 1e-13
     shaped = rights / scale[:, :, None]
     if not (np.isfinite(scaled).all() and np.isfinite(shaped).all()):
-        raise ValueError("normal equations must not contain infs or NaNs")
+        raise np.linalg.LinAlgError("normal equations must not contain infs or NaNs")
     try:
         root = np.linalg.cholesky(scaled)
         informed = np.diagonal(root, axis1=1, axis2=2).min(initial=1.0) > LEAST_PIVOT

@@ -56,6 +56,12 @@ force.
 """
 SETTLED = 0.02
 """Relative change of a standard deviation of samples that ends the rounds."""
+PROBE_STEPS = 3
+"""Steps after which a doubtful fit is asked how far its free runs miss the samples."""
+
+
+class RunsMissError(DataError):
+    """Free runs that miss the samples by more than these scatter."""
 
 
 def fit_output_error(
@@ -68,14 +74,20 @@ def fit_output_error(
     sensor_sd: Array | None = None,
     biases: Array | None = None,
     tolerance: float = TOLERANCE,
+    most_missed: float | None = None,
+    most_steps: int | None = None,
 ) -> LikelihoodEstimate:
     """Fit theta from `start`, by name or as vector, to windows of the legs.
 
     `sensor_sd` (13,): known standard deviations of the samples, else estimated.
     `biases` (legs, 6): where the biases start from. `tolerance`: the last step in parts
     of a standard error. A round that still gains at the end of its steps is the last.
+    `most_missed`: what free runs may miss the samples by after `PROBE_STEPS`, root mean square
+    in parts of the samples' scatter; None: anything. `most_steps`: of all rounds
+    together, None: those of each.
     Raises `DataError` where legs are
-    shorter than a window, samples fewer than unknowns, or the start diverges.
+    shorter than a window, samples fewer than unknowns, or the start diverges, and
+    `RunsMissError` where free runs miss more.
     """
     windows, dropped = cut_windows(legs, length_s=window_s)
     likelihood = Likelihood(legs, windows, parameters, False, np.ones(10), prior)
@@ -87,18 +99,32 @@ def fit_output_error(
     lower, upper = likelihood_bounds(likelihood)
     noise = NoiseModel(rough_sd(list(legs)) if sensor_sd is None else sensor_sd)
     history: list[float] = []
-    for _ in range(ROUNDS):
-        used = noise
 
-        optimum = maximise(
-            likelihood.under(used),
+    def ascend(noise: NoiseModel, steps: int) -> Optimum:
+        return maximise(
+            likelihood.under(noise),
             common,
             starts,
             lower=lower,
             upper=upper,
-            most_steps=STEPS,
+            most_steps=steps,
             tolerance=tolerance,
         )
+
+    if most_missed is not None:
+        optimum = ascend(noise, PROBE_STEPS)
+        common, starts = optimum.common, optimum.local
+        history += [-value for value in optimum.objectives]
+        missed = _missed(likelihood.run(common, starts, noise, sensitive=False))
+        if missed > most_missed:
+            raise RunsMissError(
+                f"its free runs miss the samples by {missed:.3g} times their scatter",
+                allowed=f"at most {most_missed:g}",
+            )
+    for _ in range(ROUNDS):
+        used = noise
+        left = STEPS if most_steps is None else max(most_steps - len(history), 0)
+        optimum = ascend(used, min(STEPS, left))
         common, starts = optimum.common, optimum.local
         history += [-value for value in optimum.objectives]
         final, runs = likelihood.evaluate(common, starts, noise, sensitive=True)
@@ -129,6 +155,11 @@ def fit_output_error(
         ],
         parts=part_equations(likelihood, runs, rows),
     )
+
+
+def _missed(runs: Sequence[WindowRun]) -> float:
+    """Return the root mean square of errors in parts of their standard deviations."""
+    return float(np.sqrt(np.mean(np.concatenate([r.errors**2 / r.variances for r in runs]))))
 
 
 def _idle(optimum: Optimum) -> bool:

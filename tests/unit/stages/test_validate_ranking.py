@@ -9,6 +9,7 @@ import pytest
 
 from auvid.data_schemas.records.likelihood import LikelihoodFit
 from auvid.data_schemas.records.models import ModelCard, MotionCheck, RankingRecord, SteadyRange
+from auvid.stages.form_evidence import pushing_axes, reference_model
 from auvid.stages.model_file.contents import use_entry
 from auvid.stages.model_use import (
     damping_verdict,
@@ -21,9 +22,7 @@ from auvid.stages.model_use import (
 from auvid.stages.validate.presentation import form_blocks
 from auvid.stages.validate.ranking import (
     free_run_ratios,
-    pushing_axes,
     rank,
-    reference_model,
     resting_velocities,
 )
 from tests.support.example_run import AXES, ExampleRun, example_run, with_own_damping
@@ -187,6 +186,27 @@ def test_a_fit_to_the_sensors_competes_on_left_out_legs(
         held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two")}
         run.cards[name] = card.model_copy(update={"held_out": held_out})
     assert ranked(run).choice == choice
+
+
+@pytest.mark.parametrize(
+    ("agree", "sse", "choice"),
+    [(True, 0.1, "prestero_output_error"), (False, 0.1, "coe"), (True, 9.0, "coe")],
+)
+def test_a_form_that_misses_nothing_stands_before_a_simpler_one(
+    run: ExampleRun, agree: bool, sse: float, choice: str
+) -> None:
+    """Left-out legs cannot tell them apart; where the force speaks for it, sensors decide."""
+    name = "prestero_output_error"
+    run.cards[name] = refined(run.cards["prestero"], name, agree)
+    run.errors += [{**row, "model": name} for row in run.errors if row["model"] == "prestero"]
+    set_sse(run, {"coe": 1.0, "prestero": sse, name: sse})
+    for other, card in run.cards.items():
+        error = 0.4 if other == "coe" else 0.5 if other.startswith("prestero") else 0.6
+        held_out = {leg: dict.fromkeys(("all", *AXES), error) for leg in ("one", "two")}
+        run.cards[other] = card.model_copy(update={"held_out": held_out})
+    record = ranked(run)
+    assert record.choice == choice
+    assert ("misses nothing that the sensors show" in record.rule) == (choice == name)
 
 
 def refined(card: ModelCard, name: str, agree: bool | None) -> ModelCard:
