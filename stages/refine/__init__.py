@@ -174,8 +174,8 @@ def _where_it_holds(inputs: Inputs, params: Params, cards: Mapping[str, ModelCar
             refined[name] = fitted
         else:
             notes.append(
-                f"{card.title} keeps the coefficients of least squares, without a fit to the sensors"
-                f" themselves (output error): {fitted}."
+                f"{card.title} keeps the coefficients of least squares, without a fit to the"
+                f" sensors themselves (output error): {fitted}."
             )
     return Outputs(refined, refine_section(inputs.model_card, refined, (), notes=notes))
 

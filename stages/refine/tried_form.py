@@ -20,9 +20,9 @@ from auvid.stages.form_evidence import pushing_axes, training_information
 from auvid.stages.refine.fitting import CardUnknowns
 
 METHODS = ("least squares", "within limits")
-LEANED = 2.0
+LEANED = 3.0
 """Standard errors that an unsteady force leans a coefficient by, from which on free runs
-cannot hold: at most 1.2 where output error holds, 3.9 and more where it does not converge.
+cannot hold: at most 1.8 where output error holds, 3.9 and more where it does not converge.
 """
 MOST_WORK = 3e7
 """Samples times directions of derivatives that one step of some seconds works on."""
