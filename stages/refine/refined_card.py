@@ -227,9 +227,7 @@ def _shifts(item: TermCard, value: float, estimate: LikelihoodEstimate) -> dict[
     estimators that weigh the motion differently take it up differently: how far this one is
     from least squares counts as well.
     """
-    shifts = _of_figures(item.assumed_shifts)
-    if complete(estimate):
-        shifts.pop(FORM, None)
+    shifts = _of_figures(item.assumed_shifts, estimate)
     if not estimate.windows_agree:
         away = abs(value - item.value) if item.value is not None else abs(value)
         shifts[FORM] = float(np.hypot(shifts.get(FORM, 0.0), away))
@@ -251,14 +249,18 @@ def _combination(axis: str, item: TermCombination, fit: SensorFit) -> TermCombin
             "value": value,
             "standard_error": error,
             "reading": reading,
-            "assumed_shifts": _of_figures(item.assumed_shifts),
+            "assumed_shifts": _of_figures(item.assumed_shifts, fit.estimate),
         }
     )
 
 
-def _of_figures(shifts: Mapping[str, float]) -> dict[str, float]:
-    """Return shifts without those of an unsteady force, which leans least squares."""
-    return {name: shift for name, shift in shifts.items() if name != UNSTEADY}
+def _of_figures(shifts: Mapping[str, float], estimate: LikelihoodEstimate) -> dict[str, float]:
+    """Return shifts without those of least squares alone.
+
+    An unsteady force leans it; and where windows agree its form lacks nothing.
+    """
+    other = {UNSTEADY, FORM} if complete(estimate) else {UNSTEADY}
+    return {name: shift for name, shift in shifts.items() if name not in other}
 
 
 def _inertia(
@@ -276,7 +278,7 @@ def _inertia(
         "free_value": None,
         "change": change,
         "verdict": _clear(change, error, away),
-        "assumed_shifts": _of_figures(item.assumed_shifts),
+        "assumed_shifts": _of_figures(item.assumed_shifts, fit.estimate),
     }
     if status[unknowns[i]].status == AT_BOUND:
         update |= {"standard_error": None, "verdict": AT_BOUND, "assumed_shifts": {}}

@@ -45,7 +45,7 @@ def twin() -> refine.Inputs:
     path = ROOT / "campaigns/vt690_twin/plans/default.yaml"
     plan = plan_from_document(read_yaml(path.read_text(encoding="utf-8")), VT690)
     simulated = SimulatedVehicle(VT690, IdentifiedModel("truth", TRUTH))
-    made: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     for leg in plan.legs:
         if leg.id not in LEGS:
             continue
@@ -91,8 +91,8 @@ def twin() -> refine.Inputs:
             **samples,
         }
         for name, part in parts.items():
-            made.setdefault(name, {})[leg.id if name == "log_info" else key] = part
-    inputs = {name: collection(parts) for name, parts in made.items()}
+            tables.setdefault(name, {})[leg.id if name == "log_info" else key] = part
+    inputs = {name: collection(parts) for name, parts in tables.items()}
     controls = inputs.pop("controls")
     fitted = synthesise.run(
         synthesise.Inputs(
