@@ -1,4 +1,4 @@
-"""What a model card says of its form: physics, and the evidence of the training force."""
+"""What a model card says of its form: physics, and evidence of training."""
 
 from __future__ import annotations
 

@@ -242,7 +242,7 @@ def _complete_form(
     cards: Mapping[str, ModelCard],
     information: Mapping[str, Mapping[str, float]],
 ) -> str | None:
-    """Return the fit to the sensors whose windows agree, of this form or a likelier one.
+    """Return a fit whose windows agree, of this form or a likelier one.
 
     Left-out legs do not tell a form with the truth from a simpler one, sensors do. None for
     none, and for one that is chosen already.

@@ -32,6 +32,7 @@ SHARED_IN_STAGES = {
     "axis_tables",
     "few_axes",
     "card_errors",
+    "form_evidence",
     "leg_record",
     "leg_streams",
     "page",
