@@ -12,7 +12,7 @@ import base64
 import hashlib
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import resources
@@ -176,6 +176,7 @@ def render(
     sections: Mapping[str, Document],
     log_of: Mapping[str, str] = NO_LOGS,
     pictures: Sequence[Markup] = (),
+    share: float | None = None,
 ) -> bytes:
     """Return the whole page as UTF-8.
 
@@ -184,7 +185,8 @@ def render(
     `pictures` stand on the first screen.
 
     `log_of` (segment -> log) is given where a campaign has several logs: their clocks
-    differ, so only plots of one log zoom together.
+    differ, so only plots of one log zoom together. `share` of the samples of plots is
+    drawn; None: as many as a page has place for.
     """
     script = _text("pictures/plots.js") + _text("templates/page.js")
     page = _environment().get_template("page.html.j2")
@@ -193,7 +195,7 @@ def render(
         preferred.insert(0, summary.recommended)
     titles = {model.name: model.title for model in summary.models}
     colours = inks_of(roles_of(sections))
-    share = min(1.0, PLOTTED_SAMPLES / max(1, plotted_samples(sections)))
+    drawn = drawn_share(sections.values()) if share is None else share
     words = page.render(
         title=title,
         subtitle=subtitle,
@@ -207,7 +209,7 @@ def render(
         script=Markup(script),
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         lay_out=lambda block, item: lay_out(
-            thinned(block, share), preferred, titles, log_of.get(item, ""), colours
+            thinned(block, drawn), preferred, titles, log_of.get(item, ""), colours
         ),
         mathml=lambda latex: Markup(mathml(visible(latex))),
         cells=cells,
@@ -223,11 +225,16 @@ def render(
     return words.encode("utf-8")
 
 
-def plotted_samples(sections: Mapping[str, Document]) -> int:
+def drawn_share(sections: Iterable[Document]) -> float:
+    """Return the share of the samples of their plots that a page has place for."""
+    return min(1.0, PLOTTED_SAMPLES / max(1, plotted_samples(sections)))
+
+
+def plotted_samples(sections: Iterable[Document]) -> int:
     """Return how many samples the plots of all sections have."""
     return sum(
         len(series["x"])
-        for document in sections.values()
+        for document in sections
         for block in document["blocks"]
         if block["kind"] == "plot"
         for panel in block["panels"]

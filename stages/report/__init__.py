@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
+from itertools import chain
 
 import pyarrow as pa
 
@@ -25,7 +26,7 @@ from auvid.stages.base import Collection, Document, FileWriter, Stage, every, pa
 from auvid.stages.model_use import partial_words
 from auvid.stages.page.campaign_sections import legs_section, provenance_section, vehicle_line
 from auvid.stages.page.first_screen import Alert, Level, Summary, anchor
-from auvid.stages.page.html import render
+from auvid.stages.page.html import drawn_share, render, thinned
 from auvid.stages.page.methods import methods_section
 from auvid.stages.report.first_pictures import first_pictures
 from auvid.stages.report.recording.identity import run_properties
@@ -152,6 +153,7 @@ def page(inputs: Inputs, content: ReportContent) -> bytes:
             content.summary,
             dict(inputs.views.items()),
         ),
+        share=1.0,
     )
 
 
@@ -171,8 +173,14 @@ def without_table_of(model: str | None, sections: Mapping[str, Document]) -> dic
 
 
 def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportContent:
-    """The first screen and the sections of all stages, and `more` sections."""
-    sections, results = dict(inputs.sections.items()), dict(inputs.results.items())
+    """The first screen and the sections of all stages, and `more` sections.
+
+    Their plots have the samples that the page draws: those of many legs take much memory.
+    """
+    share = drawn_share(chain(inputs.sections.values(), more.values()))
+    sections = {path: fewer_samples(item, share) for path, item in inputs.sections.items()}
+    more = {path: fewer_samples(item, share) for path, item in more.items()}
+    results = dict(inputs.results.items())
     cards, segments, logs = (
         dict(inputs.model_card or {}),
         dict(inputs.segment or {}),
@@ -215,6 +223,14 @@ def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportCon
         inputs.provenance, inputs.vehicle, segments, cards, summary
     )
     return ReportContent(title, summary, {**sections, **more}, segments, logs)
+
+
+def fewer_samples(document: Document, share: float) -> Document:
+    """Return a section whose plots have this share of their samples."""
+    blocks = [
+        thinned(block, share) if block["kind"] == "plot" else block for block in document["blocks"]
+    ]
+    return {**document, "blocks": blocks}
 
 
 def without_kilograms(cards: Mapping[str, ModelCard]) -> bool:

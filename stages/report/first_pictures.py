@@ -108,31 +108,41 @@ def _dive(
             table = part_of(fused, name, POSITION)
             t_s = column(table, "t_s") + clock.segments[name]
             legs.append(DrawnLeg(name, item.use, t_s, matrix(table, POSITION)))
-    depths: list[tuple[Array, Array]] = []
-    modes: list[tuple[float, str]] = []
-    for name in logs:
-        depth, mode = tables.get(f"ingest/{name}/depth"), tables.get(f"ingest/{name}/mode")
-        if (
-            depth is not None
-            and (times := clock.seconds(f"ingest/{name}/depth", depth)) is not None
-        ):
-            depths.append(
-                (np.append(times, times[-1:]), np.append(column(depth, "depth_m"), np.nan))
-            )
-        if mode is not None and (times := clock.seconds(f"ingest/{name}/mode", mode)) is not None:
-            modes += zip(times.tolist(), map(str, mode["mode"].to_pylist()), strict=True)
-    clocks = [*(leg.t_s for leg in legs), *(time for time, _ in depths)]
+    depth, modes = _depth(tables, logs, clock), _modes(tables, logs, clock)
+    clocks = [*(leg.t_s for leg in legs), *([depth[0]] if depth is not None else [])]
     everything = np.concatenate([time[[0, -1]] for time in clocks if time.size])
     span = (float(everything.min()), float(everything.max()))
     starts = {f"residual/{leg.name}/controls": clock.segments[leg.name] for leg in legs}
     return dive_picture(
         legs,
-        depth=_joined(depths) if depths else None,
+        depth=depth,
         modes=sorted(modes),
         actuators=_actuators(tables, starts, span),
         span=span,
         clock=_clock_words(logs),
     )
+
+
+def _depth(tables: Tables, logs: Mapping[str, LogInfo], clock: Clock) -> tuple[Array, Array] | None:
+    """Return times and depth of all logs, with a gap behind each; None for none."""
+    depths: list[tuple[Array, Array]] = []
+    for place in (f"ingest/{name}/depth" for name in logs):
+        table = part_of(tables, place, ("depth_m",)) if place in tables else None
+        if table is not None and (times := clock.seconds(place, table)) is not None:
+            depths.append(
+                (np.append(times, times[-1:]), np.append(column(table, "depth_m"), np.nan))
+            )
+    return _joined(depths) if depths else None
+
+
+def _modes(tables: Tables, logs: Mapping[str, LogInfo], clock: Clock) -> list[tuple[float, str]]:
+    """Return when each flight mode of all logs begins."""
+    modes: list[tuple[float, str]] = []
+    for place in (f"ingest/{name}/mode" for name in logs):
+        table = tables.get(place)
+        if table is not None and (times := clock.seconds(place, table)) is not None:
+            modes += zip(times.tolist(), map(str, table["mode"].to_pylist()), strict=True)
+    return modes
 
 
 def _clock_words(logs: Mapping[str, LogInfo]) -> str:

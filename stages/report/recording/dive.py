@@ -19,6 +19,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
 from auvid.hydro.arrays import Array
+from auvid.stages.base import part_of
 from auvid.stages.columns import FINS
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import AXIS_INKS, ROLES, Ink, distinct
@@ -56,13 +57,7 @@ def send_dive(
     there = [name for name in segments if name in fused]
     if not there:
         return ranges
-    for name in logs:
-        depth = tables.get(f"ingest/{name}/depth")
-        times = None if depth is None else clock.seconds(f"ingest/{name}/depth", depth)
-        if depth is not None and times is not None and times.size:
-            entity = "dive/depth/outside_the_legs"
-            _describe(out, ranges, entity, ["outside the legs"], [ROLES["raw"]], FAINT)
-            _send(out, ranges, entity, times, -column(depth, "depth_m")[:, None])
+    _send_depths(out, ranges, tables, logs, clock)
     for use in dict.fromkeys(str(segments[name].use) for name in there):
         strength = FAINT if use == "training" else FULL
         tilt = [AXIS_INKS["phi"], AXIS_INKS["theta"]]
@@ -89,6 +84,7 @@ def send_dive(
                 factor = DEGREES if kind == "fins" else 1.0
                 values = factor * matrix(controls, actuators[kind])
                 _send(out, ranges, entity, column(controls, "t_s") + clock.segments[name], values)
+        out.stream.flush()  # else what is not yet written of all legs waits in memory
     return {
         plot: LoggedSeries(
             outer(item.values for item in items), outer(item.times for item in items)
@@ -96,6 +92,24 @@ def send_dive(
         for plot in PLOTS
         if (items := [item for entity, item in ranges.items() if entity.startswith(f"{plot}/")])
     }
+
+
+def _send_depths(
+    out: Recording,
+    ranges: Ranges,
+    tables: Mapping[str, pa.Table],
+    logs: Mapping[str, LogInfo],
+    clock: Clock,
+) -> None:
+    """Send the depth of the logs, in the legs and outside."""
+    for name in logs:
+        place = f"ingest/{name}/depth"
+        depth = part_of(tables, place, ("depth_m",)) if place in tables else None
+        times = None if depth is None else clock.seconds(place, depth)
+        if depth is not None and times is not None and times.size:
+            entity = "dive/depth/outside_the_legs"
+            _describe(out, ranges, entity, ["outside the legs"], [ROLES["raw"]], FAINT)
+            _send(out, ranges, entity, times, -column(depth, "depth_m")[:, None])
 
 
 def _actuators(controls: pa.Table | None) -> dict[str, list[str]]:

@@ -46,7 +46,8 @@ def send_paths(
     Returns the corners (2, 3) of the box around all in m NED, None for no path.
     """
     paths, forces = {}, {}
-    for name, table in fused.items():
+    for name in fused:
+        table = part_of(fused, name, POSE)
         pose = matrix(table, POSE)
         good = np.isfinite(pose).all(axis=1)
         times = column(table, "t_s")

@@ -62,7 +62,7 @@ MODELS_SHOWN = 3
 PARTS_KEPT = 8
 """In memory beside the table of a group: what groups of it are drawn less."""
 MOST_COLUMNS, OF_LOG = 3, "ingest/"
-"""Loaded at once of a long table: with series one below the other, or of the whole log."""
+"""Loaded at once of a table with series one below the other; of a log it is one."""
 CLOCKS = ("t_s", "t_us", "time_us")
 BAND, GAP, MINUTE_S = 2.0, 20.0, 60.0
 OPACITY = {"raw": 120, "band": 110, "true": 140}
@@ -209,7 +209,7 @@ def _send_groups(
         if (
             times is None
             or not len(times)
-            or not all(has_columns(parts[0], _columns(group)) for group in bundle)
+            or not all(has_columns(parts[0], _loaded(name, group)) for group in bundle)
         ):
             continue
         if entity not in logged:
@@ -217,7 +217,11 @@ def _send_groups(
         lines = (
             readable_group(group)[0] * line
             for part, group in zip(parts, bundle, strict=True)
-            for line in _values(part, group, tables, load_part, owner)
+            for line in (
+                _values(part, group, tables, load_part, owner)
+                if _loaded(name, group)
+                else _one_by_one(tables, name, group)
+            )
         )
         extents: list[Extent] = []
         out.columns(entity, *parted(times, _measured(lines, _edges(bundle), extents)))
@@ -293,15 +297,29 @@ def _pieces(bundles: Iterable[Placed]) -> list[tuple[Placed, tuple[str, ...]]]:
         piece: list[Placed] = []
         columns: dict[str, None] = {}
         for member in members:
-            own = dict.fromkeys(name for item in member[3] for name in _columns(item))
-            is_long = is_filtered or table.startswith(OF_LOG)
-            if is_long and piece and len(columns | own) > MOST_COLUMNS:
+            own = dict.fromkeys(name for item in member[3] for name in _loaded(table, item))
+            if is_filtered and piece and len(columns | own) > MOST_COLUMNS:
                 pieces += [(item, (*columns, *CLOCKS)) for item in piece]
                 piece, columns = [], {}
             piece.append(member)
             columns |= own
         pieces += [(item, (*columns, *CLOCKS)) for item in piece]
     return pieces
+
+
+def _loaded(table: str, group: Document) -> list[str]:
+    """Return the columns of a group that are loaded together with others.
+
+    Series of a log are read one by one, when they are drawn.
+    """
+    is_plain = not (group.get("spread") or group.get("less") or _filter(group))
+    return [] if table.startswith(OF_LOG) and is_plain else _columns(group)
+
+
+def _one_by_one(tables: Mapping[str, pa.Table], name: str, group: Document) -> Iterator[Array]:
+    """Yield the lines (n,) of a group, each read when the one before is sent."""
+    for item in _columns(group):
+        yield column(part_of(tables, name, (item,)), item)
 
 
 def _filter(group: Document) -> Filter:

@@ -22,6 +22,7 @@ from auvid.stages.report.recording.identity import Property, recording_id
 
 APPLICATION = "auvid"
 TIMELINE = "t"
+BINS_AT_ONCE = 1024
 CHUNK_ROWS = 50_000
 PREVIEW_BINS = 2000
 KEPT_BITS = np.uint64(0xFFFF_FFFF_0000_0000)
@@ -237,17 +238,19 @@ def thinned(times: Array, columns: Iterable[Array], bins: int) -> tuple[Array, A
         return times, np.column_stack(list(columns))
     used = -(-n // width)
     thin = []
-    padded = np.full(used * width, np.nan)
-    for series in columns:  # one at a time: little memory
-        padded[:n] = series
-        blocks = padded.reshape(used, width)
-        lower = upper = blocks
-        if not (finite := np.isfinite(blocks)).all():
-            lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
-        low, high = lower.min(axis=1), upper.max(axis=1)
-        rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
-        pair = np.where(rising, low, high), np.where(rising, high, low)
-        thin.append(np.column_stack(pair).ravel())
+    for series in columns:  # one at a time, and of it some bins: little memory
+        pairs = np.empty((used, 2))
+        for start in range(0, used, BINS_AT_ONCE):
+            part = series[start * width : (start + BINS_AT_ONCE) * width]
+            blocks = np.append(part, np.full(-part.size % width, np.nan)).reshape(-1, width)
+            lower = upper = blocks
+            if not (finite := np.isfinite(blocks)).all():
+                lower, upper = np.where(finite, blocks, np.inf), np.where(finite, blocks, -np.inf)
+            low, high = lower.min(axis=1), upper.max(axis=1)
+            rising = lower.argmin(axis=1) <= upper.argmax(axis=1)
+            own = pairs[start : start + BINS_AT_ONCE]
+            own[:, 0], own[:, 1] = np.where(rising, low, high), np.where(rising, high, low)
+        thin.append(pairs.ravel())
     rows = np.column_stack(thin)
     rows[~np.isfinite(rows)] = np.nan
     first = np.arange(used) * width

@@ -22,6 +22,7 @@ from auvid.stages.page.html import (
     anchor,
     arrange,
     cells,
+    drawn_share,
     heat,
     lead,
     plotted_samples,
@@ -29,7 +30,7 @@ from auvid.stages.page.html import (
     without_quoted,
 )
 from auvid.stages.presentation import panel, plot, remark, section, series, table, text
-from auvid.stages.report import Params, run
+from auvid.stages.report import Params, fewer_samples, run
 from tests.support.example_run import ExampleRun, example_run
 
 HOSTILE = '<script>alert("x")</script><img src=x onerror=alert(1)>\x1b[31mred\x07\u202egnp.exe</td>'
@@ -376,8 +377,10 @@ def test_plots_of_many_legs_share_the_samples_of_the_page(legs: int, most: int) 
     picture = plot("u", [panel("u", "m/s", [series("u", t_s, np.sin(t_s), "estimate")])])
     sections = {f"fuse/{leg}": section("State", [picture], order=1) for leg in range(legs)}
     (block,) = sections["fuse/0"]["blocks"]
-    share = PLOTTED_SAMPLES / plotted_samples(sections)
+    share = PLOTTED_SAMPLES / plotted_samples(sections.values())
     (line,) = thinned(block, share)["panels"][0]["series"]
     assert len(line["x"]) <= most
     assert max(line["y"]) == pytest.approx(1.0, abs=1e-3)
     assert (thinned(block, share) is block) is (legs == 2)
+    kept = [fewer_samples(item, drawn_share(sections.values())) for item in sections.values()]
+    assert plotted_samples(kept) == legs * len(line["x"])

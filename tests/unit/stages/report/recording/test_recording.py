@@ -10,7 +10,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import cast
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,7 @@ from auvid.stages.report.recording.blueprint import (
 )
 from auvid.stages.report.recording.readable import readable_group
 from auvid.stages.report.recording.recording import (
+    CLOCKS,
     MOST_COLUMNS,
     Extent,
     _edges,
@@ -447,9 +449,44 @@ def test_columns_that_are_not_drawn_stay_on_disk(example: ExampleRun) -> None:
 
     loaders = {key: partial(example.tables.__getitem__, key) for key in example.tables}
     loaders["validate/predictions/train"] = partial(pytest.fail, "loaded whole")
-    inputs = replace(example.inputs(), tables=Collection(loaders, part_of))
+    loads: list[tuple[str, set[str]]] = []
+
+    def counted_part(key: str, columns: Sequence[str]) -> pa.Table:
+        loads.append((key, {*columns} - {*CLOCKS}))
+        return part_of(key, columns)
+
+    inputs = replace(example.inputs(), tables=Collection(loaders, counted_part))
     save = partial(render_recording, inputs, Params(), collect(example.inputs()))
     assert b"".join(saved_pieces(save))
+    texts = [(key, columns) for key, columns in loads if "model" in columns]
+    assert all(columns == {"model"} for _, columns in texts)  # numbers come when they are gone
+    assert len(texts) == len(dict.fromkeys(key for key, _ in texts)) > 0
+
+
+def test_series_of_a_log_are_read_one_by_one() -> None:
+    columns = {name: np.arange(4.0) + place for place, name in enumerate("abcd")}
+    table = pa.table({"time_us": np.arange(4) * 1_000_000, **columns})
+    written: list[Any] = []
+
+    def part_of(key: str, names: Sequence[str]) -> pa.Table:
+        assert key == "ingest/log/imu"
+        assert len({*names} & {*columns}) <= 1
+        return table.select([name for name in table.column_names if name in {"time_us", *names}])
+
+    out = SimpleNamespace(
+        static=lambda *_: None,
+        stream=SimpleNamespace(flush=lambda: None),
+        columns=lambda entity, times, lines: written.append((entity, times, np.array(list(lines)))),
+    )
+    group = {"entity": "raw", "table": "imu", "columns": [*"abcd"], "names": [*"abcd"]}
+    group |= {"roles": ["raw"] * 4, "tab": "Raw", "unit": "m/s"}
+    tables = Collection({"ingest/log/imu": partial(pytest.fail, "loaded whole")}, part_of)
+    clock = Clock(segments={}, logs={"log": 2.0}, boot_s={"log": 0.0})
+    _send_groups(cast(Any, out), [("ingest/log", group)], tables, clock, ())
+    ((entity, times, lines),) = written
+    assert entity == "raw"
+    np.testing.assert_allclose(times, np.arange(4.0) + 2.0)
+    np.testing.assert_array_equal(lines, list(columns.values()))
 
 
 def test_a_long_table_is_loaded_a_few_columns_at_a_time() -> None:
