@@ -40,6 +40,7 @@ from auvid.hydro.identification.signals.smoother import (
     estimated_noise,
 )
 from auvid.hydro.identification.signals.splines import smoothing_spline
+from auvid.hydro.long_series.heap import give_back_heap
 
 FAULTS = (
     "arm_x", "arm_y", "arm_z", "angle_x", "angle_y", "angle_z", "lag", "velocity_scale",
@@ -57,6 +58,7 @@ BLOCK_S = 5.0
 """Sums are kept for pieces of this length, longer than the innovations' memory."""
 STEPS_AT_ONCE = 8192
 """Matrices of so many steps of the filter are in memory, and in the cache."""
+LONG_SAMPLES = 100_000
 PLACES = 9
 """The first faults are those of place and scale; the last three belong to the
 accelerometer.
@@ -189,6 +191,8 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     reading = v + cross(omega, arm)
     rate = smooth - bias - cross(omega, v) + cross(leg.omega_dot[step_v], arm)
     del spline
+    if len(t) > LONG_SAMPLES:
+        give_back_heap()  # the products below are large, and find no place between what is left
 
     k = len(FAULTS)
     values = np.zeros((len(measured), 1 + k))
@@ -219,8 +223,8 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
     innovations, scaled, _ = filtered(on_accel, values, variance)
 
     # Once more with the noise that the innovations show, less what the faults explain.
-    weighted = innovations / np.sqrt(scaled)[:, None]
-    place = weighted[:, 1 : 1 + PLACES]
+    weighted = innovations[:, : 1 + PLACES] / np.sqrt(scaled)[:, None]
+    place = weighted[:, 1:]
     explained = np.linalg.lstsq(place, weighted[:, 0], rcond=1e-9)[0]
     left = innovations[:, 0] - innovations[:, 1 : 1 + PLACES] @ explained
     del place, weighted

@@ -249,6 +249,11 @@ class Extent(NamedTuple):
     @classmethod
     def of(cls, values: Array) -> Extent:
         """Return those of values (n,)."""
+        if not values.size:
+            return cls(values, values)
+        ends = np.array([np.fmin.reduce(values), np.fmax.reduce(values)])  # without a copy
+        if np.isfinite(ends).all():
+            return cls(ends, ends)
         numbers = values[~np.isnan(values)]
         finite = numbers[np.isfinite(numbers)]
         return cls(*(np.array([x.min(), x.max()]) if x.size else x for x in (finite, numbers)))
