@@ -118,8 +118,8 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         )
     yield (
         "angles of the thrusters, moments of inertia by themselves",
-        "each axis shows its force over its inertia alone; pulls on the bench in surge, sway and"
-        " yaw (docs/bench.md), or a pendulum, tell them",
+        "each axis shows its force over its inertia alone, places that are all too far out too;"
+        " pulls on the bench in surge, sway and yaw (docs/bench.md), or a pendulum, tell them",
     )
     if not tells_shape(log, CLEAR_SHAPE):
         yield (
@@ -190,6 +190,14 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
         yield "zero of heave of the velocity", "there is no depth"
         return
     depth = depth_answers(log)
+    if depth is not None and depth.explained >= SURE_SHARE:
+        least = limit("scale_off") + 1.0 - depth.explained + CLEAR * float(depth.sd.min())
+        yield (
+            f"scale of heave against depth below {percent(least)}",
+            "water_density behind a pressure (sea for fresh water is 2.6 %) and the speed of sound"
+            " of the velocity log are no larger; a length of line, or the log's own density, tells"
+            " it",
+        )
     if depth is None or depth.explained < SURE_SHARE:
         share = "" if depth is None else f", {percent(max(depth.explained, 0.0))} explained"
         yield (

@@ -42,9 +42,9 @@ SHAPES: Mapping[str, Callable[[Array, Array], Array]] = {
     ROOT: lambda _, commands: np.sign(commands) * np.sqrt(np.abs(commands)),
 }
 """Other shapes (n, k) of commands (n, k) at times (n,); those that are likeliest first."""
-LEAST_PART = 0.25
+LEAST_PART, MIRRORED_PART = 0.25, 0.4
 """Least likelihood of a shape over that logged, as a part of that of the force over none
-(logarithms): in 29 sound parts of logs .16 at most.
+(logarithms): in 56 sound parts of logs .16 at most, of a mirrored curve .27.
 """
 
 
@@ -225,10 +225,15 @@ def shape_findings(log: CheckedLog) -> Iterator[Finding]:
     odds = shape_odds(log)
     if not odds:
         return
-    own = odds[OWN]
-    best = max((words for words in odds if words != OWN), key=lambda words: odds[words])
-    if odds[best] < max(limit("response_shape"), LEAST_PART * own):
+    parts = dict.fromkeys(odds, LEAST_PART) | {MIRRORED: MIRRORED_PART}
+    clear = [
+        words
+        for words, value in odds.items()
+        if words != OWN and value >= max(limit("response_shape"), parts[words] * odds[OWN])
+    ]
+    if not clear:
         return
+    best = max(clear, key=lambda words: odds[words])
     yield finding(
         "response_shape",
         f"The motion follows the outputs better, by e^{odds[best]:.0f}, if they {best}.",

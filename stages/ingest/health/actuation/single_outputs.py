@@ -1,4 +1,4 @@
-"""Checks of single outputs against those of thrusters that push along the same axis."""
+"""Checks of single outputs against those of other thrusters, and of all at rest."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.actuators.thrusters import NO_PULSE_US, Thrusters, thrust_from_pwm
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.number_format import percent
 
 PARALLEL, FEWEST_PEERS = 0.95, 3
 """Cosine of axes that are the same, or mirrored; thrusters of a group, itself included."""
@@ -17,6 +19,10 @@ LONG_S, LONG_SHARE = 20.0, 0.25
 """An output that stands still is conspicuous for so long, and for so much of the log."""
 FEWEST_CHANGES = 10
 SAME_US = 0.5
+LEAST_REST, OF_RESTS, FEWEST_AXES = 0.02, 0.8, 3
+"""Share of the samples in which all outputs are alike, and of those with one value, from
+which on it is that of rest; axes in which equal outputs cannot all be balanced.
+"""
 
 
 def single_output_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -28,10 +34,34 @@ def single_output_findings(log: CheckedLog) -> Iterator[Finding]:
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
     pulses, t_s = np.nan_to_num(log.values("actuators", names)), log.t_s("actuators")
+    yield from _resting(pulses, vehicle.thrusters)
     for group in _groups(vehicle.thrusters.allocation[:3]):
         numbers = [vehicle.thrusters.outputs[place] for place in group]
         yield from _still(t_s, pulses[:, group], numbers)
         yield from _alike(pulses[:, group], numbers)
+
+
+def _resting(pulses: Array, thrusters: Thrusters) -> Iterator[Finding]:
+    """Yield the pulse at which all outputs rest, where it is none of rest."""
+    if np.linalg.matrix_rank(thrusters.allocation) < FEWEST_AXES:
+        return
+    alike = (np.ptp(pulses, axis=1) < SAME_US) & (pulses[:, 0] > NO_PULSE_US)
+    if float(alike.mean()) < LEAST_REST:
+        return
+    rest = float(np.median(pulses[alike, 0]))
+    one = np.abs(pulses[alike, 0] - rest) < SAME_US
+    forces = thrust_from_pwm([rest, thrusters.curve.pwm_us[-1]], None, thrusters.curve)
+    part = float(abs(forces[0] / forces[1])) if forces[1] else 0.0
+    if float(one.mean()) < OF_RESTS or part < limit("neutral_pulse"):
+        return
+    yield finding(
+        "neutral_pulse",
+        f"All outputs stand at {rest:.0f} us together in {percent(float(alike.mean()))} of the"
+        f" samples, as at rest, and the thrust curve of the vehicle file gives {forces[0]:+.1f} N"
+        " there.",
+        stream="actuators",
+        value=part,
+    )
 
 
 def _groups(axes: Array) -> list[list[int]]:

@@ -30,8 +30,9 @@ from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
     quaternion_of_euler,
 )
-from auvid.stages.ingest.health.actuation import force_clocks
+from auvid.stages.ingest.health.actuation import force_clocks, plausible_forces
 from auvid.stages.ingest.health.actuation.output_order import _order_words
+from auvid.stages.ingest.health.actuation.plausible_forces import MIRRORED, OWN
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.agreement.gyro import _quiet_axes
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -557,6 +558,15 @@ def _quiet_heave(log: Log) -> None:
 def _copied_output(log: Log) -> None:
     drive(log, RIGHT_ORDER)
     log.streams["actuators"]["pwm_6_us"] = log.streams["actuators"]["pwm_5_us"].copy()
+
+
+@spoils("neutral_pulse")
+def _neutral_at_1560(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    outputs = log.streams["actuators"]
+    for number in range(1, 9):
+        outputs[f"pwm_{number}_us"] = outputs[f"pwm_{number}_us"].copy()
+        outputs[f"pwm_{number}_us"][:60] = 1560.0
 
 
 @spoils("tilt_offset")
@@ -1560,6 +1570,29 @@ def test_single_axes_of_the_velocity_of_another_scale_or_held_are_named() -> Non
     log.streams["velocity"]["v_m_s"] = sway[np.arange(sway.size) // 4 * 4]
     item = log.finding("held_samples")
     assert item["fields"] == ["v_m_s"]
+
+
+def test_a_track_in_feet_is_named_as_that() -> None:
+    log = sound()
+    with_track(log, noise_m=0.01)
+    for name in ("x_m", "y_m"):
+        log.streams["position"][name] = 3.2808 * log.streams["position"][name]
+    (text,) = [item["text"] for item in log.health()["findings"] if item["id"] == "scale_off"]
+    assert "0.3048 would be a position in ft" in text
+
+
+def test_a_mirrored_curve_needs_more_than_another_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sound logs it explains up to .27 of what the force does."""
+    root = "act by their root"
+    for odds, named in (({MIRRORED: 30.0}, 0), ({MIRRORED: 45.0}, 1), ({root: 30.0}, 1)):
+        monkeypatch.setattr(
+            plausible_forces,
+            "shape_odds",
+            lambda _, odds=odds: {OWN: 100.0, MIRRORED: -9.0, **odds},
+        )
+        texts = [item["text"] for item in plausible_forces.shape_findings(cast(CheckedLog, None))]
+        assert len(texts) == named
+    assert root in texts[0]
 
 
 @pytest.mark.parametrize("factor", [1.15, 1.0 / 1.15])

@@ -48,6 +48,16 @@ SURE_AXIS = 0.9
 """Least share of the changes of surge and sway each that tells their scales apart."""
 BETTER_MIRRORED = 0.3
 """By how much more of a track a mirrored one must explain."""
+NEAR_UNIT = 0.08
+OF_UNITS = {
+    0.3048: "a position in ft, or a velocity in m/s declared as ft/s",
+    0.5144: "a velocity in m/s declared as knots",
+    0.01: "a position in cm, or a velocity in m/s declared as cm/s",
+    1.9438: "a velocity in knots",
+    3.2808: "a velocity in ft/s, or a position in m declared as ft",
+    3.6: "a velocity in km/h",
+}
+"""Scale of the velocity, and what makes it so large or small; logarithm within which."""
 MIRRORS = {
     0: "its x and y (north and east) are exchanged",
     90: "its y (east) has the wrong sign",
@@ -268,11 +278,17 @@ def _scale(
     yield finding(
         "scale_off",
         f"Surge and sway of the velocity ({log.source('velocity')}) are {scale:.2f} +-"
-        f" {2.0 * turn.sd * scale:.2f} times what {words}.",
+        f" {2.0 * turn.sd * scale:.2f} times what {words}{_unit_of(scale)}.",
         stream="velocity",
         value=scale - 1.0,
         fields=LINEAR_VELOCITY[:2],
     )
+
+
+def _unit_of(scale: float) -> str:
+    """Return the units that make a velocity so much larger than the other record."""
+    near = [factor for factor in OF_UNITS if abs(math.log(scale / factor)) < NEAR_UNIT]
+    return "".join(f"; {factor:g} would be {OF_UNITS[factor]}" for factor in near)
 
 
 def late_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Finding]:
