@@ -241,6 +241,10 @@ LIFT_WORDS = (
     " it, and then they are off by more than that."
 )
 """On ratios of inertia beside a fitted yaw, which has that moment."""
+NO_RATIO_WORDS = (
+    " Nothing in these logs tells the ratio of yaw: beside lift, which these legs show, its moment"
+    " by u v does not; it is the vehicle file's, with that interval."
+)
 
 
 def ratio_words(part: PartialFigures) -> str:
@@ -253,9 +257,14 @@ def ratio_words(part: PartialFigures) -> str:
         parts.append(f"{motion} {item.value:.2f} ({low:.2f} to {high:.2f})")
     if not parts:
         return ""
+    lift = ""
+    if "N" in fitted:
+        yaw = part.inertia_shares.get("N")
+        beside_lift = yaw is not None and yaw.interval_95[1] - yaw.interval_95[0] > yaw.value
+        lift = NO_RATIO_WORDS if beside_lift else LIFT_WORDS
     return (
         "Ratios of inertia are those that Coriolis force tells, times the vehicle file's:"
-        f" {listed(parts)}, with 95 % intervals." + LIFT_WORDS * ("N" in fitted)
+        f" {listed(parts)}, with 95 % intervals.{lift}"
     )
 
 

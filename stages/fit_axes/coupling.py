@@ -26,8 +26,9 @@ from auvid.hydro.identification.axes.held_out import (
     HeldOut,
 )
 from auvid.hydro.identification.axes.judgement import coefficient_block, shape_of
-from auvid.hydro.identification.axes.structure import RIGHTING, SHARE, SYMMETRIC
+from auvid.hydro.identification.axes.structure import INERTIA, LIFT, RIGHTING, SYMMETRIC
 from auvid.hydro.identification.axes.windows import windows_of
+from auvid.hydro.identification.constrained.statuses import FROM_PRIOR
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, T_LIMIT
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages.fit_axes.fitted import (
@@ -434,23 +435,29 @@ def halves_error(held_out: Sequence[HeldOut], single: FittedAxis) -> bool:
 def fitted_shares(fit: CoupledFit) -> dict[str, tuple[float, float]]:
     """Return axis -> factor of its inertia and the error, of all that are fitted.
 
-    At a bound the legs tell no error: it is that of the prior then.
+    At a bound the legs tell no error: it is that of the prior then. Where they tell little,
+    as of yaw beside lift, it is that of both together at least.
     """
     errors = np.sqrt(np.diag(fit.fit.covariance)) * fit.width / NORMAL_95
+    size = np.sqrt(np.diag(fit.fit.information))
     return {
         term.axis: (
             float(fit.fit.values[at]),
-            term.sd if fit.fit.at_bound[at] else float(errors[at]),
+            term.sd
+            if fit.fit.at_bound[at]
+            else float(max(errors[at], size[at] * (fit.verdicts[name].word == FROM_PRIOR))),
         )
-        for at, term in enumerate(fit.pool.structure.terms)
-        if term.kind == SHARE
+        for at, (name, term) in enumerate(
+            zip(fit.pool.structure.names, fit.pool.structure.terms, strict=True)
+        )
+        if term.name == INERTIA
     }
 
 
 def _equation(fit: CoupledFit, velocity: str) -> AxisEquation:
     """Return a, b, c, d of an axis; 1.96 of their errors are half of the interval."""
     axis = AXES[VELOCITIES.index(velocity)]
-    others = [other for other in SYMMETRIC[axis] if f"{axis} {other}" in fit.fit.names]
+    others = [o for o in (*SYMMETRIC[axis], LIFT) if f"{axis} {o}" in fit.fit.names]
     names = (velocity, f"{velocity}*|{velocity}|", FORCE, CONSTANT, *others)
     keys = (velocity, f"{velocity}|{velocity}|", FORCE, CONSTANT, *others)
     values, covariance = coefficient_block(fit.fit, axis, keys)

@@ -47,11 +47,12 @@ from auvid.hydro.identification.axes.structure import (
     FORCE,
     INERTIA,
     INPUT,
-    SHARE,
+    LIFT,
     SYMMETRIC,
     AxisTerm,
     Structure,
     axis_terms,
+    lift_term,
     share_term,
 )
 from auvid.hydro.identification.axes.windows import WINDOW_S, windows_of
@@ -170,7 +171,8 @@ def fit_coupled(
     velocity -> k and velocity j whose c gives its inertia in the Coriolis force, k / c_j in
     place of m_i. share_sd: velocity -> deviation of a factor of m_i there, which is fitted, also
     of a velocity that is measured alone. couplings: linear ones that port-starboard symmetry
-    allows, between the velocities that are fitted (the noise of measured ones would enter).
+    allows, between the velocities that are fitted (the noise of measured ones would enter), and
+    the moment of lift, u v of yaw.
     free: parameters of the drive that are fitted. restoring: roll and pitch by angles of
     their own. free_inertia: velocities whose c has no prior. first: velocity -> a, b, c, d
     to start from, as the fits of single axes give them. doubtful: as `fit_axis` has it. Raises
@@ -242,6 +244,8 @@ def coupled_pool(
         for velocity, sd in (share_sd or {}).items()
         if velocity not in velocities
     ]
+    if couplings and inertia is not None and set("uvr") <= set(velocities):
+        terms.append(lift_term("N"))
     sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
     ratios, by = inertia, {}
     if inertia is not None:
@@ -267,7 +271,7 @@ def one_by_one(
     terms = tuple(
         replace(term, of=0) if term.kind == INPUT else term
         for term in pool.structure.terms
-        if term.axis == axis and term.name not in {*VELOCITIES, INERTIA} - {velocity}
+        if term.axis == axis and term.name not in {*VELOCITIES, INERTIA, LIFT} - {velocity}
     )
     own = make_pool(
         Structure((velocity,), terms, (axis,)),
@@ -285,7 +289,7 @@ def one_by_one(
 def _start(pool: Pool, first: Mapping[str, Sequence[float]]) -> Array:
     """Return coefficients to start from: by velocity, else of the integral."""
     values = starting_values(pool)
-    values[[term.kind == SHARE for term in pool.structure.terms]] = 1.0
+    values[[term.name == INERTIA for term in pool.structure.terms]] = 1.0
     for velocity, own in first.items():
         axis = AXES[VELOCITIES.index(velocity)]
         for name, value in zip((velocity, f"{velocity}|{velocity}|", FORCE, "constant"), own,

@@ -14,6 +14,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.identification.axes.pooled_fit import Pool, loop_rows, parts_of
 from auvid.hydro.identification.axes.structure import (
     CONSTANT,
+    INERTIA,
     INPUT,
     LINEAR,
     QUADRATIC,
@@ -50,8 +51,8 @@ def starting_values(pool: Pool) -> Array:
             angle = data.start[nodes, len(pool.structure.places) + i]
             turning = np.zeros(len(nu))
             for (row, a, b, up, down), weight in zip(products, weights, strict=True):
-                by = [pool.structure.terms[j].kind for j in (up, down) if j >= 0]
-                if row == i and all(kind == SHARE for kind in by):  # others need coefficients
+                by = [pool.structure.terms[j].name for j in (up, down) if j >= 0]
+                if row == i and all(name == INERTIA for name in by):  # others need coefficients
                     turning += weight * nu[:, a] * nu[:, b]
             columns = np.column_stack([_value(term, nu, drive, angle) for term in terms])
             part = np.cumsum(columns, axis=0) * data.step_s

@@ -26,8 +26,11 @@ SIDES = {"ahead": (5, 7), "back": (6, 8)}
 """Kinds of `compiled_motion`; on one side of 0: linear, quadratic."""
 INERTIA = "inertia"
 """Name of the term by which the inertia of an axis differs from its given one: a factor of
-it in the Coriolis force, no force itself (`SHARE`)."""
+it in the Coriolis force, no force itself (`SHARE`, as all that only multiplies products)."""
 LEAST_SHARE, LARGEST_SHARE = 0.2, 5.0
+LIFT = "u*v"
+"""Name of the term of yaw by the product of the speeds ahead and aside: lift takes part of the
+moment that added mass makes of them, so that this moment tells no inertia (decision 0117)."""
 FORCE = "force"
 """Name of the term c F of an axis."""
 RIGHTING = "restoring"
@@ -107,7 +110,7 @@ class Structure:
             share = {
                 VELOCITIES[AXES.index(item.axis)]: number
                 for number, item in enumerate(self.terms)
-                if item.kind == SHARE
+                if item.name == INERTIA
             }
             for i, place in enumerate(self.places):
                 for a, b, sign, of in _CORIOLIS[int(place)]:
@@ -119,6 +122,11 @@ class Structure:
                         up = down = -1
                     products.append((i, a, b, up, down))
                     weights.append(sign * self.inertia[of] / self.inertia[place])
+        for number, item in enumerate(self.terms):
+            if item.name == LIFT:
+                row = self.velocities.index(VELOCITIES[AXES.index(item.axis)])
+                products.append((row, _U, _V, number, -1))
+                weights.append(1.0)
         return np.array(products, dtype=np.int64).reshape(-1, 5), np.array(weights)
 
 
@@ -171,6 +179,11 @@ def axis_terms(
     if share_sd > 0.0:
         out.append(share_term(axis, share_sd))
     return tuple(out)
+
+
+def lift_term(axis: str) -> AxisTerm:
+    """Return the term of `LIFT`, a coefficient of one product of velocities."""
+    return AxisTerm(axis, LIFT, SHARE, AXES.index(axis))
 
 
 def share_term(axis: str, sd: float) -> AxisTerm:

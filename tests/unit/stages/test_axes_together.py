@@ -100,6 +100,8 @@ def fits(coriolis: bool, torque: float = 3.0) -> AxisFits:
 ONE_BY_ONE = FitOptions(lag_s=0.08, fit_lag=False, together="never")
 SWAY_BY_TURNING, TURN_BY_SWAY = -0.2, 1.5
 """v' has so much of r [m/s per rad], r' so much of v [rad/(m s)]: a hull longer behind."""
+WITHOUT_LIFT = 0.3
+"""What lift leaves of the moment of the added mass by u v."""
 
 
 def coupled_motion(item: LegData, seed: int) -> LegData:
@@ -121,7 +123,7 @@ def coupled_motion(item: LegData, seed: int) -> LegData:
             u, v, r = nu
             own[0] += m[1] / m[0] * v * r
             own[1] += -m[0] / m[1] * u * r + SWAY_BY_TURNING * r
-            own[2] += (m[0] - m[1]) / m[5] * u * v + TURN_BY_SWAY * v
+            own[2] += WITHOUT_LIFT * (m[0] - m[1]) / m[5] * u * v + TURN_BY_SWAY * v
             nu = [x + h * change for x, change in zip(nu, own, strict=True)]
     noise = 0.005 * np.random.default_rng(seed).standard_normal((len(rows), 3))
     rate = {**record.rate, **dict(zip("uvr", (np.array(rows) + noise).T, strict=True))}
@@ -137,8 +139,31 @@ def test_a_hull_that_couples_sway_and_yaw_has_the_coupling() -> None:
     by_axis = {item.axis: item.equation for item in fitted.fitted}
     assert by_axis["Y"].value("r") == pytest.approx(SWAY_BY_TURNING, abs=0.05)
     assert by_axis["N"].value("v") == pytest.approx(TURN_BY_SWAY, rel=0.1)
+    # Lift has a coefficient of its own: sway keeps its ratio, and nothing tells that of yaw.
+    m = file_inertia()
+    sway, yaw = (fitted.inertia_shares[axis] for axis in "YN")
+    assert sway[0] == pytest.approx(1.0, abs=4.0 * sway[1])
+    assert sway[1] < 0.05
+    assert yaw[0] == pytest.approx(1.0, abs=0.01)
+    assert yaw[1] > 0.3
+    lift = (WITHOUT_LIFT - 1.0 / yaw[0]) * (m[0] - m[1] * sway[0]) / m[5]
+    assert by_axis["N"].value("u*v") == pytest.approx(lift, rel=0.1)
     card = model_card(fitted, scaled(fitted, body(), by="pull"), (), body())
     assert "r" in {item.term for item in card.axes["Y"].terms}
+    assert "u*v" in {item.term for item in card.axes["N"].terms}
+    screen = summarise_axes(card, ranking(card, fitted), {}, {}, body(), {})
+    assert "Nothing in these logs tells the ratio of yaw" in screen.explanation
+    record = moved["leg_3"].record
+    start = np.array([record.rate[name][0] for name in "uvwpqr"])
+    text = auvid.Model(file_of(card, fitted, body())).file.model_dump_json()
+    rows = slice(0, 60)
+    flown = flown_by_file(
+        text, record.t_s[rows], {axis: record.force[axis][rows] for axis in "XYN"}, start
+    )
+    for item in fitted.fitted:
+        part = next(part for part in item.motion if part.leg == "leg_3")
+        own = flown[:, "uvwpqr".index(item.equation.speed)]
+        assert own == pytest.approx(part.simulated[rows], abs=1e-4)
     assert min(item.held_out_percent or 0.0 for item in fitted.fitted) > 85.0
     assert not any("r" in item.equation.names[4:] for item in fits(True).fitted)
 

@@ -60,6 +60,8 @@ WORLD_OR_BODY = re.compile(r"[xyz]$")
 """End of a velocity's name that may as well be of world axes."""
 FROM_ABOVE = "up"
 """Mark of a height that is negative under water."""
+UPWARD = "flu"
+"""Frame of a command that is upward by its name."""
 REVERSED = (FROM_ABOVE, MATCHED_REVERSED, NAMED_REVERSED)
 BETWEEN_RUNS_S = 10.0
 """Runs with the same columns are looked at one behind the other with such a pause."""
@@ -136,7 +138,8 @@ def _frame_of(
     """Return the frame of the pose that commands show, '' where they do not."""
     axes = {f"command_{name}": axis for axis, name in AXIS_NAMES.items()}
     by_axis = {
-        axes[item.place[1]]: values[item.name] * (-1.0 if item.frame == NAMED_REVERSED else 1.0)
+        axes[item.place[1]]: values[item.name]
+        * (-1.0 if item.frame in (NAMED_REVERSED, UPWARD) else 1.0)
         for item in columns
         if item.place is not None and item.place[1] in axes
     }

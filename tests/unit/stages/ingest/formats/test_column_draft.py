@@ -332,12 +332,14 @@ def test_sticks_in_pulses_are_asked_for_and_taken_once_they_are_named() -> None:
 
 
 def tank_draft(
-    names: Mapping[str, str], *, jump: bool = False, upward: bool = False
+    names: Mapping[str, str], *, jump: bool = False, upward: bool = False, heave_up: bool = False
 ) -> ColumnDraft:
     """Return the draft of poses and commands of a run, the columns called as `names` says."""
     run = noisy(tank_run(1), 1)
     if jump:
         run["x_m"] = run["x_m"] + 20.0 * (np.arange(run["x_m"].size) >= 300)
+    if heave_up:
+        run["cmd1"] = -run["cmd1"]
     if upward:  # x east, y north, z up; roll, pitch, yaw of a body forward-left-up
         run["x_m"], run["y_m"] = run["y_m"], run["x_m"]
         run["yaw_rad"] = 0.5 * np.pi - run["yaw_rad"]
@@ -371,6 +373,11 @@ def test_a_position_that_is_called_east_north_up_is_taken_as_that() -> None:
         assert "frame enu, z up: by the name" in frames[column][2]
     assert {item.sign for item in draft.columns if item.stream == "actuators"} == {1}
     assert tank_draft({}, upward=True).columns[0].frame == "flu"  # commands answer so
+    # A command that is upward by its name is turned before it is asked which way z points.
+    axes = ("yaw", "heave_up", "surge", "sway")
+    names = {f"cmd{number}": f"cmd_{axis}" for number, axis in enumerate(axes)}
+    drafts = [tank_draft(names, upward=upward, heave_up=True) for upward in (True, False)]
+    assert [draft.columns[0].frame for draft in drafts] == ["flu", ""]
 
 
 @pytest.mark.parametrize(("frame", "upward"), [("map", True), ("odom", True), ("map_ned", False)])
