@@ -20,7 +20,7 @@ from itertools import groupby
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
 from auvid.stages.base import Document
 from auvid.stages.number_format import (
@@ -93,6 +93,8 @@ MEANINGS = {
 LONG_TEXT = 200
 SHORT_CELL, LONG_CELL = 22, 48
 FOLDED_FROM, OPEN_UPTO = 4, 8
+DAY = re.compile(r"^\d{4}-\d\d-\d\d")
+"""At the begin of a cell: it stays in one line."""
 NO_LOGS: Mapping[str, str] = {}
 
 
@@ -104,6 +106,19 @@ class Cell:
     sort: float | str | None
     kind: str = ""
     swatch: str = ""
+
+    @property
+    def html(self) -> Markup:
+        """Return its element; what it sorts by stands there if it is not the text."""
+        kind = f' class="{escape(self.kind)}"' if self.kind else ""
+        value = str(self.sort)
+        same = self.sort is None or value == self.text
+        value = "" if same else f' data-v="{escape(visible(value))}"'
+        swatch = (
+            f'<i class="swatch" style="--c:var({escape(self.swatch)})"></i>' if self.swatch else ""
+        )
+        words = DAY.sub(r'<span class="day">\g<0></span>', str(escape(visible(self.text))))
+        return Markup(f"\n<td{kind}{value}>{swatch}{words}</td>")
 
 
 @dataclass(frozen=True)

@@ -52,12 +52,16 @@ for (const button of document.querySelectorAll("button.copy")) button.addEventLi
   button.textContent = "Copied";
 });
 
+function sorted(cell) {  // what it sorts by and what a copy holds: its text unless it says otherwise
+  return cell.dataset.v ?? (cell.classList.contains("empty") ? undefined : cell.textContent);
+}
+
 function sortBy(table, column, head) {
   const ascending = head.getAttribute("aria-sort") !== "ascending";
   for (const other of head.parentNode.children) other.removeAttribute("aria-sort");
   head.setAttribute("aria-sort", ascending ? "ascending" : "descending");
   const body = table.tBodies[0], rows = [...body.rows];
-  const value = row => row.cells[column].dataset.v;
+  const value = row => sorted(row.cells[column]);
   const numeric = rows.every(row => value(row) === undefined || row.cells[column].classList.contains("number"));
   rows.sort((a, b) => {
     const [first, second] = [value(a), value(b)];
@@ -86,7 +90,7 @@ function csv(table) {
   const plain = words => /[",\n]/.test(words) ? `"${words.replaceAll('"', '""')}"` : words;
   const quote = words => plain(safe(words));
   const heads = [...table.tHead.rows[0].cells].map(cell => quote(cell.textContent.trim()));
-  const value = cell => cell.dataset.v ?? (table.classList.contains("sortable") ? "" : cell.textContent.trim().replace(/\s+/g, " ").replace("−", "-"));
+  const value = cell => table.classList.contains("sortable") ? sorted(cell) ?? "" : cell.dataset.v ?? (cell.textContent.trim().replace(/\s+/g, " ").replace("−", "-"));
   const rows = [...table.tBodies].flatMap(body => [...body.rows]).map(row => [...row.cells].map(cell => quote(value(cell))));
   return [heads, ...rows].map(row => row.join(",")).join("\n") + "\n";
 }

@@ -298,12 +298,12 @@ def _usable_section(runs: Sequence[Row], *, order: int) -> Document:
     heads = ["dive", "vehicle", "model", "J/J0", *AXIS_WORDS.values(), "start (UTC)", "log"]
     rows = [
         [
-            _name(row),
+            str(row["file"]).rpartition("/")[2],
             row["vehicle"],
             row["model"],
             row["ratio"],
             *(row[f"use_{word}"] or row[word] for word in AXIS_WORDS.values()),
-            row["start_utc"],
+            row["start_utc"] and row["start_utc"][:16].replace("T", " "),
             row["log"],
         ]
         for row in there

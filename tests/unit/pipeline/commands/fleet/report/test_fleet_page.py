@@ -121,6 +121,10 @@ def test_a_healthy_fleet_raises_nothing_and_gives_the_next_dive() -> None:
     page = page_of(rows)
     assert "surge control 10" in page
     assert "They agree on drag in surge at 0.3 m/s" in page
+    # The table of dives has no column for what another one holds, and no text twice.
+    assert "<td>dive0.BIN</td>\n<td>rov</td>" in page
+    assert '<td data-v="2024-05-01 10:00"' not in page
+    assert '<td><span class="day">2024-05-01</span> 10:00</td>' in page
     assert "look at" not in page.partition("</h1>")[0]
 
 
