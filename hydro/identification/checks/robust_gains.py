@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.kept_results import kept
 
 FEWEST_WINDOWS = 12
 ROBUST_ROUNDS = 3
@@ -77,6 +78,7 @@ class RobustFits:
         ]
 
 
+@kept
 def fitted_gains(y: ArrayLike, design: ArrayLike) -> AxisGains | None:
     """Return the least-squares gains of y (n,) on design (n, k), a constant beside.
 

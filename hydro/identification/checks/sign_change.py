@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvid.hydro.arrays import Array, median
+from auvid.hydro.kept_results import kept
 
 Choices = Sequence[Sequence[Array]]
 STEP_S = 1.0
@@ -47,6 +48,7 @@ class SignChange:
     explained: list[float]
 
 
+@kept
 def sign_change(
     targets: Sequence[SignTarget], choices: Sequence[Sequence[Array]]
 ) -> SignChange | None:

@@ -138,6 +138,7 @@ def turned_back(speed: Array, angle: float) -> Array:
     return np.asarray(speed @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]))
 
 
+@kept
 def odds_of_velocities(
     imu: tuple[Array, Array, Array],
     attitude: tuple[Array, Array],

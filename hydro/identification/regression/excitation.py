@@ -119,20 +119,24 @@ def axis_excitation(
     columns = dict(zip(VELOCITIES, _joined(nu, 6).T, strict=True))
     if eta_ratio is not None:
         columns[PROPULSION] = _joined(eta_ratio, None) - 1.0
-    return {
-        name: VelocityExcitation(
-            name=name,
-            n=len(column),
-            mean=float(np.mean(column)),
-            rms=float(np.sqrt(np.mean(column**2))),
-            std=float(np.std(column)),
-            low=float(column.min()),
-            high=float(column.max()),
-            threshold=float(thresholds[name]),
-            share_beyond=float(np.mean(np.abs(column) > thresholds[name])),
-        )
-        for name, column in columns.items()
-    }
+    return {name: velocity_excitation(name, own, thresholds[name]) for name, own in columns.items()}
+
+
+def velocity_excitation(name: str, values: Array, threshold: float) -> VelocityExcitation:
+    """Return the excitation of one velocity (n,), as `axis_excitation` does of all."""
+    if not np.isfinite(values).all():
+        raise DataError("a velocity is not finite")
+    return VelocityExcitation(
+        name=name,
+        n=len(values),
+        mean=float(np.mean(values)),
+        rms=float(np.sqrt(np.mean(values**2))),
+        std=float(np.std(values)),
+        low=float(values.min()),
+        high=float(values.max()),
+        threshold=float(threshold),
+        share_beyond=float(np.mean(np.abs(values) > threshold)),
+    )
 
 
 def error_thresholds(sd: Array | None) -> dict[str, float]:
@@ -191,6 +195,4 @@ def _joined(parts: ArrayLike | Sequence[ArrayLike], width: int | None) -> Array:
     values = np.concatenate([np.asarray(leg, dtype=np.float64) for leg in legs])
     if values.shape[1:] != (() if width is None else (width,)) or not len(values):
         raise DataError("excitation needs body velocities (n, 6)", value=values.shape)
-    if not np.isfinite(values).all():
-        raise DataError("a velocity is not finite")
     return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -152,7 +152,7 @@ def check_health(
     measured += results[-1]
 
     def again(mended: CheckedLog) -> Iterator[Finding]:
-        return _compared(mended).findings
+        return _once(_findings(mended), "clock_drift")
 
     measured, of_masses, mended = by_mass(real, [*measured, *of_motion], again)
     measured, explained = by_cause(mended, measured, again)
@@ -233,37 +233,58 @@ class _Compared:
     answers: dict[str, Response]
     parts: tuple[Iterable[Finding], ...]
 
-    @property
-    def findings(self) -> Iterator[Finding]:
-        """The findings one after another, so that who has read enough may stop."""
-        return _once(chain(*self.parts), "clock_drift")
-
 
 def _compared(log: CheckedLog) -> _Compared:
     """Compare the sensors of a log with each other and with its outputs."""
-    measured = list(exchanged_columns(log))
-    for item in measured:  # they say nothing of the others
-        log = log.without(item["stream"])
-        log = log.without("velocity") if item["stream"] == "depth" else log.without("imu")
-    for mend in (with_upright, with_direction, with_one_turn, with_true_angles):
-        log, wrong = mend(log)
-        measured += wrong
-    measured += [item for check in OF_SENSORS for item in check(log)]
-    if any(item["id"] in OF_GRAVITY and item["stream"] == "imu" for item in measured):
-        log = log.without_accelerometer()  # it is no evidence against others
-    elif not any(item["id"] in OF_TURNS for item in measured):
-        log, late = with_inertial_lag(log)
-        measured += late
-    if not any(item["id"] in OF_TURNS for item in measured):
-        log, wrong = with_one_velocity(log)
-        measured += wrong
-    beams = list(beam_findings(log.in_time())) or list(ground_findings(log.in_time()))
-    measured += beams
-    if beams:
-        log = log.without("velocity")  # nor is it of clocks, signs and forces
-    evidence = velocity_evidence(log.in_time())
+    measured: list[Finding] = []
+    sensors = _of_sensors(log)
+    while True:
+        try:
+            measured.append(next(sensors))
+        except StopIteration as end:
+            log, evidence = end.value
+            break
     answers, of_commands = _of_commands(log, evidence)
     return _Compared(log, evidence, answers, (measured, *of_commands))
+
+
+def _findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield the findings of `_compared` one after another, so that one may stop."""
+    log, evidence = yield from _of_sensors(log)
+    yield from chain(*_of_commands(log, evidence)[1])
+
+
+def _of_sensors(log: CheckedLog) -> Generator[Finding, None, tuple[CheckedLog, VelocityEvidence]]:
+    """Yield what sensors say of each other; return the log as its evidence goes."""
+    exchanged = list(exchanged_columns(log))
+    yield from exchanged
+    for item in exchanged:  # they say nothing of the others
+        log = log.without(item["stream"])
+        log = log.without("velocity") if item["stream"] == "depth" else log.without("imu")
+    measured: list[Finding] = []
+    for mend in (with_upright, with_direction, with_one_turn, with_true_angles):
+        log, wrong = mend(log)
+        yield from wrong
+        measured += wrong
+    for check in OF_SENSORS:
+        wrong = list(check(log))
+        yield from wrong
+        measured += wrong
+    turns = any(item["id"] in OF_TURNS for item in (*exchanged, *measured))
+    if any(item["id"] in OF_GRAVITY and item["stream"] == "imu" for item in measured):
+        log = log.without_accelerometer()  # it is no evidence against others
+    elif not turns:
+        log, late = with_inertial_lag(log)
+        yield from late
+        turns = any(item["id"] in OF_TURNS for item in late)
+    if not turns:
+        log, wrong = with_one_velocity(log)
+        yield from wrong
+    beams = list(beam_findings(log.in_time())) or list(ground_findings(log.in_time()))
+    yield from beams
+    if beams:
+        log = log.without("velocity")  # nor is it of clocks, signs and forces
+    return log, velocity_evidence(log.in_time())
 
 
 def of_forces(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:

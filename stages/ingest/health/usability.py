@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from auvid.data_schemas.checks import checks
-from auvid.hydro.identification.regression.excitation import THRESHOLDS, axis_excitation
+from auvid.hydro.identification.regression.excitation import THRESHOLDS, velocity_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
 from auvid.stages.columns import FINS
@@ -73,10 +73,7 @@ def excitation(
         if not values.size:
             result[axis] = {**empty, **about, "source": source, "excited": False}
             continue
-        column = "uvwpqr".index(axis)
-        nu = np.zeros((values.size, 6))
-        nu[:, column] = values
-        item = axis_excitation(nu)[axis]
+        item = velocity_excitation(axis, values, THRESHOLDS[axis])
         measured = {
             "rms": item.rms,
             "low": item.low,
