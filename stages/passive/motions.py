@@ -31,6 +31,8 @@ from auvid.stages.leg_streams import Streams
 
 ROLES = ("tow", "coast", "decay", "drift")
 SPEEDS = {"surge": "u", "sway": "v", "heave": "w", "yaw": "r"}
+LEAST_SLIP_RAD = float(np.radians(5.0))
+"""From there on a hull under tow is oblique: the wash of a carriage gives some degrees."""
 TOW_SPEED = ("tow_speed_m_s",)
 TOWED_ALONG = ("surge", "sway")
 """In heave the line carries the weight in water as well."""
@@ -110,6 +112,8 @@ class PassiveMotions:
     """Leg, velocity north and east (2,) [m/s], standard errors (2,)."""
     left_out: list[str] = field(default_factory=list)
     by: dict[str, str] = field(default_factory=dict)
+    oblique: dict[str, float] = field(default_factory=dict)
+    """Leg that is towed with a sideslip -> angle between hull and path [rad]."""
     guessed: set[str] = field(default_factory=set)
     """Channels whose coasts begin at a peak of speed, where no force says that it ended."""
 
@@ -261,11 +265,25 @@ def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
             out.left_out.append(f"{name}: no tow force is logged (stream tow, tow_force_n)")
         else:
             record = TowRecord(leg.t_s, leg.towed_speed(channel), leg.force_N)
+            _note_slip(out, leg, channel, slice(None))
             out.tows.setdefault(channel, []).append((name, record))
     else:
         begin = int(np.argmax(np.isfinite(leg.speed(channel))))
         last = begin + int((WAIT_S + rules.longest_s) / leg.step_s)
         _coast(out, leg, channel, (begin, min(last, leg.t_s.size)), rules)
+
+
+def _note_slip(out: PassiveMotions, leg: PassiveLeg, channel: str, part: slice) -> None:
+    """Note the sideslip of a tow whose speed across is measured and not small."""
+    along = leg.towed_speed(channel)[part]
+    across = leg.speed("sway" if channel == "surge" else "surge")[part]
+    both = np.isfinite(along) & np.isfinite(across)
+    if not both.any():
+        return
+    size = float(np.median(np.abs(along[both])))
+    angle = abs(float(np.arctan2(np.median(across[both] * np.sign(along[both])), size)))
+    if angle > LEAST_SLIP_RAD:
+        out.oblique[leg.entry.id] = max(angle, out.oblique.get(leg.entry.id, 0.0))
 
 
 def _speed_in(leg: PassiveLeg, role: str | None, channel: str) -> Array:
@@ -285,6 +303,7 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
             for first, last in towed(force, step):
                 part = slice(first, last)
                 record = TowRecord(leg.t_s[part], pulled[part], force[part])
+                _note_slip(out, leg, channel, part)
                 out.tows.setdefault(channel, []).append((leg.entry.id, record))
         if not np.isfinite(speed).any():
             continue

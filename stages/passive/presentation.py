@@ -77,6 +77,15 @@ def passive_section(motions: PassiveMotions, results: dict[str, Any]) -> dict[st
         for words, headline in _sentences(motions)
     ]
     blocks += [
+        remark(
+            f"Leg '{leg}' is towed with a sideslip of {np.degrees(angle):.0f} degrees: the line"
+            " pulls against drag ahead and aside, and what stands as drag along the hull has both."
+            " Tow it with its bow into the path.",
+            "warning",
+        )
+        for leg, angle in motions.oblique.items()
+    ]
+    blocks += [
         text(
             "Nothing on board drives the body. A tow gives drag in newtons by the force of its"
             " line; a coast gives drag over apparent mass, a swing restoring and damping over"

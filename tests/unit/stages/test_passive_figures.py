@@ -15,6 +15,7 @@ from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
 from auvid.stages.passive.figures import alike_damped, passive_results, pooled
 from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of, read_leg
+from auvid.stages.passive.presentation import passive_section
 from tests.support.motions import shipped_vehicle
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
 
@@ -75,3 +76,33 @@ def test_the_speed_of_a_carriage_gives_drag_and_no_coast(role: str | None) -> No
         assert row["verdict"] == "identified"
         half = row["high"] - row["low"]
         assert row["low"] - half < truth < row["high"] + half
+
+
+@pytest.mark.parametrize("role", [None, "tow"])
+def test_a_tow_with_sideslip_is_named(role: str | None) -> None:
+    """12 degrees at 0.21 of the speed ahead; noise across is none."""
+    body = towed_body(4)
+    time_us = np.rint(1e6 * body["time_s"]).astype(np.int64)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(time_us.size)
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    info = SimpleNamespace(start_us=0, end_us=int(time_us[-1]))
+    angles = []
+    for share in (0.0, 0.2126):
+        aside = {"v_m_s": share * body["u_m_s"] + noise, "w_m_s": body["w_m_s"]}
+        tables = {
+            "tow": make_table("tow", {"time_us": time_us, "tow_force_n": body["tow_force_n"]}),
+            "velocity": make_table(
+                "velocity", {"time_us": time_us, "u_m_s": body["u_m_s"], **aside}
+            ),
+        }
+        leg = read_leg(
+            LegEntry(id="leg", log="dive", role=role), tables, cast(LogInfo, info), vehicle,
+            rate_hz=20.0, max_gap_s=1.0,
+        )  # fmt: skip
+        motions = motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+        angles.append(motions.oblique)
+        section = passive_section(motions, passive_results(motions, vehicle))
+        words = " ".join(str(block.get("text", "")) for block in section["blocks"])
+        assert ("sideslip of 12 degrees" in words) is bool(share)
+    assert angles[0] == {}
+    assert np.degrees(angles[1]["leg"]) == pytest.approx(12.0, abs=0.3)
