@@ -43,8 +43,8 @@ FIRST_LAG_S, LONGEST_LAG_S = 0.05, 1.0
 FIRST_FORCE_TIME_S = 0.5
 MOST_MISSED, MOST_STEPS = 1.05, 60
 """What free runs of a doubtful fit may miss the samples by, in parts of their scatter, after
-its first steps: 1.00 to 1.03 where the form has the truth. Steps allowed to it: such a fit
-converges in 8 to 20.
+its first steps: 1.00 where the form has the truth, 1.10 to 1.12 where it nearly has. Steps
+allowed to it: a fit that holds converges in 11 to 22.
 """
 SMALLEST_FORCE = 1e-3
 """Smallest unsteady force to start from: so much of the axis's inertia times 1 m/s^2."""
