@@ -26,6 +26,8 @@ from auvid.hydro.identification.maximum_likelihood.records import (
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, FINS, GYRO, VELOCITY, clock
 from auvid.stages.sensor_motion import VelocityLogPlacement
 
+ALWAYS = ("attitude", "gyro", "velocity")
+"""Sensors without which nothing is fitted; a leg may do without the others."""
 Tables = Mapping[str, pa.Table]
 NEEDED = {"imu": "angular rates", "velocity": "a body velocity"}
 """Stream without which a leg takes no part, and what it gives."""
@@ -82,6 +84,12 @@ def leg_record(
         sensors["accel"] = _record(samples.imu, ACCELEROMETER, end)
     if samples.depth is not None:
         sensors["depth"] = _record(samples.depth, ("z_m",), end)
+    silent = [name for name, record in sensors.items() if not len(record.t_s)]
+    needed = [name for name in silent if name in ALWAYS]
+    if needed:
+        return f"'{samples.segment.id}' has no sample of {' and '.join(needed)} on the leg"
+    for name in silent:
+        del sensors[name]
     geometry = SensorGeometry(
         imu=_placed(vehicle.imu.arm_m),
         velocity=MountedSensor(place.arm_m, place.turn, 0.0),

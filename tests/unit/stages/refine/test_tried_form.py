@@ -200,6 +200,20 @@ def test_what_takes_too_long_or_lacks_a_sensor_stays(
 
 
 @pytest.mark.parametrize(
+    ("stream", "words"), [("samples_depth", ""), ("samples_velocity", "has no sample of velocity")]
+)
+def test_a_sensor_without_a_sample_on_a_leg_is_none(
+    twin: refine.Inputs, stream: str, words: str
+) -> None:
+    empty = collection({key: table.slice(0, 0) for key, table in getattr(twin, stream).items()})
+    legs, left_out, _ = refine._legs(replace(twin, **{stream: empty}))
+    assert all("depth" not in leg.sensors for leg in legs)
+    assert all(leg.span_s()[1] > SECONDS - 1.0 for leg in legs)
+    assert all(words in reason for reason in left_out)
+    assert len(left_out) == (len(LEGS) if words else 0)
+
+
+@pytest.mark.parametrize(
     ("changes", "words"),
     [
         ({"word": "no convergence"}, "the iteration did not converge in"),
