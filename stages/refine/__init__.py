@@ -47,6 +47,8 @@ from auvid.stages.sensor_motion import VelocityLogPlacement
 from auvid.stages.steps import counted
 
 AUTO, LEAST_SQUARES = "auto", "least_squares"
+FEWEST_LEGS = 2
+"""A current, a trim or a mounting that lasts for a leg is alike in all its windows."""
 MISSED = 3.0
 """Errors of free runs in parts of the samples' scatter, the median of the channels, from
 which on they are said to be missed: 1 to 2.8 where a fit converges, 8 under the unsteady
@@ -182,6 +184,9 @@ def _where_it_holds(inputs: Inputs, params: Params, cards: Mapping[str, ModelCar
 
 def _doubtful_card(inputs: Inputs, params: Params, name: str, card: ModelCard) -> ModelCard | str:
     """Return the card of a fit that is tried, or why there is none."""
+    trained = {item.leg for item in inputs.segment.values() if item.use == "training"}
+    if len(trained) < FEWEST_LEGS:
+        return "one training leg does not show whether another one agrees"
     legs, left_out, _ = _legs(inputs)
     if left_out:
         return left_out[0]

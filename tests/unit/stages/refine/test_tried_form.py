@@ -187,9 +187,15 @@ def test_where_an_unsteady_force_pushes_no_sample_is_read(twin: refine.Inputs) -
     assert "(it leans Y_v by 3.1 standard errors)" in note
 
 
-def test_what_takes_too_long_or_lacks_a_sensor_stays(
+def test_what_takes_too_long_or_lacks_a_leg_or_a_sensor_stays(
     twin: refine.Inputs, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    key = next(iter(twin.segment))
+    single = refine.run(
+        replace(twin, segment=collection({key: twin.segment[key]})), refine.Params()
+    )
+    assert single.model_card == {}
+    assert "one training leg does not show" in notes(single)[0]
     deaf = refine.run(replace(twin, samples_velocity=None), refine.Params())
     assert deaf.model_card == {}
     assert "lacks a body velocity" in notes(deaf)[0]
