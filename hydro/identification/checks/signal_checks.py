@@ -304,9 +304,9 @@ def following(t_s: ArrayLike, x: ArrayLike, t_other: ArrayLike, y: ArrayLike) ->
     )
 
 
-AROUND, BEYOND_OTHERS, OF_STEP = 5, 3.0, 0.7
-"""Samples on either side of a jump, how many times their steps it is, and the part of it
-by which the medians of both sides differ.
+AROUND, BEYOND_OTHERS, OF_STEP, LONGEST_OF_USUAL = 5, 3.0, 0.7, 1.5
+"""Samples on either side of a jump, how many times their steps it is, the part of it by
+which the medians of both sides differ, and the longest time that it may take, in usual steps.
 """
 
 
@@ -314,11 +314,14 @@ def jumps(t_s: ArrayLike, values: ArrayLike, *, least: float, rate: float) -> np
     """Return the samples (k,) before steps to another level, which the record keeps.
 
     A step is larger than `least`, faster than `rate` per second, and larger than those
-    around it.
+    around it; a value that is held counts once, and a pause tells nothing.
     """
     t, x = np.asarray(t_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
-    step = np.diff(x)
-    large = np.flatnonzero((np.abs(step) > least) & (np.abs(step) > rate * np.diff(t)))
+    fresh = np.flatnonzero(np.diff(x, prepend=np.inf) != 0.0)
+    t, x = t[fresh], x[fresh]
+    step, took = np.diff(x), np.diff(t)
+    soon = took < LONGEST_OF_USUAL * (np.median(took) if took.size else 0.0)
+    large = np.flatnonzero(soon & (np.abs(step) > np.maximum(least, rate * took)))
     large = large[(large >= AROUND - 1) & (large < x.size - AROUND)]
     if not large.size:
         return large
@@ -328,4 +331,4 @@ def jumps(t_s: ArrayLike, values: ArrayLike, *, least: float, rate: float) -> np
     others = np.max([np.abs(np.diff(side, axis=1)).max(axis=1) for side in sides], axis=0)
     own = step[large]
     stays = (np.abs(own) > BEYOND_OTHERS * others) & (rise * np.sign(own) > OF_STEP * np.abs(own))
-    return np.asarray(large[stays], dtype=np.intp)
+    return np.asarray(fresh[large[stays] + 1] - 1, dtype=np.intp)

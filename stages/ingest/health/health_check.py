@@ -58,7 +58,10 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     velocity_evidence,
 )
-from auvid.stages.ingest.health.agreement.velocity.velocity_samples import outlier_findings
+from auvid.stages.ingest.health.agreement.velocity.velocity_samples import (
+    outlier_findings,
+    step_findings,
+)
 from auvid.stages.ingest.health.causes import OF_MOTION, by_cause, by_mass
 from auvid.stages.ingest.health.finding import ON_CHANGE, CheckedLog, Finding
 from auvid.stages.ingest.health.records import (
@@ -351,6 +354,7 @@ OF_VALUES = (
     attitude_findings,
     velocity_findings,
     outlier_findings,
+    step_findings,
     pose_findings,
     command_clock_findings,
     wrap_findings,

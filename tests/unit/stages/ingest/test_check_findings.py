@@ -886,7 +886,7 @@ def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
     of_poses = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
     of_poses |= {"commands_mixed", "run_clock"}  # which is of several logs
     of_poses |= {"response_shape", "depth_unrelated", "depth_jumps"}  # test_wrong_maps.py
-    of_poses |= {"velocity_level"}
+    of_poses |= {"velocity_level", "velocity_step"}
     assert set(SPOIL) | {"command_lag"} | of_poses == set(checks())  # test_pose_motion.py
 
 

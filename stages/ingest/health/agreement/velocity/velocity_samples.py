@@ -7,13 +7,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
-from auvid.hydro.identification.checks.signal_checks import slow_speed
-from auvid.stages.columns import LINEAR_VELOCITY
+from auvid.hydro.identification.checks.signal_checks import jumps, slow_speed
+from auvid.stages.columns import LINEAR_VELOCITY, OF_FIXES, OF_POSES, SPEEDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
 from auvid.stages.number_format import significant
 
 LEAP_M_S, LEAP_SPREADS = 1.0, 10.0
 """An outlier is so far from the median of five samples, and so many times what most are."""
+FASTEST_M_S2 = 1.5
+"""A step of the velocity that is slower may be an acceleration."""
 UNDER_WAY_M_S = 0.05
 LONGEST_ZERO_S = 2.0
 """Zeros that last longer are a rest, or a sensor that is stuck, which has its own check."""
@@ -49,6 +51,32 @@ def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
         value=share,
         at_s=float(log.t_s("velocity")[np.flatnonzero(leaps | zeros)[0]]),
         fields=LINEAR_VELOCITY,
+    )
+
+
+def step_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a velocity that steps to another value and goes on from there."""
+    if not log.has("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
+        return
+    values, t_s = log.values("velocity", LINEAR_VELOCITY), log.t_s("velocity")
+    steps = []
+    for axis, name in enumerate(SPEEDS[:2]):
+        there = np.isfinite(values[:, axis])
+        t, speed = t_s[there], values[there, axis]
+        at = jumps(t, speed, least=limit("velocity_step"), rate=FASTEST_M_S2)
+        steps += [(float(speed[row + 1] - speed[row]), float(t[row + 1]), name) for row in at]
+    if not steps:
+        return
+    size, at_s, name = max(steps, key=lambda step: abs(step[0]))
+    yield finding(
+        "velocity_step",
+        f"The velocity ({log.source('velocity')}) steps {counted(len(steps), 'time')} to another"
+        f" value and goes on from there, {name} by {size:+.2f} m/s at {at_s:.1f} s from the start,"
+        " faster than a vehicle is accelerated.",
+        stream="velocity",
+        value=abs(size),
+        at_s=at_s,
+        fields=LINEAR_VELOCITY[:2],
     )
 
 

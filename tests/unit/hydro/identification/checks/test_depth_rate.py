@@ -50,4 +50,6 @@ def test_only_steps_to_a_level_that_stays_are_jumps() -> None:
     values[700] += 0.5  # and back
     values[900:] += np.minimum(0.09 * np.arange(300), 0.9)  # fast, and a motion
     assert jumps(T_S, values, least=0.1, rate=1.0).tolist() == [499]
+    repeated = values[np.arange(T_S.size) // 20 * 20]  # each for two seconds
+    assert jumps(T_S, repeated + 0.3 * np.sin(2.0 * repeated), least=0.1, rate=1.0).size == 0
     assert not jumps(T_S[:8], values[496:504], least=0.1, rate=1.0).size

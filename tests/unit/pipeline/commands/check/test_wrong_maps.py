@@ -314,6 +314,15 @@ def shaped(power: float, *names: str) -> Change:
     return data(curved, *names)
 
 
+def water_track(case: Case) -> None:
+    """From the middle on the velocity log sees the water, which flows north."""
+    values = case.files["run.csv"]
+    later = np.arange(values["u"].size) > values["u"].size // 2
+    yaw = np.radians(values["yaw_deg"])
+    values["u"] = values["u"] - 0.3 * later * np.cos(yaw)
+    values["v"] = values["v"] + 0.3 * later * np.sin(yaw)
+
+
 def gyro_turned(case: Case) -> None:
     """The gyro is mounted turned by 90 degrees about the vertical."""
     values, column = case.values(GYRO[0])
@@ -881,6 +890,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "depth_jumps",
         "1 time and goes on at another level, by -0.4",
     ),
+    "bottom track, then water track": (water_track, "velocity_step", "goes on from there"),
 }
 """Change, the finding that must stop the run (or words of the refusal), words of it."""
 DIVE_CASES: dict[str, tuple[Change, str, str]] = {
@@ -1005,6 +1015,7 @@ NOT_STOPPING = (
     "response_shape",
     "arm_off",
     "depth_jumps",
+    "velocity_step",
     "values_coarse",
     "heading_deviation",
     "velocity_zero",
