@@ -48,8 +48,9 @@ TETHER_SHARE = 0.05
 FREE_AXES = "XYZN"
 """Axes without a restoring moment, in which a steady force must move the body."""
 DEPTH_RATE_S = 1.0
-ONE_WAY_SHARE = 0.05
-"""Less than this part of the moving time against the other way is one way."""
+ONE_WAY_SHARE, DRIFT_SHARE = 0.05, 0.1
+"""Less than this part of the moving time against the other way is one way; a hull that other
+axes move drifts back at up to this part of its fast speeds, which tells no drag."""
 OFFSETS_S = (-3.0, 3.0)
 LEAST_EXPLAINED = 0.5
 EARLY_S, LATE_S = 0.1, 1.2
@@ -358,7 +359,8 @@ def _one_way_words(record: AxisRecord, speeds: Mapping[str, Array]) -> Iterator[
     """Yield a sentence for each axis that moves one way only."""
     for axis, windows in record.windows.items():
         speed = np.concatenate([speeds[axis][first:last] for first, last in windows])
-        limit = THRESHOLDS[VELOCITIES[AXES.index(axis)]]
+        fast = float(np.quantile(np.abs(np.nan_to_num(speed)), 0.95))
+        limit = max(THRESHOLDS[VELOCITIES[AXES.index(axis)]], DRIFT_SHARE * fast)
         ways = np.count_nonzero(speed > limit), np.count_nonzero(speed < -limit)
         if sum(ways) and min(ways) < ONE_WAY_SHARE * sum(ways):
             yield (

@@ -19,6 +19,7 @@ from auvid.stages.leg_record.refusal import refusal
 from auvid.stages.leg_streams import Streams
 from tests.support.axis_dive import (
     FIRST_US,
+    GYRO_BIAS,
     THRUSTERS,
     VEHICLE,
     Dive,
@@ -216,6 +217,12 @@ def test_motion_one_way_is_named(dive):
     )
     one_way.streams = {}
     one_way.fly()
+    # Other axes turn it back a little while nothing drives it: that tells no drag.
+    imu = one_way.streams["imu"]
+    slow = np.abs(imu["gyro_z_rad_s"] - GYRO_BIAS) < 0.35 * one_way.r.max()
+    assert slow.mean() > 0.1
+    imu["gyro_z_rad_s"] = np.where(slow, GYRO_BIAS - 0.08 * one_way.r.max(), imu["gyro_z_rad_s"])
+    assert 0.08 * one_way.r.max() > 0.04
     assert any(w.startswith("Yaw moves one way") for w in outputs(one_way).axis_windows.warnings)
 
 
