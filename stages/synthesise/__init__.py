@@ -150,6 +150,12 @@ def structures(mirrors: Sequence[str]) -> list[ViscousModel]:
     ]
 
 
+VERTICAL_SHARE = 1.0 / 3.0
+"""Of the scatter of a current within a dive: a steady vertical one, which no sensor over ground
+shows (decision 0107).
+"""
+
+
 @dataclass(frozen=True)
 class Inputs:
     residual: Collection[pa.Table] = port("residual", many=True)
@@ -656,9 +662,11 @@ def _water(currents: Mapping[str, SteadyCurrent], scatter_m_s: float, log: str) 
     if not currents:
         return STILL_WATER
     own = {name: float(name == log) for name in currents}
+    vertical = np.array([0.0, 0.0, VERTICAL_SHARE * scatter_m_s])
+    errors = {name: np.vstack([item.errors, vertical]) for name, item in currents.items()}
     return MovingWater(
         np.array([own[name] * current.established for name, current in currents.items()]),
-        np.vstack([own[name] * current.errors for name, current in currents.items()]),
+        np.vstack([own[name] * row for name, row in errors.items()]),
         scatter_m_s,
     )
 

@@ -145,10 +145,17 @@ def model_card(
 
 
 def about_the_truth(equations: TrueEquations, coloured: Coloured, errors: DataErrors) -> Array:
-    """Return the covariance (k, k) by noise and errors of velocities and filters."""
-    velocities = [equations.shift(change) for change in errors.velocities or ()]
-    filters = shifts((*errors.smoothing, *errors.low_pass), equations.fit)
-    return widened(equations.noise(coloured.covariance), [*velocities, *filters])
+    """Return the covariance (k, k) by noise and errors of velocities and filters.
+
+    Errors of velocities and splines, which both lean least squares to one side, count as one
+    shift (decision 0107).
+    """
+    one_sided = (*(errors.velocities or ()), *errors.smoothing)
+    lean = np.zeros(len(equations.fit.terms))
+    for change in one_sided:
+        lean += equations.shift(change)
+    low_pass = shifts(errors.low_pass, equations.fit)
+    return widened(equations.noise(coloured.covariance), [lean, *low_pass])
 
 
 def _beyond_errors(fit: AxisFit, unsteady: Sequence[NormalChange], errors: DataErrors) -> Array:

@@ -52,7 +52,6 @@ from auvid.hydro.identification.regression.normal_changes import (
     StridedLeg,
     TrueEquations,
     shifts,
-    smoothed_force,
 )
 from auvid.hydro.identification.regression.prior import coloured_over_white
 from auvid.hydro.identification.regression.standard_errors import (
@@ -60,8 +59,7 @@ from auvid.hydro.identification.regression.standard_errors import (
     updated_together,
 )
 from auvid.hydro.identification.regression.unsteady_force import LINEARISED, unsteady_changes
-from auvid.hydro.identification.signals.filters import spline_lowpass
-from auvid.hydro.identification.signals.lost_motion import lost_motion
+from auvid.hydro.identification.signals.lost_motion import lost_by_spline, lost_motion
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
@@ -130,7 +128,7 @@ class MovingWater:
     """Currents under a leg's velocities over ground, NED [m/s].
 
     (0, 3) for still water. values (d, 3): established ones of each dive, 0 but for that of the
-    leg; errors (2 d, 3): two of each, one deviation; scatter_m_s: of each horizontal
+    leg; errors (3 d, 3): three of each, one deviation; scatter_m_s: of each horizontal
     component, within a dive.
     """
 
@@ -153,7 +151,8 @@ class TrainingSegment:
 
     nu and its standard deviations (n, 6), eta_ratio (n,), force: tau_bar (n, 6) with late
     actuators; thrust (n, 6) is what thrusters and propeller have in it, actuators (n, 6)
-    all of them with fins. cutoffs_hz: of the splines behind the six accelerations;
+    all of them with fins. cutoffs_hz: of the splines behind the six accelerations,
+    by_accelerometer: those of v_dot are of its channels;
     low_pass_hz: of the low-pass that all channels passed; water: what moves it.
     """
 
@@ -165,6 +164,7 @@ class TrainingSegment:
     actuators: Array
     measured: MeasuredLeg | None = None
     cutoffs_hz: tuple[float | None, ...] = ()
+    by_accelerometer: bool = False
     low_pass_hz: float | None = None
     water: MovingWater = STILL_WATER
 
@@ -203,6 +203,7 @@ class TrainingSegment:
             acting(residual, ACTUATORS, lag_s),
             measured,
             tuple(cutoffs),
+            tables.fusion is not None and tables.fusion.method != "kinematic",
             None if tables.fusion is None else tables.fusion.cutoff_hz,
             water,
         )
@@ -266,7 +267,8 @@ class DataErrors:
         if leg.measured is not None:
             every = leg.measured.every(STRIDE)
             smoothing = at_once(
-                partial(_smoothed, leg.measured, vehicle), list(enumerate(leg.cutoffs_hz))
+                partial(_smoothed, leg.measured, vehicle, leg.by_accelerometer),
+                list(enumerate(leg.cutoffs_hz)),
             )
             figures = leg.figure_errors(every, vehicle)
             moving = np.vstack([leg.water.values, leg.water.scatter])
@@ -290,7 +292,7 @@ class DataErrors:
             )
             return cls(
                 None if leg.sd is None else part.random(leg.sd[place], slopes),
-                tuple(part.definite(force[at]) for force in smoothing),
+                tuple(part.definite(d_force[at], d_nu[at]) for d_force, d_nu in smoothing),
                 (),
                 _by_figure(part, figures, at),
                 tuple(currents),
@@ -362,15 +364,25 @@ def _by_figure(
     return changes
 
 
-def _smoothed(leg: MeasuredLeg, vehicle: Vehicle, spline: tuple[int, float | None]) -> Array:
-    """Return the force (m, 6) that the spline of an acceleration took, strided.
+def _smoothed(
+    leg: MeasuredLeg, vehicle: Vehicle, by_accelerometer: bool, spline: tuple[int, float | None]
+) -> tuple[Array, Array]:
+    """Return force and velocities (m, 6) that the spline of a channel took, strided.
 
-    spline: which acceleration, and its cutoff.
+    spline: which channel, and its cutoff.
     """
     index, cutoff_hz = spline
-    left = leg.nu_dot[:, index]
-    passed = left if cutoff_hz is None else spline_lowpass(left, cutoff_hz, step_s=leg.step_s)
-    return smoothed_force(left[::STRIDE], passed[::STRIDE], vehicle.mass_matrix, index)
+    if cutoff_hz is None:
+        none = np.zeros((len(leg.nu[::STRIDE]), 6))
+        return none, none
+    return lost_by_spline(
+        leg,
+        vehicle,
+        index,
+        cutoff_hz,
+        accelerometer=by_accelerometer and index < 3,
+        stride=STRIDE,
+    )
 
 
 def _merged(
@@ -663,6 +675,7 @@ def _moved(
             np.array(rows),
             own_slopes,
             mass,
+            nu_dot=measured.nu_dot,
             step_s=every.step_s,
             accelerations=accelerations,
         )

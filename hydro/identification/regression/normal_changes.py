@@ -7,9 +7,8 @@ scatter of the residuals does not show it. Four kinds of errors stand here alike
 - errors of the velocities (Fuller 1987, Measurement Error Models, 1.1 and 2.2). They
   are in the regressors, and through Coriolis and fin forces in the force, too: the
   Coriolis force of u and r takes as much from N_v as noise in v does.
-- what smoothing splines took from the acceleration: S is that of the whole motion, q
-  lacks the fast part of M nu_dot.
-- what a low-pass took from the motion (`lost_motion`).
+- what smoothing splines took from the motion (`lost_motion.lost_by_spline`), and a low-pass
+  (`lost_motion.lost_motion`).
 - assumed figures of the vehicle (`assumed_figures`).
 
 The first order says too little where columns hardly differ: errors of the columns and a
@@ -46,10 +45,6 @@ AT_ONCE = 2048
 """Samples whose slopes are in memory at once."""
 MOST_ERRORS = 0.9
 """Of a direction of motion: what leans it counts ten times then, and its noise too."""
-SMOOTHED_SHARE = 3.0
-"""What a spline took away over what it takes from its own result: 3 to 5 for the pitch
-and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
-"""
 
 Result = TypeVar("Result")
 
@@ -290,16 +285,6 @@ class TrueEquations:
         of_truth = covariance.copy()  # nan stays where the data determine no single number
         of_truth[cell] = mapped(covariance[cell], by)
         return of_truth
-
-
-def smoothed_force(left: ArrayLike, passed: ArrayLike, mass: Array, index: int) -> Array:
-    """Return the force (n, 6) that a spline took from acceleration `index`.
-
-    M (F - 1) nu_dot with F the spline's response, times `SMOOTHED_SHARE`: `left` (n,)
-    has passed F already, `passed` (n,) once more.
-    """
-    lost = SMOOTHED_SHARE * (np.asarray(passed) - np.asarray(left))
-    return np.asarray(lost[:, None] * mass[:, index])
 
 
 def widened(covariance: Array, shifts: Sequence[Array]) -> Array:

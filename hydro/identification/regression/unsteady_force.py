@@ -32,6 +32,8 @@ LINEARISED = 10
 """Samples over which the motion is linearised about one of them: a second, of every fifth one
 at 50 Hz.
 """
+POWER_BAND_HZ = 0.1
+"""Width of the band over which powers of motion are compared (decision 0107)."""
 
 
 def unsteady_changes(
@@ -40,6 +42,7 @@ def unsteady_changes(
     force_slopes: Array,
     mass: Array,
     *,
+    nu_dot: Array,
     step_s: float,
     accelerations: Sequence[str] = (),
 ) -> tuple[NormalChange, ...]:
@@ -47,8 +50,9 @@ def unsteady_changes(
 
     coefficients (6, k): of the terms of `part`; force_slopes (ceil(m / LINEARISED), 6, 6): of
     the measured force [axis, velocity] at every `LINEARISED`-th sample; mass (6, 6): with
-    added mass; step_s: between samples of `part`; accelerations: the six terms of `part` that
-    are these, where inertia is fitted. They go with the force error itself: M^-1 e.
+    added mass; nu_dot (m, 6): as measured, at `part`; step_s: between its samples;
+    accelerations: the six terms of `part` that are these, where inertia is fitted. They go
+    with the force error itself: M^-1 e.
     """
     error = part.forces - part.rows @ coefficients.T
     error = error - error.mean(axis=0)
@@ -57,6 +61,8 @@ def unsteady_changes(
     pushed = np.linalg.solve(mass, error.T).T
     moved = caused_motion(rates, pushed, step_s)
     pushed += np.einsum("mij,mj->mi", rates[np.arange(len(error)) // LINEARISED], moved)
+    if accelerations:
+        pushed = no_more_than(nu_dot, pushed, step_s)
     none, changes = np.zeros((len(part.terms),) * 2), []
     for i in range(6):
         rows = part.slopes[:, :, i] * moved[:, [i]]
@@ -84,6 +90,30 @@ def caused_motion(rates: Array, accelerations: Array, step_s: float) -> Array:
         share = (earlier.reshape(-1, LINEARISED, 6) @ onward).reshape(-1, 6)
         moved += share if lag < lags else 0.5 * share
     return np.asarray(moved[:count])
+
+
+def no_more_than(measured: Array, caused: Array, step_s: float) -> Array:
+    """Return what was caused (m, 6), at no frequency more than was measured (m, 6).
+
+    Thrusters of a vehicle that holds a heading answer what a force does to it, and so does a
+    hull that rights itself: of what the force alone would cause a part is left. That part is
+    among what was measured, so its power is at most that of the whole, about each frequency
+    (`POWER_BAND_HZ`).
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    count, taper = len(caused), np.hanning(len(caused) + 2)[1:-1, None]
+    bins = 1 + 2 * max(1, round(POWER_BAND_HZ * count * step_s))
+
+    def power(series: Array) -> Array:
+        spectrum = np.fft.rfft((series - series.mean(axis=0)) * taper, 2 * count, axis=0)
+        smooth = uniform_filter1d(np.abs(spectrum) ** 2, bins, axis=0, mode="nearest")
+        return np.asarray(np.maximum(smooth, 0.0))
+
+    least = np.finfo(float).tiny
+    share = np.sqrt(np.minimum(1.0, power(measured) / np.maximum(power(caused), least)))
+    spectrum = share * np.fft.rfft(caused, 2 * count, axis=0)
+    return np.asarray(np.fft.irfft(spectrum, 2 * count, axis=0)[:count])
 
 
 def without_gain(rates: Array, mass: Array) -> Array:

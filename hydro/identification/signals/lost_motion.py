@@ -10,6 +10,9 @@ knows, but a somewhat lower low-pass takes alike from what is left:
 X1 the columns as they are, X2 those of the motion passed once more, f the known forces.
 The force itself does not come in, so that its noise does not.
 
+A smoothing spline of one sensor takes from its channel alone, and of it the fast part
+(`lost_by_spline`).
+
 Limits: a motion of which the low-pass left nothing is not seen. Of one at less than
 about .7 of the band in which the vehicle moves, a part of the lean is.
 """
@@ -22,16 +25,26 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
-from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.arrays import Array, Ints, cross
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows, eta_ratio
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.normal_changes import NormalChange
-from auvid.hydro.identification.signals.filters import edge_zone_s, zero_phase_lowpass
+from auvid.hydro.identification.signals.filters import (
+    edge_zone_s,
+    spline_lowpass,
+    zero_phase_lowpass,
+)
 from auvid.hydro.long_series.threads import at_once
 
+SMOOTHED_SHARE = 3.0
+"""What a spline took away over what it takes from its own result: 3 to 5 for the pitch
+and surge accelerations of the VT 690 twin (benchmarks/coverage_least_squares.py).
+"""
+HELD_BELOW = 0.1
+"""Of the cutoff of an accelerometer's spline: slower velocities are those of other sensors."""
 LOWER = 1.25
 """The second low-pass lies so much below the first: its lean is then that of the first
 (decision 0075).
@@ -42,6 +55,48 @@ PIECE = 4096
 """Samples of which all columns are in memory at once."""
 FEWEST_EDGES = 4
 """A piece has to be so many edge zones long."""
+
+
+def lost_by_spline(
+    leg: MeasuredLeg,
+    vehicle: Vehicle,
+    index: int,
+    cutoff_hz: float,
+    *,
+    accelerometer: bool,
+    stride: int,
+) -> tuple[Array, Array]:
+    """Return force and velocities (m, 6) that the spline of a channel took, strided.
+
+    (F - 1) of its velocity and acceleration with F the spline's response, times
+    `SMOOTHED_SHARE`, as the motion has passed F already. accelerometer: that of one, which
+    measures v_dot + w x v; the velocity lacks the integral, where no other sensor holds it.
+    """
+
+    def lost(values: Array) -> Array:
+        passed = spline_lowpass(values, cutoff_hz, step_s=leg.step_s)
+        return np.asarray(SMOOTHED_SHARE * (passed - values))
+
+    d_nu, d_nu_dot = np.zeros((2, *leg.nu.shape))
+    turn = leg.nu[:, 3:]
+    if accelerometer:
+        d_nu_dot[:, index] = lost(leg.nu_dot[:, index] + cross(turn, leg.nu[:, :3])[:, index])
+        steps = leg.step_s * d_nu_dot[:, index]
+        integral = np.cumsum(steps) - 0.5 * steps
+        slow = spline_lowpass(integral, HELD_BELOW * cutoff_hz, step_s=leg.step_s)
+        d_nu[:, index] = integral - slow
+        d_nu_dot[:, :3] -= cross(turn, d_nu[:, :3])
+    else:
+        d_nu[:, index], d_nu_dot[:, index] = lost(leg.nu[:, index]), lost(leg.nu_dot[:, index])
+    every, d_nu = leg.every(stride), d_nu[::stride]
+    before, after = (
+        residual_force(vehicle, every.eta, nu, nu_dot, every.control).tau_bar
+        for nu, nu_dot in (
+            (every.nu, every.nu_dot),
+            (every.nu + d_nu, every.nu_dot + d_nu_dot[::stride]),
+        )
+    )
+    return after - before, d_nu
 
 
 def lost_motion(

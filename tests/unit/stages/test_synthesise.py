@@ -36,6 +36,7 @@ from auvid.hydro.dynamics.viscous.models import (
 )
 from auvid.hydro.identification.constrained.fit import ConstrainedFit
 from auvid.hydro.identification.constrained.statuses import CoefficientStatus
+from auvid.hydro.identification.constrained.steady_current import SteadyCurrent
 from auvid.hydro.identification.regression.assumed_figures import (
     MeasuredLeg,
     through_water,
@@ -48,7 +49,7 @@ from auvid.hydro.identification.regression.error_functions import (
 )
 from auvid.hydro.identification.regression.excitation import axis_excitation
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
-from auvid.hydro.identification.regression.normal_changes import NormalChange
+from auvid.hydro.identification.regression.normal_changes import NormalChange, TrueEquations
 from auvid.hydro.identification.regression.separability import breaks_symmetry, one_sided_groups
 from auvid.hydro.identification.selection import folds
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
@@ -65,6 +66,7 @@ from auvid.stages.columns import (
 from auvid.stages.model_use import clear_in_its_form, damping_of
 from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
+from auvid.stages.synthesise.model_card import about_the_truth
 from auvid.stages.synthesise.presentation import limited_far, sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
 from auvid.stages.validate.flight import draw_models
@@ -1441,3 +1443,25 @@ def test_one_leg_is_left_out_of_nothing_and_the_page_says_so() -> None:
 def test_settings_of_structures_need_one(settings: dict[str, Any], words: str) -> None:
     with pytest.raises(CampaignError, match=words):
         run(noisy_legs(), models=("fossen",), vehicle="bluerov2_heavy", **settings)
+
+
+def test_what_errors_of_velocities_and_splines_lean_counts_once_with_its_sign() -> None:
+    """One that the other takes back adds nothing; a current has a third of its scatter upward."""
+    nu = np.random.default_rng(3).normal(size=(1, 200))
+    force = np.zeros((200, 6))
+    force[:, 0] = -4.0 * nu[0]
+    fit = solve_axis(TriangularFactor.empty(("u",)).update(nu, force), "X", ("u",))
+    one = NormalChange(("u",), np.eye(1), np.zeros((1, 6)))
+    back = replace(one, moment=-np.eye(1))
+    noise = training.Coloured(0.01 * np.eye(1), 1.0)
+
+    def added(*splines: NormalChange) -> float:
+        errors = training.DataErrors((one,), splines, (), {})
+        covariance = about_the_truth(TrueEquations.of(fit, ()), noise, errors)
+        return float(covariance[0, 0]) - 0.01
+
+    assert added(back) == pytest.approx(0.0, abs=1e-12)
+    assert added(one) == pytest.approx(4.0 * added())
+    current = SteadyCurrent(np.zeros(2), 0.04 * np.eye(2))
+    errors = synthesise._water({"dive": current}, 0.03, "dive").errors
+    assert np.abs(errors[:, 2]).max() == pytest.approx(0.01)

@@ -17,15 +17,12 @@ from auvid.hydro.identification.regression.least_squares import (
 )
 from auvid.hydro.identification.regression.normal_changes import (
     AT_ONCE,
-    SMOOTHED_SHARE,
     STRIDE,
     NormalChange,
     StridedLeg,
     TrueEquations,
-    smoothed_force,
     widened,
 )
-from auvid.hydro.identification.signals.filters import spline_lowpass
 
 TERMS = ("v", "r", "v*|v|")
 TRUTH = np.array([-111.0, 42.0, -30.0])
@@ -149,25 +146,6 @@ def test_a_known_error_moves_the_fit_by_its_shift() -> None:
     np.testing.assert_allclose(
         per_sample.shift(fit), other.solution - fit.solution, rtol=5e-3, atol=1e-4
     )
-
-
-def test_a_spline_that_is_too_slow_shifts_by_what_it_took() -> None:
-    t_s = np.arange(0.0, 60.0, 0.02)
-    nu_dot = np.zeros((len(t_s), 6))
-    nu_dot[:, 4] = np.sin(2.0 * np.pi * 1.0 * t_s)
-    mass = np.diag([1.0, 1.0, 1.0, 1.0, 30.0, 1.0])
-    mass[0, 4] = mass[4, 0] = 2.0
-    passed = spline_lowpass(nu_dot[:, 4], 1.0, step_s=0.02)
-    lost = smoothed_force(nu_dot[:, 4], passed, mass, 4)
-    middle = slice(500, -500)
-    # At its cutoff a spline leaves half.
-    np.testing.assert_allclose(
-        lost[middle, 4], -SMOOTHED_SHARE * 15.0 * nu_dot[middle, 4], atol=0.05
-    )
-    np.testing.assert_allclose(lost[:, 0], lost[:, 4] * 2.0 / 30.0)
-    assert not lost[:, 1:4].any()
-    slow = spline_lowpass(nu_dot[:, 4], 100.0, step_s=0.02)
-    np.testing.assert_allclose(slow, nu_dot[:, 4], atol=1e-3)
 
 
 def test_exact_velocities_and_other_terms_change_nothing() -> None:

@@ -14,6 +14,7 @@ from auvid.hydro.identification.regression.unsteady_force import (
     LINEARISED,
     REACH_S,
     caused_motion,
+    no_more_than,
     unsteady_changes,
     without_gain,
 )
@@ -35,7 +36,12 @@ def lean(velocity: Array, force: Array, sd: float = 0.0) -> tuple[float, float]:
     values[0, 0] = fit.solution[0]
     leg, slopes = StridedLeg.of(nu, forces, ("u",), ratio=None), np.zeros((COUNT // STRIDE, 6, 6))
     changes = unsteady_changes(
-        leg, values, slopes[::LINEARISED], MASS * np.eye(6), step_s=STRIDE * STEP_S
+        leg,
+        values,
+        slopes[::LINEARISED],
+        MASS * np.eye(6),
+        nu_dot=np.zeros_like(nu[::STRIDE]),
+        step_s=STRIDE * STEP_S,
     )
     errors = leg.random(np.full((COUNT, 6), sd), slopes)
     shifts = np.array([change.shift(fit)[0] for change in changes])
@@ -74,6 +80,35 @@ def test_lean_by_a_force_that_moves_the_vehicle_is_seen_and_noise_is_none(
     assert value + DRAG > 0.8
     assert twice == pytest.approx(value + DRAG, rel=0.3)
     assert abs(lean(measured, force, float(np.std(noise)))[1]) < 0.3 * twice
+
+
+def test_a_force_causes_no_more_than_what_was_measured() -> None:
+    """Slow motion that a controller holds to a fifth, and fast motion that it does not."""
+    t_s = 0.1 * np.arange(900)
+    slow, fast = np.sin(0.5 * t_s)[:, None] * np.ones(6), 0.3 * np.sin(9.0 * t_s)[:, None]
+    left = no_more_than(0.2 * slow + 2.0 * fast, slow + fast, 0.1)
+    inner = slice(100, -100)
+    assert left[inner] == pytest.approx((0.2 * slow + fast)[inner], abs=0.05)
+    assert no_more_than(slow, slow, 0.1) == pytest.approx(slow, abs=1e-9)
+    # Of a vehicle that is held at rest the force moves nothing, and leans no inertia.
+    names = [f"{name}_dot" for name in "uvwpqr"]
+    leg = StridedLeg.of(slow, slow, (), ratio=None)
+    leg = leg.with_columns(names, np.zeros_like(leg.forces))
+
+    def pull(share: float) -> float:
+        changes = unsteady_changes(
+            leg,
+            np.zeros((6, 7)),
+            np.zeros((len(leg.rows[::LINEARISED]), 6, 6)),
+            np.eye(6),
+            nu_dot=share * leg.forces,
+            step_s=0.1 * STRIDE,
+            accelerations=names,
+        )
+        return float(changes[0].target[0, 0])
+
+    assert pull(0.2) == pytest.approx(0.2 * pull(1.0), rel=0.05)
+    assert pull(0.0) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_rates_that_gain_energy_are_left_out_and_others_stay() -> None:

@@ -14,7 +14,12 @@ from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg
 from auvid.hydro.identification.regression.least_squares import TriangularFactor, solve_axis
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
-from auvid.hydro.identification.signals.lost_motion import PIECE, lost_motion
+from auvid.hydro.identification.signals.lost_motion import (
+    PIECE,
+    SMOOTHED_SHARE,
+    lost_by_spline,
+    lost_motion,
+)
 from tests.support.motions import shipped_vehicle
 
 HEAVY = shipped_vehicle("bluerov2_heavy")
@@ -94,3 +99,27 @@ def test_pieces_add_up_and_a_short_leg_says_nothing() -> None:
     short = lost_motion(leg.rows(slice(0, 40)), HEAVY, TERMS, ratio=None, cutoff_hz=1.0)
     assert not short.moment.any()
     assert not short.target.any()
+
+
+def test_a_spline_takes_from_velocity_and_acceleration_of_its_channel() -> None:
+    """At its cutoff it leaves half. An accelerometer has w x v in it, which is u q of heave."""
+    t_s = np.arange(0.0, 60.0, STEP_S)
+    wave = 2.0 * np.pi * t_s
+    nu, nu_dot = np.zeros((2, len(t_s), 6))
+    nu[:, 0], nu[:, 4], nu_dot[:, 4] = 2.0, np.sin(wave), 2.0 * np.pi * np.cos(wave)
+    still = Control(thruster_force_N=np.zeros((len(t_s), 8)))
+    leg = MeasuredLeg(np.zeros_like(nu), nu, nu_dot, still, STEP_S)
+    half, inner = 0.5 * SMOOTHED_SHARE, slice(100, -100)
+
+    def taken(index: int, *, accelerometer: bool) -> tuple[Array, Array]:
+        return lost_by_spline(leg, HEAVY, index, 1.0, accelerometer=accelerometer, stride=5)
+
+    d_force, d_nu = taken(4, accelerometer=False)
+    assert d_nu[inner, 4] == pytest.approx(-half * nu[::5][inner, 4], abs=0.01)
+    after = replace(leg.every(5), nu=nu[::5] + d_nu, nu_dot=(nu_dot - half * nu_dot)[::5])
+    lost = known_force(after) - known_force(leg.every(5))
+    assert d_force[inner, 4] == pytest.approx(lost[inner, 4], abs=0.05)
+    _, d_nu = taken(2, accelerometer=True)
+    heave = half * 2.0 * np.cos(wave) / (2.0 * np.pi)
+    assert d_nu[inner, 2] == pytest.approx(-heave[::5][inner], abs=0.02)
+    assert not taken(2, accelerometer=False)[0].any(), "heave itself does not move"
