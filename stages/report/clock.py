@@ -43,7 +43,10 @@ class Clock:
             return np.asarray((stamps - stamps[0]) * 1e-6 + self.legs[leg])
         log = next((part for part in parts if part in self.logs), None)
         if "time_us" in table.column_names and log is not None:
-            return np.asarray(column(table, "time_us") * 1e-6 - self.boot_s[log] + self.logs[log])
+            seconds = column(table, "time_us") * 1e-6
+            seconds -= self.boot_s[log]  # in place: of a log of hours
+            seconds += self.logs[log]
+            return seconds
         segment = next((part for part in parts if part in self.segments), None)
         if "t_s" in table.column_names:
             return np.asarray(

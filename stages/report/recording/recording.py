@@ -215,7 +215,7 @@ def _send_groups(
         if entity not in logged:
             out.static(entity, _lines(bundle, preferred, titles))
         lines = (
-            readable_group(group)[0] * line
+            _scaled(readable_group(group)[0], line)
             for part, group in zip(parts, bundle, strict=True)
             for line in (
                 _values(part, group, tables, load_part, owner)
@@ -277,11 +277,10 @@ def parted(times: Array, lines: Iterable[Array]) -> tuple[Array, Iterable[Array]
     A gap: `GAP` times as long as the median step, or a minute where that is three steps,
     as between the glides of a dive.
     """
-    steps = np.diff(times)
-    if not steps.size:
+    if times.size < 2:
         return times, lines
-    median = float(np.median(steps))
-    places = np.flatnonzero(steps > min(GAP * median, max(MINUTE_S, 3.0 * median))) + 1
+    median = float(np.median(np.diff(times), overwrite_input=True))
+    places = np.flatnonzero(np.diff(times) > min(GAP * median, max(MINUTE_S, 3.0 * median))) + 1
     if not places.size:
         return times, lines
     middles = 0.5 * (times[places - 1] + times[places])
@@ -319,6 +318,10 @@ def _loaded(table: str, group: Document) -> list[str]:
     """
     is_plain = not (group.get("spread") or group.get("less") or _filter(group))
     return [] if table.startswith(OF_LOG) and is_plain else _columns(group)
+
+
+def _scaled(factor: float, line: Array) -> Array:
+    return line if factor == 1.0 else factor * line
 
 
 def _one_by_one(tables: Mapping[str, pa.Table], name: str, group: Document) -> Iterator[Array]:
