@@ -9,6 +9,7 @@ import typer
 
 from auvid.data_schemas.errors import UsageError
 from auvid.pipeline import completion
+from auvid.pipeline.collector import kept_for_good
 from auvid.pipeline.command_line.application import app
 from auvid.pipeline.command_line.arguments import (
     CampaignName,
@@ -19,7 +20,6 @@ from auvid.pipeline.command_line.arguments import (
     Scheduler,
     WorkerMemory,
 )
-from auvid.pipeline.command_line.imports import kept_for_good
 from auvid.pipeline.output import (
     OUTPUT,
     RUNNING,

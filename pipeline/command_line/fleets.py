@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from auvid.pipeline.collector import kept_for_good
 from auvid.pipeline.command_line.application import app
 from auvid.pipeline.command_line.arguments import (
     EngineName,
@@ -91,7 +92,8 @@ def fleet_run(
 
     workers = make_engine(engine, jobs, scheduler=scheduler, memory=memory, preload=LOGS)
     # Imported after it, since it takes a second, in which the workers import as much.
-    from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
+    with kept_for_good():
+        from auvid.pipeline.commands.fleet.fleet_run import print_fleet_run
 
     raise typer.Exit(
         print_fleet_run(
@@ -124,8 +126,9 @@ def fleet_report(
     Which dives are usable for what, states and reasons, findings, coefficients dive by
     dive with what they agree on, outlying dives and changes.
     """
-    from auvid.pipeline.commands.fleet.fleet_folder import TABLES, open_fleet
-    from auvid.pipeline.commands.fleet.report.fleet_page import write_page
+    with kept_for_good():
+        from auvid.pipeline.commands.fleet.fleet_folder import TABLES, open_fleet
+        from auvid.pipeline.commands.fleet.report.fleet_page import write_page
 
     place = open_fleet(folder)
     write_page(place, by_name=by_name)

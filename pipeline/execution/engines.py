@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from typing import Protocol
 
 from auvid.data_schemas.errors import UsageError, nearest
+from auvid.pipeline.collector import pass_over_imports
 from auvid.pipeline.execution.task import Outcome, Task, execute
 from auvid.stages.registry import STAGES
 
@@ -125,6 +126,7 @@ def _begin_worker(workers: int) -> None:
     from auvid.hydro.long_series.threads import share_among
 
     share_among(workers)
+    pass_over_imports()
     _end_with_parent()
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from auvid.pipeline.collector import pass_over_imports
 from auvid.pipeline.execution.code_stamp import source_hash
 from auvid.pipeline.execution.dask.exchange import Exchange
 from auvid.pipeline.execution.task import Outcome, Task, execute
@@ -39,6 +40,7 @@ def run_task(task: Task, terms: Terms) -> Outcome | Unfit:
     from distributed import get_worker
 
     worker = get_worker()
+    pass_over_imports()
     reason = _unfit(terms)
     if reason:
         return Unfit(worker.address, reason)

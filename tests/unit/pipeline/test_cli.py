@@ -25,7 +25,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.models import MODELS
 from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
-from auvid.pipeline.command_line.imports import NEW_OBJECTS, kept_for_good
+from auvid.pipeline.collector import NEW_OBJECTS, kept_for_good
 from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
@@ -456,7 +456,7 @@ def test_the_garbage_collector_passes_over_imports_of_a_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     gc.unfreeze()
-    monkeypatch.setattr("auvid.pipeline.command_line.imports._frozen", False)
+    monkeypatch.setattr("auvid.pipeline.collector._frozen", False)
     with kept_for_good():
         assert not gc.isenabled()
     assert gc.isenabled()

@@ -19,6 +19,7 @@ import pytest
 
 from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.long_series.threads import THREADS
+from auvid.pipeline.collector import NEW_OBJECTS
 from auvid.pipeline.commands.run.run_summary import warnings
 from auvid.pipeline.execution import runner
 from auvid.pipeline.execution.engines import Processes, Serial, make_engine
@@ -206,6 +207,7 @@ def test_processes_give_the_same_bytes(
     assert engine._pool is not None
     threads = "__import__('auvid.hydro.long_series.threads', fromlist=['THREADS']).THREADS"
     assert engine._pool.submit(eval, threads).result() == max(1, THREADS // 2)
+    assert engine._pool.submit(eval, "__import__('gc').get_threshold()[0]").result() == NEW_OBJECTS
     Processes.close(engine)
     (campaign / "b.log").write_bytes(b"CRASH")
     crashing = open_run(campaign, tmp_path / "other")

@@ -1,4 +1,4 @@
-"""Imports of a command that works for seconds."""
+"""The garbage collector of a process that works for seconds."""
 
 from __future__ import annotations
 
@@ -21,15 +21,20 @@ def kept_for_good() -> Generator[None]:
     Modules stay until the end; to look through their objects again and again takes half
     a second of a run of seven.
     """
-    global _frozen
     was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if not _frozen:  # once in a process, else its garbage would stay too
-            gc.freeze()
-            gc.set_threshold(NEW_OBJECTS)
-            _frozen = True
+        pass_over_imports()
         if was_enabled:
             gc.enable()
+
+
+def pass_over_imports() -> None:
+    """Let the garbage collector pass over what is imported so far, and look seldom."""
+    global _frozen
+    if not _frozen:  # once in a process, else its garbage would stay too
+        gc.freeze()
+        gc.set_threshold(NEW_OBJECTS)
+        _frozen = True
