@@ -11,4 +11,4 @@ def test_the_table_says_what_is_stopped_named_and_silent() -> None:
     assert outcomes["depth of another dive"] == ("stopped", "depth_unrelated")
     assert outcomes["depth zeroed anew"] == ("named", "depth_jumps")
     assert outcomes["depth 0.5 s late"][0] == "stopped"
-    assert outcomes["depth not zeroed"] == ("note", "[depth_zero_unseen]")
+    assert outcomes["depth not zeroed"] == ("note", "(depth_zero_unseen)")

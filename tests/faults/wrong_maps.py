@@ -4,7 +4,7 @@
 
 Each mistake is made in the decoded streams of a log, the example and the bundled dive
 without others, and the log is checked again. One row each: what stops a run, what is
-named beyond the sound log (notes in brackets), or `silent`; what is silent should stand
+named beyond the sound log (notes in parentheses), or `silent`; what is silent should stand
 under what the log cannot show, which is printed last. Half a second for each.
 """
 
@@ -284,7 +284,7 @@ def rows(log: CheckedLog, only: str = "") -> Iterator[tuple[str, str, str]]:
         new = [item for item in new if item["id"] != "command_lag"]
         stops = [item["id"] for item in new if checks()[item["id"]].stops]
         named = [item["id"] for item in new if item["severity"] != "note"]
-        notes = [f"[{item['id']}]" for item in new if item["severity"] == "note"]
+        notes = [f"({item['id']})" for item in new if item["severity"] == "note"]
         outcome = "stopped" if stops else "named" if named else "note" if notes else "silent"
         yield name, outcome, " ".join(dict.fromkeys([*stops, *named, *notes]))
 

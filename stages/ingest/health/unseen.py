@@ -141,6 +141,13 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
             "weight in water (displaced mass)",
             f"the thrusters show it to +- {CLEAR_WEIGHT * borne.sd:.0f} N only",
         )
+    else:
+        least = limit("weight_held") * weight + CLEAR_WEIGHT * borne.sd
+        yield (
+            f"weight in water (displaced mass) off by less than {least:.0f} N",
+            "the scale of the thrust curve moves what the thrusters hold by as much; weigh the"
+            " vehicle in water",
+        )
     if not log.has("battery"):
         yield (
             "a thrust that sags, or outputs of another scale, in the course of the log",

@@ -1110,6 +1110,7 @@ def test_what_a_log_cannot_show_is_listed_by_name() -> None:
     assert "angles of the thrusters, moments of inertia by themselves" in of_dive
     assert any(name.startswith("scale of heave against depth below 6.") for name in of_example)
     assert "weight in water (displaced mass)" not in of_dive
+    assert any(name.startswith("weight in water (displaced mass) off by") for name in of_dive)
     assert {"scale of the thrust", SHAPE}.isdisjoint(of_example)
     assert any("attitude and gyro share" in name for name in of_example)
     assert "smoothing of roll and pitch (means of a second)" not in of_example
