@@ -7,7 +7,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -373,10 +372,10 @@ def test_json_on_standard_output_is_json_alone(
     assert document["answer"]["logs"][0]["health"]["log"] == "small"
 
 
-def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: Path) -> None:
-    """One process for all: exit code 1, a reason for each, no traceback, and the good
-    log is shown.
-    """
+def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One call for all: exit code 1, a reason for each, and the good log is shown."""
     (tmp_path / "empty.BIN").touch()
     (tmp_path / "zeros.BIN").write_bytes(bytes(5000))
     (tmp_path / "picture.BIN").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(range(256)) * 20)
@@ -395,21 +394,15 @@ def test_bad_input_is_refused_in_words_and_the_other_logs_are_checked(tmp_path: 
         "folder": "is a folder",
         "missing.BIN": "is not there",
     }
-    code = "import sys; from auvid.pipeline.cli import main; sys.argv[0] = 'auvid'; main()"
-    command = [
-        sys.executable,
-        "-c",
-        code,
-        "check",
-        *(str(tmp_path / name) for name in reasons),
-        str(SMALL),
-    ]
-    done = subprocess.run(
-        command, capture_output=True, text=True, cwd=tmp_path, env={"COLUMNS": "400"}, check=False
-    )
-    assert done.returncode == 1, done.stderr
-    assert "Traceback" not in done.stdout + done.stderr
-    pages = re.split(r"(?m)^.*/([\w.]+) ─+$", done.stdout)[1:]
+    names = [str(tmp_path / name) for name in reasons]
+    monkeypatch.setattr(sys, "argv", ["auvid", "check", *names, str(SMALL)])
+    monkeypatch.setenv("COLUMNS", "400")
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 1
+    printed, faults = capsys.readouterr()
+    assert "Traceback" not in printed + faults
+    pages = re.split(r"(?m)^.*/([\w.]+) ─+$", printed)[1:]
     printed_by_file = dict(zip(pages[::2], pages[1::2], strict=True))
     for name, reason in reasons.items():
         assert re.search(reason, printed_by_file[name]), printed_by_file[name]

@@ -109,6 +109,20 @@ def hac_covariance(
     return _sandwich(inverse, middle, n)
 
 
+def _toeplitz_product(first: Array, rows: Array) -> Array:
+    """Return R rows (n, k), R symmetric with `first` (m,) on its diagonals, m <= n.
+
+    By the spectra of a circle that is long enough; row by row of R it takes m products.
+    """
+    n, most = len(rows), len(first) - 1
+    size = 1 << (n + most).bit_length()
+    circle = np.zeros(size)
+    circle[: most + 1] = first
+    circle[size - most :] = first[:0:-1]
+    spectra = np.fft.rfft(rows, size, axis=0) * np.fft.rfft(circle).real[:, None]
+    return np.asarray(np.fft.irfft(spectra, size, axis=0)[:n])
+
+
 def stationary_covariance(
     jacobians: Sequence[Array],
     residuals: Sequence[Array],
@@ -129,14 +143,12 @@ def stationary_covariance(
     middle, n = np.zeros_like(inverse), 0
     for rows, error in zip(jacobians, residuals, strict=True):
         most = min(automatic_lags(error[:, None]) if lags is None else lags, max(len(error) - 1, 0))
-        for lag in range(most + 1):
-            moment = (
-                float(error[: len(error) - lag] @ error[lag:])
-                / len(error)
-                * (1.0 - lag / (most + 1))
-            )
-            product = rows[: len(rows) - lag].T @ rows[lag:]
-            middle += moment * (product if lag == 0 else product + product.T)
+        tapered = [
+            float(error[: len(error) - lag] @ error[lag:]) / len(error) * (1.0 - lag / (most + 1))
+            for lag in range(most + 1)
+        ]
+        product = rows.T @ _toeplitz_product(np.array(tapered), rows)
+        middle += 0.5 * (product + product.T)
         n += len(error)
     return _sandwich(inverse, middle, n)
 

@@ -44,8 +44,8 @@ def terminal_speed(body: Body, axis: int, thrust: float) -> float:
 
 
 def decay(body: Body, nu: Array, angles: Array) -> Array:
-    """Return velocities and attitude after ten seconds left alone: (6,) and (3, 3), flat."""
-    _, turn, velocity = move(body, nu, rotation(angles), 0.05, 200)
+    """Return velocities and attitude after four seconds left alone: (6,) and (3, 3), flat."""
+    _, turn, velocity = move(body, nu, rotation(angles), 0.05, 80)
     return np.hstack([velocity, turn.ravel()])
 
 

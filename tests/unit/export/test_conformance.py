@@ -54,12 +54,12 @@ def slow(*values: str, where: bool) -> Any:
     ("target", "name"),
     [slow(*pair, where=pair[0] == "mss" and pair[1] != "full") for pair in PAIRS],
 )
-def test_forces_at_a_thousand_states_are_those_of_the_model(
+def test_forces_at_hundreds_of_states_are_those_of_the_model(
     target: str, name: str, tmp_path: Path
 ) -> None:
     model = MODELS[name]()
     body = body_of(model, target, tmp_path)
-    force, inertia = deviation(body, reference(model), *states(1000))
+    force, inertia = deviation(body, reference(model), *states(200))
     assert force < EXACT
     assert inertia < EXACT
 
@@ -77,7 +77,7 @@ def test_terminal_speeds_are_those_of_the_model(target: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("target", [target for target in LOSSLESS if LOSSLESS[target]])
 def test_a_free_decay_is_that_of_the_model(target: str, tmp_path: Path) -> None:
-    """Ten seconds from moving, rolled and pitched; shares of the start's size."""
+    """Four seconds from moving, rolled and pitched; shares of the start's size."""
     model = MODELS[LOSSLESS[target][-1]]()
     nu, angles = np.array([0.5, 0.2, -0.2, 0.3, -0.2, 0.3]), np.array([0.2, -0.3, 0.4])
     here = decay(body_of(model, target, tmp_path), nu, angles)
