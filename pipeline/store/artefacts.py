@@ -67,7 +67,7 @@ def _write_parts(parts: Iterator[pa.Table], sink: BinaryIO) -> None:
     """Write the parts of a table; the bytes are those of the table as one."""
     left = next(parts)
     with _writer(left.schema, sink) as writer:
-        for part in chain(parts, [left.schema.empty_table()]):
+        for part in chain(parts, [left[:0]]):
             left = pa.concat_tables([left, part])
             full = left.num_rows - (left.num_rows % GROUP_ROWS if part.num_rows else 0)
             for start in range(0, full, GROUP_ROWS):
