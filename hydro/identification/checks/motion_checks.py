@@ -52,6 +52,12 @@ def windows(starts: float, ends: float, *clocks: Array, width_s: float = WINDOW_
     return at[: int(np.searchsorted(at, ends - width_s))]
 
 
+def shared_windows(*clocks: Array, width_s: float = WINDOW_S) -> Array:
+    """Return the begins (n,) of the windows that all clocks share."""
+    start, end = max(t[0] for t in clocks), min(t[-1] for t in clocks)
+    return windows(start, end, *clocks, width_s=width_s)
+
+
 def windows_until(
     starts: float, ends: Array, *clocks: Array, width_s: float = WINDOW_S
 ) -> list[Array]:
@@ -203,9 +209,7 @@ def _rise_and_parts(
 
 def _windows_with_depth(t_depth: Array, t_velocity: Array, t_attitude: Array) -> Array:
     """Return the begins (m,) of windows that depth, velocity and attitude share."""
-    start = max(t_depth[0], t_velocity[0], t_attitude[0])
-    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
-    return windows(start, end, t_depth, t_velocity, t_attitude)
+    return shared_windows(t_depth, t_velocity, t_attitude)
 
 
 def _rise(t_depth: Array, depth: Array, at: Array) -> Array:
@@ -323,9 +327,7 @@ def depth_by_axes(
     As body axes ("body"), with two of them exchanged, and as a velocity over ground whose
     third component is down or up; gain 1, shares by medians. Empty for too few windows.
     """
-    start = max(t_depth[0], t_velocity[0], t_attitude[0])
-    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    at = shared_windows(t_depth, t_velocity, t_attitude)
     if at.size < FEWEST_WINDOWS:
         return {}
     down = down_at(t_velocity, t_attitude, euler)
@@ -353,9 +355,7 @@ def track_windows(
     their width [s].
     """
     width = 2.0 * WINDOW_S
-    start = max(t_position[0], t_velocity[0], t_attitude[0])
-    end = min(t_position[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_position, t_velocity, t_attitude, width_s=width)
+    at = shared_windows(t_position, t_velocity, t_attitude, width_s=width)
     if at.size < FEWEST_WINDOWS:
         return None
     return at, rotation_body_to_ned(angles_at(t_velocity, t_attitude, euler)), width

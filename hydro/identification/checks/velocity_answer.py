@@ -18,6 +18,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     down_at,
     integrals,
+    shared_windows,
     windows,
 )
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
@@ -152,9 +153,7 @@ def odds_of_velocities(
     Logarithms over a velocity at rest; None for too few windows.
     """
     t_imu, gyro, force = imu
-    start = max(t_imu[0], attitude[0][0], t_velocity[0])
-    end = min(t_imu[-1], attitude[0][-1], t_velocity[-1])
-    at = windows(start, end, t_imu, attitude[0], t_velocity)
+    at = shared_windows(t_imu, attitude[0], t_velocity)
     if at.size < FEWEST_WINDOWS:
         return None
     pulled = integrals(t_imu, force + gravity * down_at(t_imu, *attitude), at)
@@ -212,7 +211,7 @@ def axis_scales(
     """
     (t_imu, gyro, force), (t_attitude, euler), (t, speed) = imu, attitude, velocity
     clocks = t_imu, t_attitude, t
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return None
     pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
@@ -263,7 +262,7 @@ def arm_offset(
     """
     (t_imu, gyro, force), (t_attitude, euler), (t, speed) = imu, attitude, velocity
     clocks = [t_imu, t_attitude, t, *(() if depth is None else (depth[0],))]
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return None
     rates = np.column_stack([np.interp(t, t_imu, rate) for rate in gyro.T])

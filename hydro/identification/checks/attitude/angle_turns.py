@@ -16,6 +16,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     angles_at,
     down_at,
     integrals,
+    shared_windows,
     windows,
 )
 from auvid.hydro.identification.checks.robust_gains import (
@@ -88,7 +89,7 @@ def gravity_gain(
     """
     (t_imu, gyro, force), (t_attitude, euler) = imu, attitude
     clocks = [t_imu, t_attitude, *(() if velocity is None else (velocity[0],))]
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return None
     across = 1 - axis  # roll turns gravity into y, pitch into x
@@ -112,7 +113,7 @@ def depth_odds(
     """
     (t_depth, values), (t, speed) = depth, velocity
     clocks = t_depth, t_attitude, t
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return None
     rise = np.interp(at + WINDOW_S, t_depth, values) - np.interp(at, t_depth, values)

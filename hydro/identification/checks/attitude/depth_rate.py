@@ -11,7 +11,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     down_at,
     integrals,
-    windows,
+    shared_windows,
 )
 from auvid.hydro.kept_results import kept
 
@@ -104,9 +104,7 @@ def depth_rates(
 
     None for too few windows, or where an axis of the velocity is not measured.
     """
-    start = max(t_depth[0], t_velocity[0], t_attitude[0])
-    end = min(t_depth[-1], t_velocity[-1], t_attitude[-1])
-    at = windows(start, end, t_depth, t_velocity, t_attitude)
+    at = shared_windows(t_depth, t_velocity, t_attitude)
     if at.size < FEWEST or not np.isfinite(velocity).all():
         return None
     down = down_at(t_velocity, t_attitude, euler)

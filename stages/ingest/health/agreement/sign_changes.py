@@ -13,8 +13,8 @@ from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
     down_at,
     integrals,
+    shared_windows,
     track_windows,
-    windows,
 )
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS
 from auvid.hydro.identification.checks.sign_change import SignChange, SignTarget, sign_change
@@ -133,7 +133,7 @@ def _by_accelerometer(log: CheckedLog) -> list[SignTarget]:
         return []
     (t_imu, gyro, force), attitude, (t, speed) = motion.imu, motion.attitude, motion.velocity
     clocks = t_imu, attitude[0], t
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return []
     pulled = integrals(t_imu, force + STANDARD_GRAVITY * down_at(t_imu, *attitude), at)
@@ -149,7 +149,7 @@ def _by_depth(log: CheckedLog) -> list[SignTarget]:
     (t_depth, depth), t = log.depth_of_velocity(), log.t_s("velocity")
     attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
     clocks = t_depth, attitude[0], t
-    at = windows(max(each[0] for each in clocks), min(each[-1] for each in clocks), *clocks)
+    at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return []
     down = down_at(t, *attitude)
