@@ -88,7 +88,7 @@ def lost_by_spline(
         d_nu_dot[:, :3] -= cross(turn, d_nu[:, :3])
     else:
         d_nu[:, index], d_nu_dot[:, index] = lost(leg.nu[:, index]), lost(leg.nu_dot[:, index])
-    every, d_nu = leg.every(stride), d_nu[::stride]
+    every, d_nu = leg.every(stride), d_nu[::stride].copy()  # a view would keep all samples
     before, after = (
         residual_force(vehicle, every.eta, nu, nu_dot, every.control).tau_bar
         for nu, nu_dot in (
