@@ -104,12 +104,16 @@ def with_one_velocity(log: CheckedLog) -> tuple[CheckedLog, list[Finding]]:
     if not np.isfinite(log.body_velocity()).all():
         return log, []
     on_time = log.in_time()
-    targets = [*_by_accelerometer(on_time), *_by_depth(on_time), *_by_track(on_time)]
+    felt = _by_accelerometer(on_time)
+    targets = [*felt, *_by_depth(on_time), *_by_track(on_time)]
     signs = [_signs(4, axes) for axes in OF_AXES]
     change = sign_change(targets, [[each] * len(targets) for each in signs])
     if change is None or not _sure(change):
         return log, []
     axes = OF_AXES[change.choice]
+    own = [change.explained[axis] for axis in axes if felt] + change.explained[len(felt) :]
+    if max(own) < LEAST_OF_BEST:
+        return log, []  # what fits is an axis that keeps its sign
     fields = tuple(LINEAR_VELOCITY[axis] for axis in axes)
     words = f"{listed([SPEEDS[axis] for axis in axes])} of the velocity"
     mended = _turned(log, on_time, "velocity", fields, change)

@@ -25,6 +25,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.checks.sign_change import SignChange
 from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
     quaternion_of_euler,
@@ -34,6 +35,7 @@ from auvid.pipeline.commands.new import new_example
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
+from auvid.stages.ingest.health.agreement import sign_changes
 from auvid.stages.ingest.health.causes import OF_MOTION
 
 ROOT = Path(__file__).resolve().parents[5]
@@ -1183,6 +1185,16 @@ def test_sines_of_one_frequency_say_nothing_of_order_and_clock(
     assert [item["id"] for item in findings if item["severity"] != "note"] == []
     (note,) = [item for item in findings if item["id"] == "commands_one_tone"]
     assert f"{hertz:g}"[:3] in note["text"]
+
+
+def test_an_axis_that_keeps_its_sign_tells_no_change_of_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As of a tow along one axis: sway follows the accelerometer, surge and heave do not."""
+    change = SignChange(5, 30.0, False, 68.0, 20.0, [-0.01, 0.74, -0.36, 0.25])
+    monkeypatch.setattr(sign_changes, "sign_change", lambda *_: change)
+    monkeypatch.setattr(sign_changes, "with_one_turn", lambda log: (log, []))
+    assert "sign_changes" not in weighty(_dive())
 
 
 def test_pulses_of_one_frequency_that_are_turned_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
