@@ -12,6 +12,7 @@ from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.identification.glide.bins import GlideRows
 from auvid.hydro.identification.glide.fit import UNKNOWNS, FileFigure, GlideEstimate, fit_glides
+from auvid.hydro.identification.regression.standard_errors import widened_by
 
 CLEAR_STEP, LEAST_STEP = 6.0, 0.03
 """Standard errors, as the largest of many places is looked at, and share of the stroke from which
@@ -100,20 +101,36 @@ def trim_step(rows: GlideRows, estimate: GlideEstimate, stroke_m3: float) -> Tri
     own = [rows.glide == number for number in numbers]
     trims = np.array([float(slope[i] @ left[i] / (slope[i] @ slope[i])) for i in own])
     up = np.array([float(np.mean(rows.state.pitch_rad[i]) > 0.0) for i in own])
-    levels = np.column_stack([way for way in (up, 1.0 - up) if way.any()])
-    spare, best = numbers.size - levels.shape[1] - 1, None
-    for first in range(LEAST_BESIDE, numbers.size - LEAST_BESIDE + 1 if spare > 1 else 0):
-        step = (np.arange(numbers.size) >= first).astype(np.float64)
-        design = np.column_stack([levels, step])
-        values, _, rank, _ = np.linalg.lstsq(design, trims, rcond=None)
-        if rank < design.shape[1]:
-            continue
-        rest = trims - design @ values
-        error = np.sqrt(rest @ rest / spare * np.linalg.inv(design.T @ design)[-1, -1])
-        if best is None or abs(values[-1]) / error > abs(best.size_m3) / best.error_m3:
-            best = TrimStep(int(numbers[first]), float(values[-1]), float(error))
-    if best is None or abs(best.size_m3) < max(CLEAR_STEP * best.error_m3, LEAST_STEP * stroke_m3):
+    first, size, error = clearest_step(trims, up)
+    if not first or abs(size) < max(CLEAR_STEP * error, LEAST_STEP * stroke_m3):
         return None
+    return TrimStep(int(numbers[first]), size, error)
+
+
+def clearest_step(values: Array, up: Array) -> tuple[int, float, float]:
+    """Return where values (n,) step most clearly, the size and its standard error.
+
+    Place 0 for none, and where a straight line explains them as well: what changes bit by
+    bit does not step. up (n,): 1 or 0, each with a level of its own. The error is that of
+    Student's t for so few values.
+    """
+    order = np.arange(values.size, dtype=np.float64)
+    levels = np.column_stack([way for way in (up, 1.0 - up) if way.any()])
+    spare = values.size - levels.shape[1] - 1
+    if spare < 2:
+        return 0, 0.0, 0.0
+    line = np.column_stack([levels, order])
+    rest = values - line @ np.linalg.lstsq(line, values, rcond=None)[0]
+    best, least = (0, 0.0, 0.0), float(rest @ rest)
+    for first in range(LEAST_BESIDE, values.size - LEAST_BESIDE + 1):
+        design = np.column_stack([levels, order >= first])
+        fitted, _, rank, _ = np.linalg.lstsq(design, values, rcond=None)
+        rest = values - design @ fitted
+        squares = float(rest @ rest)
+        if rank < design.shape[1] or squares >= least:
+            continue
+        error = np.sqrt(squares / spare * np.linalg.inv(design.T @ design)[-1, -1])
+        best, least = (first, float(fitted[-1]), float(error) * widened_by(spare)), squares
     return best
 
 

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
-from auvid.hydro.identification.glide.comparison import compare
+from auvid.hydro.identification.glide.comparison import clearest_step, compare
 from auvid.hydro.identification.glide.fit import fit_glides
 from tests.support.glider_twin import (
     BODY,
@@ -109,3 +109,15 @@ def test_glides_held_out_are_predicted() -> None:
     assert comparison.fit_within_percent > 70.0
     assert comparison.without_speed is not None
     assert "C_L_alpha" not in comparison.without_speed.free
+
+
+def test_a_trim_that_drifts_or_scatters_does_not_step() -> None:
+    noise = np.random.default_rng(3).normal(size=(200, 20))
+    up = np.arange(20.0) % 2.0
+    first, size, error = clearest_step(0.1 * noise[0] + 3.0 * up - 2.0 * (np.arange(20) >= 8), up)
+    assert (first, size) == (8, pytest.approx(-2.0, abs=0.2))
+    assert abs(size) > 6.0 * error
+    first, size, error = clearest_step(0.1 * noise[1] + np.linspace(0.0, 2.0, 20), up)
+    assert (first, size, error) == (0, 0.0, 0.0)
+    few = [clearest_step(values[:5], up[:5]) for values in noise]
+    assert np.mean([bool(at) and abs(step) > 6.0 * own for at, step, own in few]) < 0.02
