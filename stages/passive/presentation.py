@@ -79,8 +79,8 @@ def passive_section(motions: PassiveMotions, results: dict[str, Any]) -> dict[st
     blocks += [
         remark(
             f"Leg '{leg}' is towed with a sideslip of {np.degrees(angle):.0f} degrees: the line"
-            " pulls against drag ahead and aside, and what stands as drag along the hull has both."
-            " Tow it with its bow into the path.",
+            " pulls against drag ahead and aside, and what stands as drag of one axis has both."
+            " Tow it along that axis.",
             "warning",
         )
         for leg, angle in motions.oblique.items()

@@ -18,6 +18,8 @@ from auvid.hydro.kept_results import kept
 FEWEST = 25
 """Windows of a second that tell anything."""
 FEWEST_OF_A_SHIFT, MOST_BY_LIFT = 30, 25.0
+SLOW, MOST_OF_SLOW = 10, 8
+"""Windows that are longer than a wave, and how many of them are most of so many."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,17 @@ class DepthRates:
     def correlation(self) -> float:
         """Correlation of both, 0 where one of them does not change."""
         return _correlation(self.rise, self.expected)
+
+    @property
+    def slow_correlation(self) -> float:
+        """Correlation of both over ten windows each: waves move one of them alone."""
+        place = np.floor((self.at - self.at[0]) / (SLOW * WINDOW_S))
+        first = np.flatnonzero(np.diff(place, prepend=-1.0))
+        complete = np.diff(np.append(first, place.size)) >= MOST_OF_SLOW
+        rise, expected = (
+            np.add.reduceat(values, first)[complete] for values in (self.rise, self.expected)
+        )
+        return _correlation(rise, expected) if rise.size > 2 else 0.0
 
     def level_odds(self) -> float:
         """Return how much likelier heave alone makes the rise than all by the tilt.

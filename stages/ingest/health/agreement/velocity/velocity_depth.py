@@ -16,6 +16,10 @@ NEAR_S, NEAR_ALIKE, ALIKE = 3.0, 0.5, 0.8
 """Shifts up to which velocity_lag tells a clock, and correlations there and further away
 that are more than chance.
 """
+SLOWLY_ALIKE = 0.7
+"""Correlation over ten seconds of one dive: waves move the depth by their pressure, or the
+velocity of a hull that rides them, and a coarse or restless depth hides what is faster.
+"""
 
 
 def _rates(log: CheckedLog) -> DepthRates | None:
@@ -40,7 +44,7 @@ def unrelated_depth(log: CheckedLog) -> Iterator[Finding]:
     if min(moves) < LEAST_RATE_M_S or unmeasured:
         return
     likeness = rates.correlation
-    if abs(likeness) > limit("depth_unrelated"):
+    if abs(likeness) > limit("depth_unrelated") or rates.slow_correlation > SLOWLY_ALIKE:
         return
     shift_s, there = rates.best_shift()
     if abs(shift_s) <= NEAR_S and there > NEAR_ALIKE:

@@ -9,7 +9,7 @@ from auvid.hydro.identification.checks.signal_checks import jumps
 T_S = 0.1 * np.arange(1200)
 
 
-def rates(later_s: float = 0.0, *, level: bool = False) -> DepthRates:
+def rates(later_s: float = 0.0, *, level: bool = False, waves_m_s: float = 0.0) -> DepthRates:
     """A body that surges at 0.5 m/s, heaves and pitches by 3 degrees."""
     noise = np.random.default_rng(5)
     heave = 0.1 * np.convolve(noise.normal(size=T_S.size), np.ones(30) / 5.0, "same")
@@ -22,6 +22,7 @@ def rates(later_s: float = 0.0, *, level: bool = False) -> DepthRates:
     euler = np.column_stack([0.0 * T_S, pitch, 0.3 * T_S])
     if level:
         speed[:, 2] = down
+    speed[:, 2] += waves_m_s * np.cos(2.0 * np.pi / 5.0 * T_S)  # no pressure changes with them
     compared = depth_rates(
         T_S, depth, T_S, euler, T_S, speed + noise.normal(0.0, 0.003, speed.shape)
     )
@@ -39,6 +40,7 @@ def test_level_axes_are_told_by_heave_that_the_tilt_does_not_turn() -> None:
 def test_a_shift_is_measured_where_nothing_relates(later_s: float) -> None:
     shifted = rates(later_s)
     assert abs(shifted.correlation) < 0.3
+    assert shifted.slow_correlation < 0.6
     shift_s, likeness = shifted.best_shift()
     assert shift_s == later_s
     assert likeness > 0.95
@@ -53,3 +55,9 @@ def test_only_steps_to_a_level_that_stays_are_jumps() -> None:
     repeated = values[np.arange(T_S.size) // 20 * 20]  # each for two seconds
     assert jumps(T_S, repeated + 0.3 * np.sin(2.0 * repeated), least=0.1, rate=1.0).size == 0
     assert not jumps(T_S[:8], values[496:504], least=0.1, rate=1.0).size
+
+
+def test_a_hull_that_rides_waves_is_still_of_one_dive() -> None:
+    riding = rates(waves_m_s=2.0)
+    assert riding.correlation < 0.3
+    assert riding.slow_correlation > 0.8
