@@ -242,8 +242,8 @@ LIFT_WORDS = (
 )
 """On ratios of inertia beside a fitted yaw, which has that moment."""
 NO_RATIO_WORDS = (
-    " Nothing in these logs tells the ratio of yaw: beside lift, which these legs show, its moment"
-    " by u v does not; it is the vehicle file's, with that interval."
+    " Nothing in these logs tells the ratio of yaw, as its moment by u v does not where lift takes"
+    " part of it; it is the vehicle file's, with that interval."
 )
 
 

@@ -195,9 +195,11 @@ def _doubtful_card(inputs: Inputs, params: Params, name: str, card: ModelCard) -
         return words
     try:
         fit = _fit(inputs, params, card, legs, doubtful=True)
+        return disagreeing(fit.estimate) or _refined(inputs, params, fit, name, legs, left_out)
     except DataError as fault:
         return fault.message
-    return disagreeing(fit.estimate) or _refined(inputs, params, fit, name, legs, left_out)
+    except np.linalg.LinAlgError:
+        return "the other legs leave a direction of its coefficients open"
 
 
 def _refined(

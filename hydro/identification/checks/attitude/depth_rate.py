@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from auvid.hydro.identification.checks.motion_checks import (
 )
 from auvid.hydro.kept_results import kept
 
+FEW = 8
+"""Results that are kept: they are as long as the log."""
 FEWEST = 25
 """Windows of a second that tell anything."""
 FEWEST_OF_A_SHIFT, MOST_BY_LIFT = 30, 25.0
@@ -104,7 +107,7 @@ def _left(values: Array, design: Array) -> Array:
     return np.maximum([np.std(rest), np.median(np.abs(rest))], 1e-12)
 
 
-@kept
+@partial(kept, most=FEW)
 def depth_rates(
     t_depth: Array,
     depth: Array,

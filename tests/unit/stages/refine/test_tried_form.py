@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from auvid.data_schemas.documents.campaign import LegEntry
+from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import make_table
 from auvid.data_schemas.yaml_text import read_yaml
@@ -239,6 +241,23 @@ def test_a_fit_that_shows_no_agreement_is_no_answer(
     outputs = refine.run(twin, refine.Params())
     assert outputs.model_card == {}
     assert words in notes(outputs)[0]
+
+
+@pytest.mark.parametrize("fault", [DataError("a limit cannot be met"), np.linalg.LinAlgError()])
+def test_what_fails_behind_a_tried_fit_stops_no_run(
+    twin: refine.Inputs,
+    answer: tuple[refine.Outputs, LikelihoodEstimate],
+    monkeypatch: pytest.MonkeyPatch,
+    fault: Exception,
+) -> None:
+    def fail(*_: object) -> None:
+        raise fault
+
+    monkeypatch.setattr(fitting, "fit_output_error", lambda *_, **__: answer[1])
+    monkeypatch.setattr(refine, "_held_out", fail)
+    outputs = refine.run(twin, refine.Params())
+    assert outputs.model_card == {}
+    assert "keeps the coefficients of least squares" in notes(outputs)[0]
 
 
 @pytest.mark.parametrize("estimator", ["least_squares", "filter_error", "output_error"])
