@@ -416,6 +416,11 @@ def _limit_blocks(card: ModelCard) -> list[dict[str, Any]]:
             for item in part.terms
             if item.free_value is not None
         ]
+        changed += [
+            [item.name[0], f"inertia {item.name}", item.free_value, item.value, item.unit]
+            for item in card.inertia
+            if item.free_value is not None
+        ]
         note = f"Limits on damping: {card.damping}. They cost {card.limits_cost:.2g} of J/J0 on"
         note += f" training. Active: {'; '.join(dict.fromkeys(i.name for i in card.limits))}."
         heads = ["axis", "term", "without limits", "within limits", "unit"]

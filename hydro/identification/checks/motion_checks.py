@@ -32,7 +32,7 @@ WINDOW_S = 1.0
 MOST_WINDOWS = 60_000
 """Windows of all lags that are integrated over in one pass: it bounds the memory."""
 MOST_WINDOWS_OF_A_LAG = 2400
-"""Of longer logs than twenty minutes each second or third window counts, all log long."""
+"""Of a log longer than twenty minutes each second window counts, of hours each third or less."""
 BLOCK_ROWS = 16384
 """Samples that are summed at a time."""
 LEAST_UPRIGHT = 0.5

@@ -747,10 +747,16 @@ def test_inertia_needs_the_state_and_is_found_beside_the_damping() -> None:
     # Less inertia than the rigid body has: the bound is no measurement, and has no error.
     less = force - 1.25 * (motion.nu_dot @ change.T + coriolis_force(change, motion.nu))
     inputs = replace(inputs, residual=collection({"one": residual_table(motion.nu, less, None)}))
-    (item,) = synthesise.run(inputs, params).model_card["diagonal"].inertia
+    outputs = synthesise.run(inputs, params)
+    (item,) = outputs.model_card["diagonal"].inertia
     assert (item.verdict, item.standard_error) == ("at its bound", None)
     assert item.change == pytest.approx(-vehicle.added_mass[5, 5])
     assert item.free_value == pytest.approx(vehicle.mass_matrix[5, 5] - 0.5, abs=0.1)
+    (changed,) = (
+        block for block in outputs.section["blocks"]
+        if "what the limits changed" in block.get("title", "")
+    )  # fmt: skip
+    assert changed["rows"][-1][2:4] == [item.free_value, item.value]
 
 
 def test_a_coefficient_that_one_leg_carries_is_weak_and_the_leg_is_named() -> None:
