@@ -25,6 +25,10 @@ from auvid.hydro.kept_results import kept
 LARGEST_LAG_S, LAG_STEP_S = 0.5, 0.02
 ALIKE = 0.1
 """Departure of a scale from 1 that is none."""
+MOST_ALIKE = 0.9999
+"""Correlation up to which axes are told apart: what rounding leaves decides nothing."""
+IN_TIME_S = 0.05
+"""Lags that are none: a lag between samples takes noise off, and so looks better than 0."""
 LARGEST_AXIS_LAG_S = 1.0
 OTHER_ORDERS = ("ZXY", "XYZ", "XZY", "YXZ", "YZX")
 """Orders of turns about the axes of the body, beside the yaw, pitch, roll of ZYX."""
@@ -46,7 +50,8 @@ class RateAgreement:
     lag of each axis by itself; `scale` (3,): gyro per attitude rate of the same axis,
     near 1 where noise in either record leaves that open; `std` (3,) of the attitude's
     body rates and `bias` (3,), the mean of the gyro less theirs [rad/s]; `count` of
-    intervals. A positive lag: the gyro shows a turn after the attitude does. `jumps`
+    intervals. A positive lag: the gyro shows a turn after the attitude does; `lag_odds`
+    (3,): logarithm of its likelihood over that of any within .05 s, by each axis. `jumps`
     intervals in which the attitude turned without the gyro, by `largest_jump` [rad] at
     most, are left out of the comparison; `jump_at_s` is the time of the largest.
     """
@@ -55,6 +60,7 @@ class RateAgreement:
     scale: Array
     lag_s: float
     lags_s: Array
+    lag_odds: Array
     std: Array
     bias: Array
     count: int
@@ -118,7 +124,9 @@ def rate_agreement(
     by_lag = _correlation(centred, turns.mean_rate(rows, lags))
     best = np.abs(by_lag).max(axis=-1)
     own = np.diagonal(by_lag, axis1=1, axis2=2)
-    lag = peak_of_parabola(lags, np.sum(best * energy**2, axis=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):  # noise of a quiet axis has no say
+        likely = -np.log1p(-np.square(np.minimum(np.nan_to_num(best), MOST_ALIKE)))
+    lag = peak_of_parabola(lags, np.sum(likely, axis=-1))
     measured = turns.mean_rate(rows, lag)
     deviation = measured - measured.mean(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -131,11 +139,17 @@ def rate_agreement(
         open_to_1 = np.abs(nearest - 1.0) < ALIKE
         scale = np.sign(covered) * np.where(open_to_1, nearest, np.sqrt(low * high))
     bias = median(measured - expected)
+    correlation = _correlation(centred, measured)
+    in_time = np.abs(own[np.abs(lags) <= IN_TIME_S]).max(axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        left = (1.0 - in_time**2) / (1.0 - np.diagonal(correlation) ** 2)
+        odds = 0.5 * rows.size * np.log(left)
     return RateAgreement(
-        _correlation(centred, measured),
+        correlation,
         scale,
         lag,
         np.array([peak_of_parabola(lags, axis) for axis in own.T]),
+        odds,
         energy,
         bias,
         int(rows.size),

@@ -19,6 +19,7 @@ from auvid.data_schemas.checks import SEVERITIES, checks
 from auvid.data_schemas.documents import check_document
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.commands import FullCommands
 from auvid.hydro.dynamics.actuators.thrusters import thruster_forces
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
@@ -931,6 +932,31 @@ def test_a_noisy_angle_of_a_quiet_vehicle_is_no_disagreement() -> None:
     assert fine is not None
     assert fine.correlation[0, 0] < 0.7, "from sample to sample the noise decides"
     assert "gyro_disagrees" not in log.ids()
+
+
+def test_noise_makes_no_lag_between_gyro_and_attitude() -> None:
+    """Of a slow swing in pitch: the quiet axes are noise alone, and half of the gyro is."""
+
+    def late_s(seed: int) -> float:
+        random, log = np.random.default_rng(seed), sound()
+        t_s, t_imu = log.t_s("attitude"), log.t_s("imu")
+
+        def swing(t: Array) -> Array:
+            return np.asarray(0.12 * np.exp(-t / 40.0) * np.sin(2.0 * np.pi * t / 12.0))
+
+        angles = 0.001 * random.standard_normal((3, t_s.size))
+        rates = 0.01 * random.standard_normal((3, t_imu.size))
+        angles[1] += swing(t_s)
+        rates[1] += np.gradient(swing(t_imu), t_imu)
+        names = ("phi_rad", "theta_rad", "psi_rad")
+        log.streams["attitude"] |= dict(zip(names, angles, strict=True))
+        log.streams["imu"] |= dict(zip(IMU_COLUMNS, rates, strict=True))
+        agreement = rate_agreement(t_s, angles.T, t_imu, rates.T)
+        assert agreement is not None
+        assert "gyro_lag" not in log.ids(), agreement.lag_s
+        return abs(agreement.lag_s)
+
+    assert min(map(late_s, (7, 12))) > 0.13, "the noise makes lags that the check would name"
 
 
 def test_a_heading_that_is_late_by_itself_is_named_with_its_own_lag() -> None:
