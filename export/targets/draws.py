@@ -54,7 +54,7 @@ def export(request: Request) -> Exported:
     Normal draws in the covariance of the printed intervals, by noise of each axis and
     assumed figures of all; those whose damping gives energy to some motion of the flown
     range count at the nearest passive model, in the metric of the posterior. Inertia that
-    was fitted is drawn too.
+    was fitted is drawn too, unless a limit holds it.
     """
     model, count = request.model, request.draws
     if not model.covariance:

@@ -21,6 +21,10 @@ FEW = 8
 FEWEST = 25
 """Windows of a second that tell anything."""
 FEWEST_OF_A_SHIFT, MOST_BY_LIFT = 30, 25.0
+LEAST_TILT = 0.03
+"""Standard deviation of roll or pitch [rad] from which on they are motion: attitudes wander
+by a degree, and where a hull hardly tilts, heave alone is then nearer the depth.
+"""
 SLOW, MOST_OF_SLOW = 10, 8
 """Windows that are longer than a wave, and how many of them are most of so many."""
 
@@ -31,7 +35,7 @@ class DepthRates:
 
     Begins `at` (n,) [s], `rise` (n,) and `expected` (n,) [m], and the integrals [m] of
     surge, sway and heave, `parts` (n, 3), and of surge and sway as pitch and roll lift
-    each, `lifted` (n, 4).
+    each, `lifted` (n, 4). `tilt`: what roll or pitch change by [rad].
     """
 
     at: Array
@@ -39,6 +43,7 @@ class DepthRates:
     expected: Array
     parts: Array
     lifted: Array
+    tilt: float
 
     @property
     def correlation(self) -> float:
@@ -61,7 +66,8 @@ class DepthRates:
 
         Logarithm of the likelihood; a constant tilt of the mounting and a constant are
         taken off both. The lower one of that by squares and by medians. Of axes with a
-        wrong sign, scale or turn, which what is lifted with any gain tells, 0 at most.
+        wrong sign, scale or turn, which what is lifted with any gain tells, and of a hull
+        that hardly tilts, 0 at most.
         """
         aside = np.column_stack([self.parts[:, :2], np.ones(self.rise.size)])
         heave = self.parts[:, 2]
@@ -70,7 +76,8 @@ class DepthRates:
             for columns in ((self.expected,), (heave,), (heave, self.lifted))
         )
         odds = self.rise.size * np.log([own / level, level / free]).min(axis=1)
-        return float(min(odds[0], 0.0) if odds[1] > MOST_BY_LIFT else odds[0])
+        is_unsure = odds[1] > MOST_BY_LIFT or self.tilt < LEAST_TILT
+        return float(min(odds[0], 0.0) if is_unsure else odds[0])
 
     def best_shift(self) -> tuple[float, float]:
         """Return how much later the depth fits best, and the correlation there.
@@ -128,4 +135,5 @@ def depth_rates(
     rates = np.column_stack([(down * velocity).sum(axis=1), velocity, *lifted])
     parts = integrals(t_velocity, rates, at)
     rise = np.interp(at + WINDOW_S, t_depth, depth) - np.interp(at, t_depth, depth)
-    return DepthRates(at, rise, parts[:, 0], parts[:, 1:4], parts[:, 4:])
+    tilt = float(down[:, :2].std(axis=0).max())
+    return DepthRates(at, rise, parts[:, 0], parts[:, 1:4], parts[:, 4:], tilt)

@@ -9,17 +9,20 @@ from auvid.hydro.identification.checks.signal_checks import jumps
 T_S = 0.1 * np.arange(1200)
 
 
-def rates(later_s: float = 0.0, *, level: bool = False, waves_m_s: float = 0.0) -> DepthRates:
+def rates(
+    later_s: float = 0.0, *, level: bool = False, waves_m_s: float = 0.0, wander_rad: float = 0.0
+) -> DepthRates:
     """A body that surges at 0.5 m/s, heaves and pitches by 3 degrees."""
     noise = np.random.default_rng(5)
     heave = 0.1 * np.convolve(noise.normal(size=T_S.size), np.ones(30) / 5.0, "same")
-    pitch = 0.05 * np.sin(0.9 * T_S)
+    pitch = (0.0 if wander_rad else 0.05) * np.sin(0.9 * T_S)
     speed = np.column_stack([np.full(T_S.size, 0.5), 0.0 * T_S, heave])
     speed[:, 0] += 0.2 * np.sin(0.4 * T_S)
     down = heave * np.cos(pitch) - speed[:, 0] * np.sin(pitch)
     depth = 5.0 + np.cumsum(down) * 0.1 + noise.normal(0.0, 0.002, T_S.size)
     depth = np.interp(T_S - later_s, T_S, depth)
-    euler = np.column_stack([0.0 * T_S, pitch, 0.3 * T_S])
+    slow = np.convolve(np.random.default_rng(6).normal(size=T_S.size), np.ones(50), "same")
+    euler = np.column_stack([0.0 * T_S, pitch + wander_rad * slow / 7.0, 0.3 * T_S])
     if level:
         speed[:, 2] = down
     speed[:, 2] += waves_m_s * np.cos(2.0 * np.pi / 5.0 * T_S)  # no pressure changes with them
@@ -34,6 +37,7 @@ def test_level_axes_are_told_by_heave_that_the_tilt_does_not_turn() -> None:
     assert rates().level_odds() < -25.0
     assert rates(level=True).level_odds() > 25.0
     assert rates().correlation > 0.99
+    assert rates(wander_rad=0.02).level_odds() <= 0.0  # a hull that does not tilt
 
 
 @pytest.mark.parametrize("later_s", [14.0, -9.0])
