@@ -78,8 +78,9 @@ class LikelihoodFit(Model):
     windows_differ: float | None = None
     """Mean square of what windows differ by over what noise makes of it; output error."""
     windows_agree: bool | None = None
-    """Whether noise explains that. Where it does not, the form lacks something: errors come
-    from leaving windows out, and the distance from least squares counts in the intervals.
+    """Whether noise explains that; null where windows compare fewer directions than there
+    are unknowns. Where it does not, the form lacks something: errors come from leaving
+    windows out, and the distance from least squares counts in the intervals.
     """
     channels: list[ChannelNoise]
     """Per measured quantity: noise and normalised error."""

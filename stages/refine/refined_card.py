@@ -214,8 +214,9 @@ def _term(
 
 
 def complete(estimate: LikelihoodEstimate) -> bool:
-    """Return whether windows were compared, and agree."""
-    return estimate.agreement is not None and estimate.agreement.holds
+    """Return whether windows agree, compared on as many directions as unknowns."""
+    agreement = estimate.agreement
+    return agreement is not None and agreement.holds and agreement.degrees >= len(estimate.theta)
 
 
 def _shifts(item: TermCard, value: float, estimate: LikelihoodEstimate) -> dict[str, float]:
@@ -336,6 +337,8 @@ def _likelihood(
         )
         if count and np.isfinite(rms)
     ]
+    is_open = agreement is None or agreement.holds
+    agree = complete(estimate) or (None if is_open else False)
     return LikelihoodFit.model_validate(
         {
             "estimator": estimator,
@@ -347,7 +350,7 @@ def _likelihood(
             "windows": estimate.windows,
             "weighted_residual": estimate.weighted_residual,
             "windows_differ": None if agreement is None else agreement.ratio,
-            "windows_agree": None if agreement is None else agreement.holds,
+            "windows_agree": agree,
             "channels": channels,
             "legs": [_leg(number, leg, fit) for number, leg in enumerate(legs)],
             "force_time_s": None if noise.time_s is None else _by_axis(noise.time_s),

@@ -243,6 +243,19 @@ def test_a_fit_that_shows_no_agreement_is_no_answer(
     assert words in notes(outputs)[0]
 
 
+def test_windows_with_little_in_common_make_no_form_complete(
+    twin: refine.Inputs,
+    answer: tuple[refine.Outputs, LikelihoodEstimate],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    few = replace(answer[1], agreement=Agreement(1.0, 3, 1.0))
+    monkeypatch.setattr(fitting, "fit_output_error", lambda *_, **__: few)
+    params = refine.Params(models=("symmetric",), estimator="output_error")
+    (card,) = refine.run(twin, params).model_card.values()
+    assert card.likelihood is not None
+    assert card.likelihood.windows_agree is None
+
+
 @pytest.mark.parametrize("fault", [DataError("a limit cannot be met"), np.linalg.LinAlgError()])
 def test_what_fails_behind_a_tried_fit_stops_no_run(
     twin: refine.Inputs,
