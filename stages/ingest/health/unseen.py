@@ -17,6 +17,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     push_responses,
     pushes,
 )
+from auvid.stages.ingest.health.actuation.single_outputs import rest_of
 from auvid.stages.ingest.health.agreement.motion import depth_answers
 from auvid.stages.ingest.health.agreement.velocity.velocity_axes import SURE_ODDS, VelocityEvidence
 from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
@@ -154,9 +155,9 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
             "it looks like a drag that grows; a voltage in the log and voltage_exponent in the"
             " vehicle file tell it",
         )
-    pulses = log.values("actuators", log.thrusters()) - NEUTRAL_US
-    resting = np.abs(np.nan_to_num(pulses)).max(axis=1, initial=0.0) < RESTING_US
-    if float(resting.mean()) < LEAST_REST:
+    pulses = np.nan_to_num(log.values("actuators", log.thrusters()), nan=NEUTRAL_US)
+    resting = np.abs(pulses - NEUTRAL_US).max(axis=1, initial=0.0) < RESTING_US
+    if float(resting.mean()) < LEAST_REST and rest_of(pulses, log.vehicle.thrusters) is None:
         yield "neutral pulse of the outputs", "they never rest all together"
 
 

@@ -41,22 +41,35 @@ def single_output_findings(log: CheckedLog) -> Iterator[Finding]:
         yield from _alike(pulses[:, group], numbers)
 
 
-def _resting(pulses: Array, thrusters: Thrusters) -> Iterator[Finding]:
-    """Yield the pulse at which all outputs rest, where it is none of rest."""
+def rest_of(pulses: Array, thrusters: Thrusters) -> tuple[float, float] | None:
+    """Return the pulse [us] at which all outputs (n, k) rest, and how often.
+
+    None where they do not.
+    """
     if np.linalg.matrix_rank(thrusters.allocation) < FEWEST_AXES:
-        return
+        return None
     alike = (np.ptp(pulses, axis=1) < SAME_US) & (pulses[:, 0] > NO_PULSE_US)
-    if float(alike.mean()) < LEAST_REST:
-        return
+    share = float(alike.mean())
+    if share < LEAST_REST:
+        return None
     rest = float(np.median(pulses[alike, 0]))
     one = np.abs(pulses[alike, 0] - rest) < SAME_US
+    return (rest, share) if float(one.mean()) >= OF_RESTS else None
+
+
+def _resting(pulses: Array, thrusters: Thrusters) -> Iterator[Finding]:
+    """Yield the pulse at which all outputs rest, where it is none of rest."""
+    resting = rest_of(pulses, thrusters)
+    if resting is None:
+        return
+    rest, share = resting
     forces = thrust_from_pwm([rest, thrusters.curve.pwm_us[-1]], None, thrusters.curve)
     part = float(abs(forces[0] / forces[1])) if forces[1] else 0.0
-    if float(one.mean()) < OF_RESTS or part < limit("neutral_pulse"):
+    if part < limit("neutral_pulse"):
         return
     yield finding(
         "neutral_pulse",
-        f"All outputs stand at {rest:.0f} us together in {percent(float(alike.mean()))} of the"
+        f"All outputs stand at {rest:.0f} us together in {percent(share)} of the"
         f" samples, as at rest, and the thrust curve of the vehicle file gives {forces[0]:+.1f} N"
         " there.",
         stream="actuators",

@@ -1572,6 +1572,14 @@ def test_without_attitude_the_unit_of_the_gyro_is_listed_as_unseen() -> None:
     assert "unit, signs and axes of the gyro" in names
 
 
+def test_outputs_that_rest_at_another_pulse_are_not_called_restless() -> None:
+    log, name = sound(), "neutral pulse of the outputs"
+    drive(log, RIGHT_ORDER)
+    assert name in [item["name"] for item in log.health()["unseen"]]
+    _neutral_at_1560(log)
+    assert name not in [item["name"] for item in log.health()["unseen"]]
+
+
 def test_a_velocity_that_accelerometer_or_track_shows_is_not_listed_as_unseen() -> None:
     log = sound()
     turn, scale = "turn of the velocity log", "scale of surge and sway"
