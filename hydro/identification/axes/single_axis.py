@@ -433,7 +433,7 @@ def _with_lag(
         return pool, fit, blocks, fixed
     if error * T_LIMIT < value:
         tried = held_out_blocks(late, fit.values)
-        if tried and _flown_better(setup.velocity, tried, blocks, by=0.0):
+        if _flown_better(setup.velocity, tried, blocks, by=0.0):
             share = LAG_SHARE * value if unmeasured(setup.records) else 0.0
             return late, other, tried, LagVerdict(value, float(np.hypot(error, share)), True, share)
     if setup.records[0].normalised:
@@ -452,8 +452,12 @@ def _with_lag(
 def _flown_better(
     velocity: str, tried: Sequence[HeldOut], blocks: Sequence[HeldOut], *, by: float
 ) -> bool:
-    """Return whether each part that was held out is flown better by so much [%]."""
-    return all(
+    """Return whether each part that was held out is flown better by so much [%].
+
+    >>> _flown_better("w", (), (), by=0.0)  # nothing was held out
+    False
+    """
+    return len(tried) > 0 and all(
         new.percent[velocity] > old.percent[velocity] + by
         for new, old in zip(tried, blocks, strict=True)
     )
