@@ -240,6 +240,16 @@ def test_outputs_without_a_pulse_are_left_out_and_rco2_is_paired() -> None:
     )  # no RCO2 record within 20 ms of the later half
 
 
+def test_outputs_that_never_have_a_pulse_are_no_stream() -> None:
+    """A safety switch that stays off writes zeros; telemetry may have the other port only."""
+    still = log(message("RCOU", C1=0, C2=0))
+    assert "actuators" not in dataflash(still)
+    unix_us = np.arange(20) * STEP_US
+    names = {"time_unix_us": unix_us, "time_usec": unix_us, "port": 1, "servo1_raw": 1600}
+    second = message("SERVO_OUTPUT_RAW", **names)
+    assert "actuators" not in map_streams(log(second), streams_tlog.RULES, {})
+
+
 def test_early_battery_records_are_whole_hundredths() -> None:
     """Firmware before 2015 wrote CURR as integers: 1612 is 16.12 V."""
     hundredths = message("CURR", Volt=np.full(20, 1612, np.int16), Curr=np.full(20, -250, np.int16))
