@@ -151,7 +151,7 @@ def measure(
     )
 
 
-def lost_added_mass(body: Body, *, inertia: Array, what: str, why: str) -> Lost:
+def lost_added_mass(*, inertia: Array, what: str, why: str) -> Lost:
     """Return the loss of an added inertia (6, 6) with its Coriolis force."""
     return Lost(what, why, lambda nu, _: -coriolis_force(inertia, nu), inertia)
 

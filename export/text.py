@@ -36,9 +36,9 @@ def numbers(values: ArrayLike, between: str = " ") -> str:
     return between.join(number(value) for value in np.asarray(values, dtype=np.float64).ravel())
 
 
-def python_rows(matrix: ArrayLike, indent: str = "    ") -> str:
+def python_rows(matrix: ArrayLike) -> str:
     """Return a matrix as a tuple of tuples of Python, a row per line."""
-    rows = [f"{indent}({numbers(row, ', ')}),\n" for row in np.asarray(matrix)]
+    rows = [f"    ({numbers(row, ', ')}),\n" for row in np.asarray(matrix)]
     return f"(\n{''.join(rows)})"
 
 
@@ -54,10 +54,10 @@ def octave_matrix(matrix: ArrayLike, indent: str = "  ") -> str:
     return f"[ ...\n{indent}" + f"; ...\n{indent}".join(numbers(row) for row in rows) + "]"
 
 
-def xml_comment(lines: Iterable[str], indent: str = "") -> str:
+def xml_comment(lines: Iterable[str]) -> str:
     """Return lines as one comment of XML, in which no two hyphens may follow."""
-    inside = f"\n{indent}  ".join(re.sub("-(?=-)", "- ", line) for line in lines)
-    return f"{indent}<!--\n{indent}  {inside}\n{indent}-->\n"
+    inside = "\n  ".join(re.sub("-(?=-)", "- ", line) for line in lines)
+    return f"<!--\n  {inside}\n-->\n"
 
 
 def one_line(text: str) -> str:

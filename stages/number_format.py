@@ -53,16 +53,16 @@ def fixed(value: float | None, places: int, *, empty: str = "-") -> str:
     return empty if value is None else f"{round(value, places):.{max(0, places)}f}"
 
 
-def as_printed(value: float | None, *, places: int = 4, sign: str = "", empty: str = "-") -> str:
+def as_printed(value: float | None, *, places: int = 4, empty: str = "-") -> str:
     """Return a number to the decimals of a printed table, tiny ones by their size.
 
-    >>> as_printed(-27.9347), as_printed(1.2e-5), as_printed(3.9251, places=2, sign="+")
-    ('-27.9347', '1.2e-05', '+3.93')
+    >>> as_printed(-27.9347), as_printed(1.2e-5), as_printed(3.9251, places=2)
+    ('-27.9347', '1.2e-05', '3.93')
     """
     if value is None:
         return empty
     large = value == 0.0 or abs(value) >= 10.0 ** (1 - places)
-    return f"{value:{sign if value else ''}.{places}f}" if large else f"{value:{sign}.2g}"
+    return f"{value:.{places}f}" if large else f"{value:.2g}"
 
 
 def percent(share: float | None, digits: int = 3, *, sign: str = "", empty: str = "-") -> str:

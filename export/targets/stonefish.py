@@ -69,7 +69,6 @@ def export(request: Request) -> Exported:
             _fit_error(body, factors),
         ),
         lost_added_mass(
-            body,
             inertia=body.mass - target_mass,
             what="inertia and added mass against Stonefish's own",
             why="it takes principal inertia, and added mass of an ellipsoid, the same in x, y, z",

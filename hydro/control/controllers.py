@@ -79,7 +79,7 @@ class Schedule:
     """Gains `k` (n, m, 12) on the equilibrium's clock, and an observer or None.
 
     At the design instants `design_s` (d,), `stride` samples apart: A (d, 12, 12), B (d,
-    12, m), eigenvalues (d, 12) of A - B k. At some of them, `checked_s` (c,):
+    12, m), eigenvalues (d, 12) of A - B k. At some of them (c):
     `frozen_eigenvalues` (c, 12) with the gains of the algebraic equation, and `margins`
     (c, 3) of `stability_margins` with the gains in use.
     """
@@ -92,7 +92,6 @@ class Schedule:
     B: Array
     eigenvalues: Array
     stride: int
-    checked_s: Array
     frozen_eigenvalues: Array
     margins: Array
 
@@ -163,7 +162,6 @@ def design(
         B,
         poles,
         stride,
-        few.t_s[some],
         still,
         margins,
     )

@@ -30,6 +30,8 @@ METHODS = ("algorithm_1", "trimmed")
 ITERATIONS = 40
 UNMET = 0.01
 """Share of the weight that may be missing at a trimmed instant."""
+UNMET_TIME = 0.05
+"""Share of the time in which more may be missing."""
 SETTLED = 1e-6
 """Relative gain of a step below which a trim with an input at its limit is settled."""
 LARGEST_OFFSET_RAD = 1.2
@@ -224,12 +226,11 @@ def require_reachable(
     equilibrium: Equilibrium,
     *,
     largest_pitch_rad: float,
-    share: float = 0.05,
 ) -> None:
     """Raise `CampaignError` where a trimmed trajectory is beyond the vehicle.
 
     Steeper than `largest_pitch_rad`, or where an input stands at its limit and more
-    than `UNMET` of the weight is missing for more than `share` of the time; the input,
+    than `UNMET` of the weight is missing for more than `UNMET_TIME` of the time; the input,
     value and limit are named.
 
     A glide may miss more at its tips, where the buoyancy engine changes over and the
@@ -248,7 +249,7 @@ def require_reachable(
         np.sum(equilibrium.residual[:, 3:] ** 2, axis=1)
     )
     unmet = missing > UNMET * plant.neutral_kg * plant.gravity
-    if equilibrium.glides or unmet.mean() <= share:
+    if equilibrium.glides or unmet.mean() <= UNMET_TIME:
         return
     span = 1e-9 * (limits.high - limits.low)
     at_limit = (

@@ -57,12 +57,10 @@ def kalman_gain(
     return np.asarray(np.linalg.solve(np.asarray(R_Z, dtype=np.float64), C_Z @ P).swapaxes(-1, -2))
 
 
-def placed_gain(
-    A: ArrayLike, controller_eigenvalues: ArrayLike, *, faster: float = FASTER
-) -> Array:
+def placed_gain(A: ArrayLike, controller_eigenvalues: ArrayLike) -> Array:
     """Return L (t, 18, 12) that places all 18 poles of A_Z - L C_Z.
 
-    `faster` times as far left as the fastest pole of the controller.
+    `FASTER` times as far left as the fastest pole of the controller.
 
     Since all of chi is measured, L = [A + diag(g); H] makes the error of each velocity
     and its disturbance s^2 + 2 l s + l^2 and that of each pose s + l, exactly and at
@@ -76,7 +74,7 @@ def placed_gain(
             "the observer's poles refer to a controller that does not stabilise",
             value=float(real.max()),
         )
-    rate = faster * np.abs(real).max(axis=-1)
+    rate = FASTER * np.abs(real).max(axis=-1)
     rate = np.broadcast_to(rate, a.shape[:1])[:, None]
     out = np.zeros((len(a), N + D, N))
     out[:, :N] = a

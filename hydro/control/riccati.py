@@ -8,8 +8,6 @@ backward in time from the algebraic solution at the end.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,6 +18,8 @@ CONTROLLABLE = 1e-9
 """Smallest singular value of [A - lambda I, B] over the largest, below which a mode
 counts as out of the inputs' reach.
 """
+FREQUENCIES = 400
+"""At which the least return difference is looked for."""
 LONGEST_SHARE = 4.0
 """A step of the Riccati equation is halved until the fastest eigenvalue of its
 Hamiltonian times the step is below this (exp(2 x 4) of the 16 digits are lost).
@@ -147,35 +147,28 @@ def closed_loop_eigenvalues(A: ArrayLike, B: ArrayLike, k: ArrayLike) -> Array:
     return np.asarray(np.linalg.eigvals(np.asarray(A) - np.asarray(B) @ np.asarray(k)))
 
 
-def uncontrollable_states(
-    A: ArrayLike, B: ArrayLike, *, names: Sequence[str] = STATES, unstable_only: bool = False
-) -> list[str]:
+def uncontrollable_states(A: ArrayLike, B: ArrayLike) -> list[str]:
     """Return the states that the inputs cannot move.
 
     By the test of Popov, Belevitch and Hautus on scaled A (n, n), B (n, m).
 
     For each eigenvalue lambda, [A - lambda I, B] must have full rank; where it has not,
-    the state with the largest part in the left null vector is named. `unstable_only`:
-    only modes that do not decay by themselves.
+    the state with the largest part in the left null vector is named.
     """
     a, b = np.asarray(A, dtype=np.float64), np.asarray(B, dtype=np.float64)
     scale = np.abs(b).max(axis=0)
     b = b / np.where(scale > 0.0, scale, 1.0)
     names_of_states: dict[str, None] = {}
     for value in np.linalg.eigvals(a):
-        if unstable_only and value.real < -1e-9:
-            continue
         left, singular, _ = np.linalg.svd(np.hstack([a - value * np.eye(len(a)), b]))
         for column in np.flatnonzero(singular < CONTROLLABLE * max(singular[0], 1.0)):
-            names_of_states[names[int(np.argmax(np.abs(left[:, column])))]] = None
+            names_of_states[STATES[int(np.argmax(np.abs(left[:, column])))]] = None
     return list(names_of_states)
 
 
-def require_controllable(
-    A: ArrayLike, B: ArrayLike, *, where: str, names: Sequence[str] = STATES
-) -> None:
+def require_controllable(A: ArrayLike, B: ArrayLike, *, where: str) -> None:
     """Raises `PipelineError` naming the states out of reach."""
-    lost = uncontrollable_states(A, B, names=names)
+    lost = uncontrollable_states(A, B)
     if lost:
         raise PipelineError(
             f"the linearised vehicle is not controllable {where}",
@@ -189,7 +182,7 @@ def require_controllable(
 
 
 def stability_margins(
-    A: ArrayLike, B: ArrayLike, k: ArrayLike, *, r: ArrayLike, points: int = 400
+    A: ArrayLike, B: ArrayLike, k: ArrayLike, *, r: ArrayLike
 ) -> tuple[float, float, float]:
     """Return gain margins (lower, upper as factors) and phase margin [rad].
 
@@ -204,11 +197,11 @@ def stability_margins(
     """
     a, b, gain = (np.asarray(matrix, dtype=np.float64) for matrix in (A, B, k))
     poles = np.abs(np.linalg.eigvals(a - b @ gain))
-    band = np.geomspace(max(poles.min(), 1e-4) / 30.0, poles.max() * 30.0, points)
+    band = np.geomspace(max(poles.min(), 1e-4) / 30.0, poles.max() * 30.0, FREQUENCIES)
     root = np.sqrt(np.asarray(r, dtype=np.float64))
     b, gain = b / root, root[:, None] * gain
     loop = gain @ np.linalg.solve(
-        1j * band[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (points, *b.shape))
+        1j * band[:, None, None] * np.eye(len(a)) - a, np.broadcast_to(b, (FREQUENCIES, *b.shape))
     )
     least = float(np.linalg.svd(np.eye(b.shape[1]) + loop, compute_uv=False)[:, -1].min())
     upper = float("inf") if least >= 1.0 else 1.0 / (1.0 - least)

@@ -269,7 +269,6 @@ def chi_dot(
     U: ArrayLike,
     *,
     mass_kg: ArrayLike | None = None,
-    x_G_m: ArrayLike | None = None,
     force_ned_N: ArrayLike | None = None,
     current_ned_m_s: ArrayLike | None = None,
 ) -> Array:
@@ -283,7 +282,6 @@ def chi_dot(
         chi,
         U,
         mass_kg=mass_kg,
-        x_G_m=x_G_m,
         force_ned_N=force_ned_N,
         current_ned_m_s=current_ned_m_s,
     )

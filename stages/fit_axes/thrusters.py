@@ -15,7 +15,7 @@ from auvid.hydro.identification.axes.drive import ForceDrive, force_of
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit, fit_pool
 from auvid.hydro.identification.axes.record import AxisRecord, ThrusterForces
 from auvid.hydro.identification.axes.starting_values import starting_values
-from auvid.hydro.identification.axes.windows import WINDOW_S, windows_of
+from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.fleet.thruster_ratios import (
     ThrusterRatio,
     acting_on,
@@ -122,10 +122,7 @@ def _together(
         couplings=False,
         drive=ForceDrive(lag_s=float(np.mean([item.lag_s for item in group]))),
         free=(),
-        constant_sd=None,
         restoring=any(item.righting is not None for item in group),
-        loss="soft_l1",
-        window_s=WINDOW_S,
         free_inertia=[i.equation.speed for i in group if i.axis not in options.given_inertia],
     )
     return pool, fit_pool(pool, starting_values(pool))

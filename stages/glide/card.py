@@ -103,7 +103,7 @@ def glide_card(comparison: GlideComparison, glides: GlideLegs, vehicle: Vehicle)
         },
         predictor=few_axes.predictor_of(axes),
         method="glides",
-        partial=_partial(comparison, glides, vehicle),
+        partial=_partial(comparison, vehicle),
     )
 
 
@@ -134,7 +134,7 @@ def _term(estimate: GlideEstimate, place: int, value: float, error: float) -> Te
     )
 
 
-def _partial(comparison: GlideComparison, glides: GlideLegs, vehicle: Vehicle) -> PartialFigures:
+def _partial(comparison: GlideComparison, vehicle: Vehicle) -> PartialFigures:
     estimate = comparison.estimate
     by = "pressure and speed" if "C_L_alpha" in estimate.free else "pressure"
     judged = np.isfinite(comparison.fit_percent) and estimate.verdicts["C_D0"] != "inseparable"

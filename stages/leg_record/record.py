@@ -124,7 +124,7 @@ def leg_record(
     left_out: list[LeftOut] = []
     warnings: list[str] = []
     speeds = {axis: _speed(motion, axis, rate_hz) for axis in AXES}
-    from_surface = _depth_of_surface(streams, info)
+    from_surface = _depth_of_surface(info)
     reasons = {axis: _reasons(axis, motion, drive, rate_hz, shared, from_surface) for axis in AXES}
     stuck = np.zeros(t_s.size, dtype=bool)
     for axis in FREE_AXES:
@@ -238,7 +238,7 @@ def _disarmed(streams: Streams, info: LogInfo, t_s: Array) -> Mask:
     return mask
 
 
-def _depth_of_surface(streams: Streams, info: LogInfo) -> bool:
+def _depth_of_surface(info: LogInfo) -> bool:
     """Return whether depth counts from the surface: that of a pose does not."""
     position = info.streams.get("position")
     depth = info.streams.get("depth")

@@ -240,7 +240,6 @@ def saw_tooth(
     ramp_m: float = 0.0,
     start: ArrayLike = (0.0, 0.0, 0.0),
     heading_rad: float = 0.0,
-    dive_first: bool = True,
 ) -> Curve:
     """Return legs of arc length `leg_m` at +-`pitch_rad` in a vertical plane.
 
@@ -250,17 +249,16 @@ def saw_tooth(
     """
     _positive(leg_m=leg_m, tip_radius_m=tip_radius_m, legs=legs, pitch_rad=pitch_rad)
     _pitch(pitch_rad)
-    first = -pitch_rad if dive_first else pitch_rad
     straight = leg_m * float(np.cos(pitch_rad))
     pieces: list[tuple[str, float, float, float]] = []
     for index in range(legs):
-        pieces.append(("dive" if (index % 2 == 0) == dive_first else "rise", straight, 0.0, 0.0))
+        pieces.append(("rise" if index % 2 else "dive", straight, 0.0, 0.0))
         if index < legs - 1:
-            turn = 2.0 * pitch_rad * (1.0 if (index % 2 == 0) == dive_first else -1.0)
+            turn = 2.0 * pitch_rad * (-1.0 if index % 2 else 1.0)
             pieces.append(
                 ("tip", abs(turn) * tip_radius_m, 0.0, float(np.sign(turn)) / tip_radius_m)
             )
-    return path_of_pieces(start, heading_rad, first, pieces, ramp_m=ramp_m)
+    return path_of_pieces(start, heading_rad, -pitch_rad, pieces, ramp_m=ramp_m)
 
 
 def frenet_frame(points: CurvePoints) -> Array:

@@ -55,7 +55,7 @@ from auvid.hydro.identification.axes.structure import (
     lift_term,
     share_term,
 )
-from auvid.hydro.identification.axes.windows import WINDOW_S, windows_of
+from auvid.hydro.identification.axes.windows import windows_of
 
 
 @dataclass(frozen=True)
@@ -155,11 +155,8 @@ def fit_coupled(
     couplings: bool = False,
     drive: ForceDrive | None = None,
     free: Sequence[str] = (LAG,),
-    constant_sd: float | None = None,
     restoring: bool = False,
     leave_out: bool = True,
-    loss: Loss = "soft_l1",
-    window_s: float = WINDOW_S,
     free_inertia: Sequence[str] = (),
     first: Mapping[str, Sequence[float]] | None = None,
     doubtful: Sequence[Sequence[AxisRecord]] = (),
@@ -181,8 +178,7 @@ def fit_coupled(
     pool = coupled_pool(
         records, velocities, inertia=inertia, numerators=numerators, relative_sd=relative_sd,
         share_sd=share_sd, couplings=couplings, drive=drive or ForceDrive(), free=tuple(free),
-        constant_sd=constant_sd, restoring=restoring, loss=loss, window_s=window_s,
-        free_inertia=free_inertia,
+        restoring=restoring, free_inertia=free_inertia,
     )  # fmt: skip
     fit = with_doubts(pool, fit_pool(pool, _start(pool, first or {})), doubtful)
     held_out: tuple[HeldOut, ...] = ()
@@ -213,10 +209,8 @@ def coupled_pool(
     couplings: bool,
     drive: ForceDrive,
     free: tuple[str, ...],
-    constant_sd: float | None,
     restoring: bool,
-    loss: Loss,
-    window_s: float,
+    loss: Loss = "soft_l1",
     free_inertia: Sequence[str] = (),
     numerators: Mapping[str, tuple[float, str]] | None = None,
     share_sd: Mapping[str, float] | None = None,
@@ -246,7 +240,7 @@ def coupled_pool(
     ]
     if couplings and inertia is not None and set("uvr") <= set(velocities):
         terms.append(lift_term("N"))
-    sd = np.array([CONSTANT_SD[v] if constant_sd is None else constant_sd for v in velocities])
+    sd = np.array([CONSTANT_SD[v] for v in velocities])
     ratios, by = inertia, {}
     if inertia is not None:
         ratios = inertia.copy()
@@ -254,7 +248,7 @@ def coupled_pool(
             ratios[VELOCITIES.index(velocity)] = numerator
             by[VELOCITIES.index(velocity)] = f"{AXES[VELOCITIES.index(of)]} {FORCE}"
     structure = Structure(tuple(velocities), tuple(terms), axes, ratios, by)
-    windows = windows_of(records, velocities, window_s=window_s)
+    windows = windows_of(records, velocities)
     return make_pool(structure, records, windows, constant_sd=sd, drive=drive, free=free, loss=loss)
 
 

@@ -244,7 +244,7 @@ def loop_rows(pool: Pool, drive: ForceDrive, last: Sequence[Array] | None = None
     return out
 
 
-def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
+def fit_pool(pool: Pool, first: Array) -> PoolFit:
     """Fit the common unknowns from coefficients `first` (t,)."""
     count, k = len(pool.structure.terms), len(pool.structure.velocities)
     lower = np.array([t.mean if t.sd == 0.0 else t.lower for t in pool.structure.terms])
@@ -261,7 +261,7 @@ def fit_pool(pool: Pool, first: Array, *, rounds: int = ROUNDS) -> PoolFit:
     )
     sigma, colour = _first_sizes(pool), np.ones(2 * k)
     work = PoolWork(pool, count)
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
 
         def evaluate(
             common: Array,

@@ -75,7 +75,7 @@ from auvid.hydro.identification.axes.record import (
 )
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
-from auvid.hydro.identification.axes.windows import WINDOW_S, depth_measures, stretches, windows_of
+from auvid.hydro.identification.axes.windows import depth_measures, stretches, windows_of
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
@@ -223,7 +223,6 @@ def fit_axis(
     *,
     inertia: InertiaPrior | None = None,
     drive: ForceDrive | None = None,
-    constant_sd: float | None = None,
     surge: bool = False,
     hull: Array | None = None,
     speed_share: float = 1.0,
@@ -232,7 +231,6 @@ def fit_axis(
     lag_sd_s: float = 0.0,
     try_shape: bool = False,
     loss: Loss = "soft_l1",
-    window_s: float = WINDOW_S,
 ) -> SingleAxisFit:
     """Fit one axis to the windows of all legs.
 
@@ -254,8 +252,7 @@ def fit_axis(
     moment = hull if acts else None
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
-        CONSTANT_SD[velocity] if constant_sd is None else constant_sd,
-        surge and velocity == "w", loss, window_s, moment, speed_share,
+        surge and velocity == "w", loss, moment, speed_share,
     )  # fmt: skip
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
@@ -309,10 +306,8 @@ class _Setup:
     velocity: str
     inertia: InertiaPrior | None
     drive: ForceDrive
-    constant_sd: float
     surge: bool
     loss: Loss
-    window_s: float
     hull: Array | None = None
     speed_share: float = 1.0
 
@@ -341,12 +336,12 @@ class _Setup:
             self.axis, inputs=inputs, inverse=inverse, sides=sides,
             restoring=self.velocity in "pq", extra=extra,
         )  # fmt: skip
-        windows = windows_of(self.records, (self.velocity,), window_s=self.window_s)
+        windows = windows_of(self.records, (self.velocity,))
         if legs is not None:
             windows = tuple(window for window in windows if window.leg in legs)
         return make_pool(
             Structure((self.velocity,), terms, inputs), self.records, windows,
-            constant_sd=np.array([self.constant_sd]), drive=self.drive, free=free,
+            constant_sd=np.array([CONSTANT_SD[self.velocity]]), drive=self.drive, free=free,
             extra=columns, loss=self.loss,
         )  # fmt: skip
 
@@ -387,7 +382,7 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
         setup = _Setup(
             tuple(without_climb(r, x, share) for r, x in zip(records, travels, strict=True)),
             "Z", "w", InertiaPrior(float(inertia[2]), INERTIA_SD), ForceDrive(lag_s=lag_s),
-            CONSTANT_SD["w"], False, "soft_l1", WINDOW_S, inertia, share,
+            False, "soft_l1", inertia, share,
         )  # fmt: skip
         pool = setup.pool()
         return float(fit_pool(pool, starting_values(pool)).sigma[1])

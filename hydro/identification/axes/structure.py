@@ -147,7 +147,6 @@ def axis_terms(
     *,
     inputs: Sequence[str],
     inverse: tuple[float, float] | None = None,
-    constant: bool = True,
     sides: bool = False,
     restoring: bool = False,
     couplings: Sequence[str] = (),
@@ -169,8 +168,7 @@ def axis_terms(
         for name, kind in zip(words, kinds, strict=True):
             out.append(AxisTerm(axis, name, kind, at, upper=0.0))
     out.append(AxisTerm(axis, FORCE, INPUT, list(inputs).index(axis), lower=0.0, mean=mean, sd=sd))
-    if constant:
-        out.append(AxisTerm(axis, "constant", CONSTANT, 0))
+    out.append(AxisTerm(axis, "constant", CONSTANT, 0))
     if restoring:
         out.append(AxisTerm(axis, RIGHTING, RESTORING, 0, upper=0.0))
     out += [AxisTerm(axis, other, LINEAR, VELOCITIES.index(other)) for other in couplings]

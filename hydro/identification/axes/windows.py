@@ -107,9 +107,9 @@ def drives(records: Sequence[AxisRecord], leg: int, velocity: str) -> bool:
 
 
 def windows_of(
-    records: Sequence[AxisRecord], velocities: Sequence[str], *, window_s: float = WINDOW_S
+    records: Sequence[AxisRecord], velocities: Sequence[str]
 ) -> tuple[MotionWindow, ...]:
-    """Return the windows that all axes share, cut to equal parts of about `window_s`.
+    """Return the windows that all axes share, cut to equal parts of about `WINDOW_S`.
 
     Every axis has to be measured in them. An axis that a leg does not drive has no windows
     there, and does not limit those of the others. Parts below `SHORTEST_S` are left out.
@@ -134,7 +134,7 @@ def windows_of(
         for first, end in stretches(np.asarray(keep)):
             edges = [first, *(first + 1 + np.flatnonzero(changes[first : end - 1])), end]
             for a, b in itertools.pairwise(edges):
-                parts = max(1, round((b - a) * step / window_s))
+                parts = max(1, round((b - a) * step / WINDOW_S))
                 cuts = np.linspace(a, b, parts + 1).round().astype(int)
                 out += [
                     MotionWindow(leg, int(c), int(d))

@@ -57,7 +57,6 @@ def outlying_dives(
     conditions: Mapping[str, Sequence[float | str | None]] | None = None,
     *,
     levels: Mapping[str, Ints] | None = None,
-    level: float = LEVEL,
 ) -> tuple[OutlyingDive, ...]:
     """Return the dives that the others do not explain, most unlikely first.
 
@@ -65,7 +64,7 @@ def outlying_dives(
     `conditions`: name -> a number or word per dive (k), None where unknown: battery
     voltage, water density, depth, tether, temperature, firmware. A dive is left out, the
     others give the distribution of what it should show; the smallest p of all dives and
-    figures is compared with level / (number of looks), the next with one look less
+    figures is compared with LEVEL / (number of looks), the next with one look less
     (Holm 1979), looks that are hopeless left out. Fewer than four dives with a figure are
     not looked at.
 
@@ -86,13 +85,13 @@ def outlying_dives(
     for name, (y, s, dives, of) in series.items():
         for dive in _farthest_first(y, s, dives, of):
             looks.append(_look(name, y, s, dives, of, dive))
-            if looks[-1].p > min(level, HOPELESS * level / count):
+            if looks[-1].p > min(LEVEL, HOPELESS * LEVEL / count):
                 break
     outlying = []
     for rank, look in enumerate(sorted(looks, key=lambda item: item.p)):
-        if look.p > level / (count - rank):
+        if look.p > LEVEL / (count - rank):
             break
-        outlying.append(_outlying(look, level, differences(conditions or {}, look.dive)))
+        outlying.append(_outlying(look, differences(conditions or {}, look.dive)))
     return tuple(outlying)
 
 
@@ -109,12 +108,10 @@ class _Look:
     p: float
 
 
-def _outlying(
-    look: _Look, level: float, different: tuple[ConditionDifference, ...]
-) -> OutlyingDive:
+def _outlying(look: _Look, different: tuple[ConditionDifference, ...]) -> OutlyingDive:
     low, high = (
         float(look.others.next_dive_quantile(share, look.standard_error))
-        for share in (0.5 * level, 1.0 - 0.5 * level)
+        for share in (0.5 * LEVEL, 1.0 - 0.5 * LEVEL)
     )
     return OutlyingDive(
         dive=look.dive,

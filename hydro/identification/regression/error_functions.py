@@ -24,6 +24,8 @@ errors (Huber 1981).
 NORMAL_MAD = 0.6744897501960817
 """Median of |e| of a standard normal error."""
 SEED = 0
+ROUNDS = 500
+"""Of reweighting, at most."""
 SQUARES, ABSOLUTE, MEDIAN, HUBER = "squares", "absolute", "median", "huber"
 ERROR_FUNCTIONS = (SQUARES, ABSOLUTE, MEDIAN, HUBER)
 OWN, NELDER_MEAD = "own", "nelder_mead"
@@ -54,7 +56,6 @@ class RobustFit:
     coefficients: Array
     scale: float
     weights: Array
-    iterations: int
 
 
 def minimise_error(
@@ -129,55 +130,46 @@ def least_moduli(rows: ArrayLike, force: ArrayLike, *, weights: ArrayLike | None
     return np.asarray(-answer.eqlin.marginals * size / scale)
 
 
-def huber(
-    rows: ArrayLike,
-    force: ArrayLike,
-    *,
-    threshold: float = HUBER_THRESHOLD,
-    tolerance: float = 1e-10,
-    most: int = 500,
-) -> RobustFit:
+def huber(rows: ArrayLike, force: ArrayLike) -> RobustFit:
     """Return Huber's estimate by reweighting: sum rho(e / s), s = median|e| / 0.6745.
 
-    rho is e^2 / 2 up to `threshold` deviations and linear beyond. Iterates until no
-    coefficient moves by more than `tolerance` of the largest; raises `DataError` where
-    it does not settle.
+    rho is e^2 / 2 up to `HUBER_THRESHOLD` deviations and linear beyond. Iterates until no
+    coefficient moves by more than 1e-10 of the largest; raises `DataError` where it does
+    not settle.
     """
     A, b = _checked(rows, force)
     unit = np.linalg.norm(A, axis=0)
     A = A / unit
     x = np.linalg.lstsq(A, b, rcond=None)[0]
-    for count in range(1, most + 1):
+    for _ in range(ROUNDS):
         error = b - A @ x
         scale = median_of_moduli(error) / NORMAL_MAD
         if scale == 0.0:
-            return RobustFit(x / unit, 0.0, np.ones(len(b)), count)
+            return RobustFit(x / unit, 0.0, np.ones(len(b)))
         ratio = np.abs(error) / scale
-        weights = threshold / np.maximum(ratio, threshold)
+        weights = HUBER_THRESHOLD / np.maximum(ratio, HUBER_THRESHOLD)
         root = np.sqrt(weights)
         new = np.linalg.lstsq(A * root[:, None], b * root, rcond=None)[0]
         moved = float(np.abs(new - x).max())
         x = new
-        if moved <= tolerance * float(np.abs(x).max()):
-            return RobustFit(x / unit, scale, weights, count)
-    raise DataError("Huber's estimate does not settle", value=most, allowed="iterations")
+        if moved <= 1e-10 * float(np.abs(x).max()):
+            return RobustFit(x / unit, scale, weights)
+    raise DataError("Huber's estimate does not settle", value=ROUNDS, allowed="iterations")
 
 
-def least_median(
-    rows: ArrayLike, force: ArrayLike, *, subsets: int = 2000, seed: int = SEED
-) -> Array:
+def least_median(rows: ArrayLike, force: ArrayLike) -> Array:
     """Return coefficients (k,) of a small median of |e|: Rousseeuw 1984.
 
     The exact minimum takes all subsets of k samples. Here: the best exact fit through
-    `subsets` random ones (and of the least moduli), then Nelder-Mead from it. Not a
+    2000 random ones (and of the least moduli), then Nelder-Mead from it. Not a
     minimum that is proven, but half of the samples may be outliers.
     """
     A, b = _checked(rows, force)
     n, k = A.shape
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(SEED)
     best = least_moduli(A.T, b)
     least = median_of_moduli(b - A @ best)
-    picks = np.array([random.choice(n, k, replace=False) for _ in range(subsets)])
+    picks = np.array([random.choice(n, k, replace=False) for _ in range(2000)])
     good = np.abs(np.linalg.det(A[picks] / np.linalg.norm(A, axis=0))) > 1e-12 * n ** (-0.5 * k)
     for x in np.linalg.solve(A[picks[good]], b[picks[good]][..., None])[..., 0]:
         median = median_of_moduli(b - A @ x)

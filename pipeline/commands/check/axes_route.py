@@ -76,7 +76,7 @@ class FedAxes:
         return f"By itself can be fitted (kind: axes): {names}{unit}."
 
 
-def axes_fed(log: CheckedLog, vehicle: Vehicle | None = None) -> FedAxes:
+def axes_fed(log: CheckedLog) -> FedAxes:
     """Return the axes of a log that can be fitted, or in one line why none.
 
     Roll and pitch do not count: without a decay nothing tells their drag from restoring.
@@ -86,7 +86,7 @@ def axes_fed(log: CheckedLog, vehicle: Vehicle | None = None) -> FedAxes:
     if not log.has("actuators"):
         return FedAxes(why="no actuators")
     try:
-        result, streams = whole_log(log, vehicle or likely_vehicle(log))
+        result, streams = whole_log(log, likely_vehicle(log))
     except PipelineError as fault:
         return FedAxes(why=" ".join(str(fault).split()).rstrip("."))
     axes = tuple(axis for axis in fed_axes(result) if axis in FREE_AXES)

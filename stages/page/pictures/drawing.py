@@ -147,17 +147,17 @@ def limits_of(signals: Sequence[Array], room: float = 0.06) -> Span:
     return low - more, high + more
 
 
-def polyline(x: Array, y: Array, span: Span, limits: Span, *, points: int = LINE_POINTS) -> str:
+def polyline(x: Array, y: Array, span: Span, limits: Span) -> str:
     """Return the path of a line in steps, thinned to the extremes of each bin.
 
-    span: x at the left and the right; limits: y at the bottom and at the top. `points`
-    is for the whole width; a run of samples gets its share.
+    span: x at the left and the right; limits: y at the bottom and at the top. `LINE_POINTS`
+    are for the whole width; a run of samples gets its share.
     """
     good = np.isfinite(x) & np.isfinite(y)
     parts = []
     for run in runs(good):
         share = (x[run][-1] - x[run][0]) / (span[1] - span[0])
-        kept = thin(x[run], y[run], max(8, 2 * int(points * share / 2)))
+        kept = thin(x[run], y[run], max(8, 2 * int(LINE_POINTS * share / 2)))
         parts.append(steps_path(*to_steps(*kept, span, limits)))
     return "".join(parts)
 

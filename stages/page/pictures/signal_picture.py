@@ -21,8 +21,6 @@ def signal_picture(
     note: str,
     rows: Sequence[tuple[CurveRow, Span]],
     entries: Sequence[tuple[str, str]],
-    *,
-    clock: str = "time in s",
 ) -> Markup:
     """Return rows of curves, each over its own span; `entries`: (name, role) drawn.
 
@@ -32,7 +30,7 @@ def signal_picture(
     for place, (row, span) in enumerate(rows):
         parts.append(curve_row(row, span))
         if place + 1 == len(rows) or rows[place + 1][1] != span:
-            parts.append(time_axis(span, clock))
+            parts.append(time_axis(span, "time in s"))
     body = Markup('<div class="split single"><div class="rows">{}</div></div>').format(
         Markup("").join(parts)
     )

@@ -243,15 +243,14 @@ def time_plot(
     values: tuple[float, float],
     *,
     legend: bool = True,
-    contents: Sequence[str] = (),
 ) -> rrb.TimeSeriesView:
-    """Return a plot of the series below `origin` (or of `contents`) over times in s.
+    """Return a plot of the series below `origin` over times in s.
 
     The y-range has a little room above and below.
     """
     return rrb.TimeSeriesView(
         origin=origin,
-        contents=list(contents) or "$origin/**",
+        contents="$origin/**",
         name=name,
         axis_x=rrb.TimeAxis(view_range=_time_range(times)),
         axis_y=rrb.ScalarAxis(range=with_room(values)),

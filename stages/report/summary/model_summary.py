@@ -146,7 +146,7 @@ def _uses(
     usable = ranking.usable
     if chosen is None or usable is None or card is None:
         return ()
-    uses = [Use("Forces", _some(usable.forces), _except(chosen, usable.forces))]
+    uses = [Use("Forces", _some(usable.forces), _except(chosen))]
     horizon = f" after {ranking.horizon_s:g} s" if ranking.horizon_s is not None else ""
     other = simulator(ranking)
     if other:
@@ -287,7 +287,7 @@ def _some(axes: Sequence[str]) -> str:
     return "no axis" if not axes else "all axes" if len(axes) == len(AXES) else axes_listed(axes)
 
 
-def _except(chosen: MeritRecord, forces: Sequence[str]) -> str:
+def _except(chosen: MeritRecord) -> str:
     failing = failing_axes(chosen)
     if failing:
         return f"it does not hold in {listed(failing)}: there its error is larger than the force"

@@ -143,7 +143,6 @@ def fly_dive(
     leg: DiveLegEntry,
     *,
     seed: int,
-    gains: AutopilotGains = GAINS,
 ) -> Dive:
     """Settle in the leg's first mode, fly it, and go on for the margin of its log.
 
@@ -172,7 +171,7 @@ def fly_dive(
     pulses, supply = np.zeros((ticks, count), np.int64), np.zeros((ticks, 2))
     goals = np.zeros((ticks, count))
     last = fly(
-        start, orders.modes, orders.sticks, orders.targets, errors, push, tick_s, steps, gains,
+        start, orders.modes, orders.sticks, orders.targets, errors, push, tick_s, steps, GAINS,
         truth.tables, state, pulses, supply, goals,
     )  # fmt: skip
     stop = None

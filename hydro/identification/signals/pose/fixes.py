@@ -42,8 +42,8 @@ EARTH_M = 6371008.8
 class FixTrack:
     """Velocity north, east (n, 2) [m/s] with deviations at the fixes kept, t_s (n,).
 
-    position (n, 2) [m]; `noise_m` of a fix; `usual_speed` sigma [m/s] and `lag_s` tau of
-    each coordinate (2,); `outliers` and `repeats`: fixes left out; `begins` (n,): where a
+    position (n, 2) [m]; `noise_m` of a fix; `lag_s` of each
+    coordinate (2,); `outliers` and `repeats`: fixes left out; `begins` (n,): where a
     pause or a jump ended.
     """
 
@@ -52,7 +52,6 @@ class FixTrack:
     velocity: Array
     velocity_sd: Array
     noise_m: Array
-    usual_speed: Array
     lag_s: Array
     outliers: int
     repeats: int
@@ -121,7 +120,6 @@ def fix_track(t_s: Array, position: Array) -> FixTrack:
         states[:, :, 1],
         np.sqrt(np.maximum(variance, 0.0)),
         np.array([size[0] for size in sizes]),
-        np.array([size[1] for size in sizes]),
         np.array([size[2] for size in sizes]),
         int(np.count_nonzero(~used)),
         int(np.count_nonzero(~fresh)),

@@ -98,7 +98,6 @@ class PoseTrack:
     rate: Array
     velocity_sd: Array
     rate_sd: Array
-    position_sd: Array
     pieces: tuple[tuple[int, int], ...]
     faults: tuple[PoseFault, ...]
     outliers_s: Array
@@ -184,7 +183,6 @@ def pose_track(
         omega[kept],
         velocity_sd[kept],
         rate_sd[kept],
-        np.sqrt(P[kept, :3, 0, 0]),
         tuple((int(numbers[first]), int(numbers[last - 1]) + 1) for first, last in pieces),
         tuple(
             sorted([*freezes, *_cuts(t, x, pieces, max_gap_s, freezes)], key=lambda f: f.start_s)

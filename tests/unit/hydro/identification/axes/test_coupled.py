@@ -85,8 +85,8 @@ def test_sensitivities_are_differences() -> None:
     records = legs()
     pool = coupled_pool(
         records, ("u", "v", "r"), inertia=INERTIA, relative_sd=0.0, couplings=True,
-        drive=ForceDrive(0.1), free=("lag",), constant_sd=None, restoring=False,
-        loss="squares", window_s=10.0,
+        drive=ForceDrive(0.1), free=("lag",), restoring=False,
+        loss="squares",
     )  # fmt: skip
     rng = np.random.default_rng(3)
     count, k = len(pool.structure.terms), 3
@@ -115,8 +115,7 @@ def test_coriolis_force_by_the_coefficients_has_their_sensitivities() -> None:
     (leg, _), sizes = legs(), {"u": (40.0, "u"), "r": (9.0, "r")}
     pool = coupled_pool(
         [leg], ("u", "v", "r"), inertia=INERTIA, numerators=sizes, relative_sd=0.0, couplings=False,
-        drive=ForceDrive(), free=(), constant_sd=None, restoring=False, loss="soft_l1",
-        window_s=10.0,
+        drive=ForceDrive(), free=(), restoring=False,
     )  # fmt: skip
     theta = np.concatenate([TRUTH[velocity] for velocity in ("u", "v", "r")])
     window = pool.windows[1]
@@ -128,8 +127,7 @@ def test_factors_of_inertia_have_their_sensitivities() -> None:
     (leg, _) = legs()
     pool = coupled_pool(
         [leg], ("u", "v", "r"), inertia=INERTIA, share_sd={"v": 0.3, "r": 0.3}, relative_sd=0.0,
-        couplings=False, drive=ForceDrive(), free=(), constant_sd=None, restoring=False,
-        loss="soft_l1", window_s=10.0,
+        couplings=False, drive=ForceDrive(), free=(), restoring=False,
     )  # fmt: skip
     u, v, r = (TRUTH[velocity] for velocity in ("u", "v", "r"))
     theta, window = np.array([*u, *v, 0.8, *r, 1.3]), pool.windows[1]
