@@ -90,6 +90,20 @@ def stack_matrix(rows: list[list[Array | float]], shape: tuple[int, ...]) -> Arr
     return out
 
 
+def run_edges(mask: Mask) -> Index:
+    """Return first and last + 1 (k, 2) of each unbroken run of True in a mask (n,)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]))).reshape(-1, 2)
+
+
+def runs_of(mask: Mask) -> list[tuple[int, int]]:
+    """Return first and last + 1 of each unbroken run of True in a mask (n,).
+
+    >>> runs_of(np.array([True, True, False, True]))
+    [(0, 2), (3, 4)]
+    """
+    return [(int(first), int(end)) for first, end in run_edges(mask)]
+
+
 def moving_mean(values: Array, width: int) -> Array:
     """Return the mean (n,) or (n, k) of `width` samples about each of values.
 

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from auvid.data_schemas.records.motion import InstallationFigure
-from auvid.hydro.arrays import VELOCITIES, Array, cross
+from auvid.hydro.arrays import VELOCITIES, Array, cross, runs_of
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.quantities import FitQuantity
 from auvid.hydro.identification.axes.record import AxisRecord
-from auvid.hydro.identification.axes.windows import stretches
 from auvid.hydro.identification.regression.least_squares import CONSTANT
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.identification.signals.installation import CERTAIN, departure_verdict
@@ -214,4 +213,4 @@ def _turning(leg: LegData) -> list[TurningLeg]:
             inside[first:end] = True
     inside &= np.isfinite(nu).all(axis=1) & np.isfinite(force).all(axis=1)
     step_s = float(record.t_s[1] - record.t_s[0])
-    return [TurningLeg(step_s, nu[a:b], force[a:b]) for a, b in stretches(inside)]
+    return [TurningLeg(step_s, nu[a:b], force[a:b]) for a, b in runs_of(inside)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask, runs_of
 from auvid.hydro.identification.axes.record import AxisRecord, LeftOut, ThrusterForces
 from auvid.hydro.identification.checks.response import response_lag
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
@@ -19,7 +19,6 @@ from auvid.hydro.identification.selection.axis_windows import (
     driven,
     force_without_motion,
     near,
-    runs,
     windows_of_axis,
 )
 from auvid.hydro.identification.signals.resampling import uniform_clock
@@ -313,7 +312,7 @@ def _gaps(motion: LegMotion, axis: str) -> Mask:
 
 def _stuck_words(axis: str, t_s: Array, force: Array, stuck: Mask, unit: str) -> Iterator[str]:
     """Yield a sentence for each stretch in which a force moves nothing."""
-    for first, last in runs(stuck):
+    for first, last in runs_of(stuck):
         low, high = np.sort(np.percentile(force[first:last], (10.0, 90.0)))
         yield (
             f"Force without motion in {WORDS[axis]}, {t_s[first]:.0f} to {t_s[last - 1]:.0f} s:"

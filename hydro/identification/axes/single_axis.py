@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, runs_of
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import LAG, ForceDrive, changed
@@ -75,7 +75,7 @@ from auvid.hydro.identification.axes.record import (
 )
 from auvid.hydro.identification.axes.starting_values import starting_values
 from auvid.hydro.identification.axes.structure import FORCE, Structure, axis_terms
-from auvid.hydro.identification.axes.windows import depth_measures, stretches, windows_of
+from auvid.hydro.identification.axes.windows import depth_measures, windows_of
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
 
@@ -212,7 +212,7 @@ def free_decays(record: AxisRecord, axis: str) -> tuple[tuple[int, int], ...]:
     step = float(record.t_s[1] - record.t_s[0])
     return tuple(
         (a, b)
-        for a, b in stretches(free)
+        for a, b in runs_of(free)
         if (b - a) * step >= DECAY_S and float(np.sqrt(np.mean(rate[a:b] ** 2))) >= DECAY_RATE
     )
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, runs_of
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.signals.filters import zero_phase_lowpass
 
@@ -63,7 +63,7 @@ def smooth_depth(record: AxisRecord) -> Array:
     assert record.depth_m is not None
     out = np.full(len(record.t_s), np.nan)
     step = float(record.t_s[1] - record.t_s[0])
-    for first, end in stretches(np.isfinite(record.depth_m)):
+    for first, end in runs_of(np.isfinite(record.depth_m)):
         if end - first > 8:
             out[first:end] = low_passed(record.depth_m[first:end], step)
     return out
@@ -82,16 +82,6 @@ def turn_of(record: AxisRecord) -> Array:
     """Return cos theta cos phi (n,), how much of w is z_dot."""
     phi, theta = record.attitude_rad[:, 0], record.attitude_rad[:, 1]
     return np.asarray(np.cos(theta) * np.cos(phi))
-
-
-def stretches(keep: Mask) -> list[tuple[int, int]]:
-    """Return (first, end) of unbroken runs of True.
-
-    >>> stretches(np.array([True, True, False, True]))
-    [(0, 2), (3, 4)]
-    """
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], keep.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _largest_force(record: AxisRecord, velocity: str) -> float:
@@ -131,7 +121,7 @@ def windows_of(
                 keep &= number[:, i] > 0
         keep &= (number > 0).any(axis=1)
         changes = np.any(np.diff(number, axis=0) != 0, axis=1)
-        for first, end in stretches(np.asarray(keep)):
+        for first, end in runs_of(np.asarray(keep)):
             edges = [first, *(first + 1 + np.flatnonzero(changes[first : end - 1])), end]
             for a, b in itertools.pairwise(edges):
                 parts = max(1, round((b - a) * step / WINDOW_S))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, run_edges
 from auvid.hydro.identification.regression.standard_errors import stationary_covariance
 
 BODY_AXES = ("x", "y", "z")
@@ -130,8 +130,7 @@ def outside_range(gyro: ArrayLike) -> NDArray[np.bool_]:
         resolution = float(steps[steps > 0.0].min()) if np.any(steps > 0.0) else 0.0
         for extreme in (x.max(), x.min()):
             at = x == extreme
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
-            begins, ends = edges[::2], edges[1::2]
+            begins, ends = run_edges(at).T
             came = np.abs(extreme - x[np.maximum(begins - 1, 0)]) > STEEP * resolution
             if abs(extreme) >= SAME_RANGE * largest and np.any((ends - begins >= FLAT) & came):
                 clipped |= at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, run_edges
 
 FEWEST_ROWS, FEWEST_RUNS, LEAST_SHARE = 50, 5, 0.004
 """Least samples of a column, separate places of the number, and share of the samples."""
@@ -51,8 +51,7 @@ def _leaping(
     steps = np.abs(_difference(np.diff(values[~same]), angle))
     if steps.size < FEWEST_ROWS // 2:
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(np.int8)))
-    first, end = edges.reshape(-1, 2).T
+    first, end = run_edges(same).T
     inside = (first > 0) & (end < same.size)
     inside[inside] = t_s[end[inside]] - t_s[first[inside] - 1] <= LONGEST_S
     short_first, short_end = first[inside], end[inside]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, runs_of
 
 TOWED, FREE, SPIKES = 0.03, 0.01, 99.0
 """Shares of the largest tow force (that percentile of it) above which a body is towed,
@@ -21,17 +21,11 @@ CALM_S, LEAPS_TO = 1.5, 0.4
 Stretch = tuple[int, int]
 
 
-def stretches(mask: Mask) -> list[Stretch]:
-    """Return (first, last+1) of each run of True."""
-    edges = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
-    return list(zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True))
-
-
 def towed(force_N: Array, step_s: float) -> list[Stretch]:
     """Return where a body is towed; nan is a pause."""
     size = np.abs(np.nan_to_num(force_N))
     mask = size > TOWED * _largest(size)
-    return [(a, b) for a, b in stretches(mask) if (b - a) * step_s >= LEAST_TOW_S]
+    return [(a, b) for a, b in runs_of(mask) if (b - a) * step_s >= LEAST_TOW_S]
 
 
 def released(force_N: Array, step_s: float, longest_s: float) -> list[Stretch]:
@@ -41,7 +35,7 @@ def released(force_N: Array, step_s: float, longest_s: float) -> list[Stretch]:
     most = int(longest_s / step_s)
     return [
         (a, min(b, a + most))
-        for a, b in stretches(size <= limit)
+        for a, b in runs_of(size <= limit)
         if a > 0 and (b - a) * step_s >= LEAST_COAST_S
     ]
 

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.identification.axes.record import LeftOut
 
 Windows = tuple[tuple[int, int], ...]
@@ -119,18 +119,12 @@ def force_without_motion(
     )
     slow = there & (push > WEAK_SHARE * large) & (np.abs(speed) < SLOW_SHARE * expected)
     stuck = np.zeros(t_s.size, dtype=bool)
-    for first, last in runs(resting):
+    for first, last in runs_of(resting):
         stuck[first:last] = (last - first) * step >= HELD_S
     # What comes before and after, while it is slow for its force, belongs to it.
-    for first, last in runs(slow | stuck):
+    for first, last in runs_of(slow | stuck):
         stuck[first:last] = stuck[first:last].any() and usable[first:last].any()
     return stuck
-
-
-def runs(mask: Mask) -> list[tuple[int, int]]:
-    """Return first and last + 1 of each run of a mask (n,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
-    return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _mean(values: Array, width: int) -> Array:

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from auvid.hydro.arrays import VELOCITIES, Array, Index, Mask
+from auvid.hydro.arrays import VELOCITIES, Array, Index, Mask, runs_of
 from auvid.hydro.identification.regression.excitation import THRESHOLDS
 from auvid.hydro.identification.signals.resampling import gaps
 
@@ -160,7 +160,7 @@ def _stretches(dive: DivePieces, axes: Sequence[str]) -> list[tuple[int, int]]:
     active = (
         _widened(np.asarray(beyond.any(axis=1)), near) & _widened(dive.driven, near) & dive.usable
     )
-    bridged = _runs(active)
+    bridged = runs_of(active)
     spans: list[tuple[int, int]] = []
     for first, last in bridged:
         rest = spans and (first - spans[-1][1]) * STEP_S <= LONGEST_REST_S
@@ -177,11 +177,6 @@ def _widened(mask: Mask, pieces: int) -> Mask:
     at = np.arange(mask.size)
     first, last = np.maximum(at - pieces, 0), np.minimum(at + pieces + 1, mask.size)
     return np.asarray(total[last] > total[first])
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 @dataclass(frozen=True)

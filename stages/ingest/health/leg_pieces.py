@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.identification.checks.attitude.rate_agreement import attitude_jumps
 from auvid.hydro.identification.selection.leg_proposal import DivePieces, dive_pieces
 from auvid.stages.columns import ATTITUDE, GYRO
@@ -81,8 +81,7 @@ def disarmed_spans(log: CheckedLog) -> list[tuple[float, float]]:
 
 
 def _spans(t_s: Array, mask: Mask) -> list[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
-    return [(float(t_s[a]), float(t_s[b - 1])) for a, b in edges.reshape(-1, 2)]
+    return [(float(t_s[a]), float(t_s[b - 1])) for a, b in runs_of(mask)]
 
 
 def modes_between(log: CheckedLog, start_s: float, end_s: float) -> list[str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from markupsafe import Markup
 
-from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.arrays import Array, Ints, runs_of
 from auvid.stages.number_format import number, visible
 from auvid.stages.page.pictures.drawing import (
     SVG,
@@ -21,7 +21,6 @@ from auvid.stages.page.pictures.drawing import (
     figure,
     ink_variable,
     legend,
-    runs,
     steps_path,
     time_axis,
     to_steps,
@@ -152,7 +151,7 @@ def round_step(size: float) -> float:
 
 
 def _finite_runs(x: Array, y: Array) -> list[slice]:
-    return list(runs(np.isfinite(x) & np.isfinite(y)))
+    return [slice(*run) for run in runs_of(np.isfinite(x) & np.isfinite(y))]
 
 
 def _raster(x: Array, y: Array) -> str:

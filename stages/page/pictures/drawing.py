@@ -8,14 +8,14 @@ extremes of each bin.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, runs_of
 from auvid.stages.number_format import visible
 from auvid.stages.page.colours import key
 from auvid.stages.page.pictures.svg_plots import Tick, ticks
@@ -155,7 +155,8 @@ def polyline(x: Array, y: Array, span: Span, limits: Span) -> str:
     """
     good = np.isfinite(x) & np.isfinite(y)
     parts = []
-    for run in runs(good):
+    for first, end in runs_of(good):
+        run = slice(first, end)
         share = (x[run][-1] - x[run][0]) / (span[1] - span[0])
         kept = thin(x[run], y[run], max(8, 2 * int(LINE_POINTS * share / 2)))
         parts.append(steps_path(*to_steps(*kept, span, limits)))
@@ -179,10 +180,3 @@ def steps_path(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:
         return f"M{x[0]} {y[0]}h0"
     steps = np.column_stack([np.diff(x), np.diff(y)]).ravel().tolist()
     return f"M{x[0]} {y[0]}l" + " ".join(map(str, steps)).replace(" -", "-")
-
-
-def runs(good: npt.NDArray[np.bool_]) -> Iterator[slice]:
-    """Yield the stretches of samples between gaps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        yield slice(int(first), int(last))

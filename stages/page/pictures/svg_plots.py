@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, runs_of
 from auvid.stages.page.colours import Ink, ink, is_model, key
 
 X_STEPS = 30_000
@@ -319,7 +319,7 @@ def _line(
     ).astype(np.int64)
     y_steps = np.rint((high - np.where(good, y, high)) / step).astype(np.int64)
     per_panel = PANEL_STEPS / (limits[1] - limits[0])
-    path = "".join(_run(x_steps[part], y_steps[part]) for part in _runs(good))
+    path = "".join(_run(x_steps[a:b], y_steps[a:b]) for a, b in runs_of(good))
     return Line(
         entry,
         path,
@@ -329,14 +329,6 @@ def _line(
         step=step,
         samples=int(good.sum()),
     )
-
-
-def _runs(good: npt.NDArray[np.bool_]) -> list[slice]:
-    """The stretches of samples between gaps."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    return [
-        slice(int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True)
-    ]
 
 
 def _run(x: npt.NDArray[np.int64], y: npt.NDArray[np.int64]) -> str:

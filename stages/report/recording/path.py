@@ -13,7 +13,7 @@ import rerun as rr
 
 from auvid.data_schemas.records.motion import SegmentRecord
 from auvid.data_schemas.tables import column, has_columns, matrix
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, runs_of
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.stages.base import part_of
 from auvid.stages.columns import LINEAR_VELOCITY
@@ -137,9 +137,8 @@ def free_paths(flown: pa.Table, t_s: Array, pose: Array) -> list[Array]:
         matrix(flown, POSE[3:]),
     )
     good = np.isfinite(velocity).all(axis=1) & np.isfinite(attitude).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
     paths = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in runs_of(np.asarray(good)):
         if last - first < 2:
             continue
         run = slice(first, last)

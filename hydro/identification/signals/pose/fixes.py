@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, runs_of
 
 USUAL_SPEED, USUAL_LAG_S = 0.4, 3.0
 PRIOR_SD = np.log([2.5, 3.0])
@@ -154,9 +154,7 @@ def _gate(t: Array, y: Array, begins: Mask, sizes: list[tuple[float, ...]]) -> t
         x, P = _smoothed(t, y[:, axis], everything, begins, size, robust=True)
         odd |= np.abs(y[:, axis] - x[:, 0]) > GATE * np.sqrt(P[:, 0, 0] + size[0] ** 2)
     used = ~odd
-    edges = np.diff(np.concatenate([[False], odd, [False]]).astype(np.int8))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    for first, last in zip(starts, ends, strict=True):
+    for first, last in runs_of(odd):
         if last - first >= PATIENCE:
             used[first:last] = True
             begins[first] = True

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array, Mask, cross
+from auvid.hydro.arrays import Array, Mask, cross, runs_of
 from auvid.hydro.identification.signals.pose.frames import (
     continuous_signs,
     euler_of_quaternion,
@@ -331,10 +331,9 @@ def held_poses(t: Array, parts: Sequence[Array]) -> tuple[Mask, list[PoseFault]]
         for first, last in _long_holds(t, own):
             if _stops_at_once(values, own, first):
                 frozen[first + 1 : last + 1] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], frozen, [0]]).astype(np.int8)))
     return fresh & ~frozen, [
         PoseFault("freeze", float(t[first - 1]), float(t[end - 1]))
-        for first, end in zip(edges[::2], edges[1::2], strict=True)
+        for first, end in runs_of(frozen)
     ]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvid.data_schemas.tables import column
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.identification.checks.placeholders import FEWEST_ROWS, placeholder
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.agreement.velocity.velocity_samples import lost_zeros, short_zeros
@@ -89,8 +89,7 @@ def placeholder_findings(
 
 def _stretches(t_s: Array, rows: Mask) -> str:
     """Return when the long ones begin, and how long they last, in words."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(np.int8)))
-    spans = [(t_s[first], t_s[end - 1]) for first, end in edges.reshape(-1, 2)]
+    spans = [(t_s[first], t_s[end - 1]) for first, end in runs_of(rows)]
     longer = [f"{start:.1f} to {end:.1f}" for start, end in spans if end - start > LONG_S]
     if not longer:
         return ""

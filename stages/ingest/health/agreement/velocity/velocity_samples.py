@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.identification.checks.signal_checks import jumps, slow_speed
 from auvid.stages.columns import LINEAR_VELOCITY, OF_FIXES, OF_POSES, SPEEDS
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
@@ -113,12 +113,11 @@ def lost_zeros(t_s: Array, values: Array) -> Mask:
 def _zeros_under_way(t_s: Array, values: Array, moving: float) -> list[tuple[int, int, float]]:
     """Return runs of zeros, between samples that move: first row, end, time [s]."""
     zero = (values == 0.0).all(axis=1)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], zero, [False]]).astype(np.int8)))
     speed = np.abs(np.nan_to_num(values)).max(axis=1)
     least = max(moving, slow_speed(values))
     return [
-        (int(first), int(end), float(t_s[end] - t_s[first - 1]))
-        for first, end in edges.reshape(-1, 2)
+        (first, end, float(t_s[end] - t_s[first - 1]))
+        for first, end in runs_of(zero)
         if first > 0 and end < len(zero) and min(speed[first - 1], speed[end]) > least
     ]
 

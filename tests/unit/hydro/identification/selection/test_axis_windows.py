@@ -7,10 +7,10 @@ import itertools
 import numpy as np
 import pytest
 
+from auvid.hydro.arrays import runs_of
 from auvid.hydro.identification.selection.axis_windows import (
     driven,
     force_without_motion,
-    runs,
     windows_of_axis,
 )
 
@@ -40,7 +40,7 @@ def test_short_stretches_are_left_out_and_said():
 
 def test_coasting_belongs_to_the_force_before_it():
     force = np.where((T > 40.0) & (T < 50.0), 5.0, 0.0)
-    (span,) = runs(driven(force, 0.05, 0.1))
+    (span,) = runs_of(driven(force, 0.05, 0.1))
     assert T[span[0]] == pytest.approx(39.0, abs=0.1)
     assert T[span[1] - 1] == pytest.approx(54.0, abs=0.1)
 
@@ -61,7 +61,7 @@ def test_a_snag_is_found_where_it_is():
     assert not force_without_motion(T, force, speed, usable).any()
     snagged = (T >= 62.0) & (T < 71.0)
     stuck = force_without_motion(T, force, np.where(snagged, 0.0, speed), usable)
-    (span,) = runs(stuck)
+    (span,) = runs_of(stuck)
     assert T[span[0]] == pytest.approx(62.0, abs=1.5)
     assert T[span[1] - 1] == pytest.approx(71.0, abs=1.5)
 
@@ -72,7 +72,7 @@ def test_a_hold_that_ends_at_the_surface_is_a_hold():
     speed = np.where((T >= 62.0) & (T < 71.0), 0.0, moving(force))
     usable = (T < 65.0) | (T > 80.0)
     stuck = force_without_motion(T, force, speed, usable)
-    (span,) = runs(stuck)
+    (span,) = runs_of(stuck)
     assert T[span[0]] == pytest.approx(62.0, abs=1.5)
     nothing = force_without_motion(T, force, speed, usable & (T < 60.0))
     assert not nothing.any()
