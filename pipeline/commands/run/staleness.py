@@ -16,15 +16,15 @@ def stale_stage(run: Run, stages: Sequence[AnyStage]) -> str | None:
     """Return the first of these stages with results that are not up to date."""
     for stage in stages:
         records = run.manifests[stage.name].records
-        for place in run.places(stage.maps_over) if records else ():
-            if place.item not in records:
-                continue
-            try:
-                fresh = run.is_fresh(run.task(stage, place))
-            except PipelineError:  # an input is gone
-                fresh = False
-            if not fresh:
-                return stage.name
+        try:
+            places = run.places(stage.maps_over) if records else []
+            fresh = {*records} <= {place.item for place in places} and all(
+                run.is_fresh(run.task(stage, place)) for place in places if place.item in records
+            )
+        except PipelineError:  # an input is gone, or a leg has another name
+            fresh = False
+        if not fresh:
+            return stage.name
     return None
 
 

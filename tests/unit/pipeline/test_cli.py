@@ -151,6 +151,17 @@ def test_run_says_what_ran_and_then_that_nothing_is_to_do(
     assert (codes / "decode.txt").read_text().startswith("decode ")
 
 
+def test_results_of_a_leg_that_has_another_name_are_of_an_earlier_run(
+    toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    auvid(monkeypatch, capsys, "run", "toy")
+    manifest = toy_workspace / "campaigns" / "toy" / "campaign.yaml"
+    manifest.write_text(manifest.read_text().replace("id: three", "id: four"))
+    code, out, _ = auvid(monkeypatch, capsys, "run", "toy", "--until", "decode")
+    assert code == 0
+    assert "not printed: results from stage cut on, of an earlier run" in out
+
+
 def test_quiet_leaves_the_answer(
     toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
