@@ -21,6 +21,7 @@ from auvid.pipeline.campaigns.yaml_words import yaml_fault
 from auvid.pipeline.store.atomic_files import readable
 
 NO_TEXT = re.compile("[\0\ud800-\udfff]")
+SAVE_AS_UTF_8 = "Save the file as UTF-8 in the editor."
 LONGEST = 100
 """Characters of a number."""
 MOST_REPEATED = 10_000
@@ -80,6 +81,8 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
 
 def yaml_of(path: Path, content: bytes) -> YamlFile:
     """Return what the content of a file says. Raises `CampaignError` as `load_yaml`."""
+    if b"\0" in content[:4]:
+        raise CampaignError("UTF-16 text", file=path, allowed="UTF-8", remedy=SAVE_AS_UTF_8)
     try:
         text = content.decode("utf-8")
         loader = Loader(text)
@@ -90,7 +93,10 @@ def yaml_of(path: Path, content: bytes) -> YamlFile:
         value = None if node is None else loader.construct_document(node)
     except UnicodeDecodeError as fault:
         raise CampaignError(
-            "not UTF-8 text", file=path, row=content[: fault.start].count(b"\n") + 1
+            "not UTF-8 text",
+            file=path,
+            row=content[: fault.start].count(b"\n") + 1,
+            remedy=SAVE_AS_UTF_8,
         ) from None
     except (yaml.MarkedYAMLError, yaml.reader.ReaderError) as fault:
         mark = getattr(fault, "problem_mark", None)

@@ -34,7 +34,7 @@ DISK = "The disk or its connection has a fault: see the system's log, then run a
 REMEDIES = {
     errno.ENOSPC: SPACE,
     errno.EDQUOT: SPACE,
-    errno.EFBIG: SPACE,
+    errno.EFBIG: "No larger file is allowed: see ulimit -f, or use another file system.",
     errno.EACCES: OWNER,
     errno.EPERM: OWNER,
     errno.EROFS: "The file system is read-only.",
