@@ -42,9 +42,7 @@ def test_the_line_the_cause_and_the_remedy(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "latin-1"])
-def test_text_of_another_encoding_is_refused_with_the_remedy(
-    encoding: str, tmp_path: Path
-) -> None:
+def test_text_of_another_encoding_is_refused_with_the_remedy(encoding: str, tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("kind: x\ntitle: Föhr\n", encoding=encoding)
     with pytest.raises(CampaignError, match=r"a\.yaml.*UTF-\d.* Save the file as UTF-8"):
