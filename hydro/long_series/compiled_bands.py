@@ -1,8 +1,9 @@
 """Banded triangular systems of long series as compiled loops, which run in threads.
 
-They take the steps of LAPACK's routines in the same order, and give the same bits in a
-half to a fifth of the time. Import this module only where a series is long: numba takes a
-second.
+They take the steps of LAPACK's routines in the same order in a half to a fifth of the
+time, and differ from them by rounding: LAPACK's bits are those of the kernel that it
+chooses for a processor, which may multiply and add in one. Import this module only where a
+series is long: numba takes a second.
 """
 
 from __future__ import annotations
