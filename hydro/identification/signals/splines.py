@@ -15,6 +15,7 @@ for every derivative.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,15 +35,17 @@ LONG = 9_000
 LOG_STEP = 0.1
 """Step in log lambda of the derivative of log det, which five points give; its truncation
 error is below 1e-7 of the trace. Rounding of log det counts as many times as the step is
-smaller: at 1e-3 it decided the minimum of a flat score (decision 0118).
+smaller: at 1e-3 it decided the minimum of a flat score (decision 0118). Half the width,
+too, of the parabola of which the vertex is taken.
 """
+STEPS = np.exp(LOG_STEP * np.arange(-3, 4))
 SCALED_LAMBDA = (1e-4, 1e12)
 """Search range of lambda / h^3 (h: mean step): from interpolation to a half-amplitude
 period of about 6000 samples.
 """
-XATOL, HALF_WIDTH = 1e-2, 0.1
-"""How near to its minimum the score is searched in log lambda, and half the width of the
-parabola whose vertex is then taken: it does not depend on where the search stopped.
+XATOL = 1e-2
+"""How near to its minimum the score is searched in log lambda; the vertex of the parabola
+there does not depend on where the search stopped.
 """
 GRID = 13
 """Starting points of the search over that range, so that a second, local minimum of the
@@ -221,9 +224,13 @@ class _Reinsch:
         np.subtract(slope[1:], slope[:-1], out=out[1:-1])
         return out
 
-    def fit(self, y: Array, lam: float) -> tuple[Array, Array]:
-        """Return fitted values (n, k) and second derivatives at knots (n-2, k)."""
-        factor, g = self.cholesky(lam), np.asfortranarray(self.second_difference(y))
+    def fit(self, y: Array, lam: float, factor: Array | None = None) -> tuple[Array, Array]:
+        """Return fitted values (n, k) and second derivatives at knots (n-2, k).
+
+        factor: `cholesky` of lam where it is there.
+        """
+        g = np.asfortranarray(self.second_difference(y))
+        factor = self.cholesky(lam) if factor is None else factor
         if len(g) > LONG:
             from auvid.hydro.long_series.compiled_bands import solve_factored
 
@@ -239,11 +246,12 @@ class _Reinsch:
         """Return tr(I - A), the samples minus the effective degrees of freedom."""
         if lam == 0.0:
             return 0.0
-        far_below, below, above, far_above = (
-            float(np.sum(np.log(self.cholesky(lam * np.exp(steps * LOG_STEP))[0])))
-            for steps in (-2.0, -1.0, 1.0, 2.0)
-        )
-        return (8.0 * (above - below) - (far_above - far_below)) / (6.0 * LOG_STEP)
+        return _slope([_half_log_det(self.cholesky(lam * step)) for step in STEPS[[1, 2, 4, 5]]])
+
+    def rough_trace(self, lam: float) -> float:
+        """Return tr(I - A) to some 1e-5 of it, from two points."""
+        above, below = (_half_log_det(self.cholesky(lam * step)) for step in STEPS[[4, 2]])
+        return (above - below) / LOG_STEP
 
     def cross_validate(self, y: Array, shared: bool) -> Array:
         """Return the lambda that minimises the GCV score, per column or over all.
@@ -270,15 +278,27 @@ class _Reinsch:
 
         def score(log_lam: float, signal: Array) -> float:
             lam = float(np.exp(log_lam))
-            residual = signal - self.fit(signal, lam)[0]
-            return criterion(residual, self.trace_of_residual_maker(lam))
+            return criterion(signal - self.fit(signal, lam)[0], self.rough_trace(lam))
+
+        def scores_beside(log_lam: float, signal: Array) -> list[float]:
+            """Return the scores a step below, at and a step above, from seven factors."""
+            lams = np.exp(log_lam) * STEPS
+            factors = [self.cholesky(float(lam)) for lam in lams]
+            halves = [_half_log_det(factor) for factor in factors]
+            return [
+                criterion(
+                    signal - self.fit(signal, float(lams[at]), factors[at])[0],
+                    _slope([halves[at + side] for side in (-2, -1, 1, 2)]),
+                )
+                for at in (2, 3, 4)
+            ]
 
         # One factor of the system serves all signals at a point of the grid.
         columns = np.concatenate(groups, axis=1)
         ends = np.cumsum([signal.shape[1] for signal in groups])[:-1]
 
         def scores_at(lam: float) -> list[float]:
-            trace = self.trace_of_residual_maker(lam)
+            trace = self.rough_trace(lam)
             parts = np.split(columns - self.fit(columns, lam)[0], ends, axis=1)
             return [criterion(part, trace) for part in parts]
 
@@ -294,16 +314,25 @@ class _Reinsch:
                 method="bounded",
                 options={"xatol": XATOL},
             )
-            below, above = (
-                score(minimum.x + side, groups[index]) for side in (-HALF_WIDTH, HALF_WIDTH)
-            )
-            bend = below - 2.0 * minimum.fun + above
-            shift = 0.5 * HALF_WIDTH * (below - above) / bend if bend > 0.0 else 0.0
-            near = minimum.x + np.clip(shift, -HALF_WIDTH, HALF_WIDTH)
+            below, middle, above = scores_beside(minimum.x, groups[index])
+            bend = below - 2.0 * middle + above
+            shift = 0.5 * LOG_STEP * (below - above) / bend if bend > 0.0 else 0.0
+            near = minimum.x + np.clip(shift, -LOG_STEP, LOG_STEP)
             return float(np.exp(np.clip(near, *bounds)))
 
         lambdas = at_once(best_lambda, range(len(groups)), long=len(y) > LONG)
         return np.full(y.shape[1], lambdas[0]) if shared else np.array(lambdas)
+
+
+def _half_log_det(factor: Array) -> float:
+    """Return half of log det of what a banded Cholesky factor is of."""
+    return float(np.sum(np.log(factor[0])))
+
+
+def _slope(halves: Sequence[float]) -> float:
+    """Return d log det / d log lambda of its halves at -2, -1, 1, 2 steps."""
+    far_below, below, above, far_above = halves
+    return (8.0 * (above - below) - (far_above - far_below)) / (6.0 * LOG_STEP)
 
 
 def _checked(t_s: ArrayLike, y: ArrayLike, weights: ArrayLike | None) -> tuple[Array, Array, Array]:
