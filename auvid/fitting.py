@@ -40,6 +40,7 @@ from auvid.stages.columns import (
     VELOCITY_SD,
     named,
 )
+from auvid.stages.synthesise.forms import model_names
 
 LOG = "arrays"
 CHAIN: tuple[Stage[Any, Any, Any], ...] = (
@@ -158,7 +159,7 @@ def fit(
 def _check_model(model: str | Mapping[str, list[str]]) -> None:
     """Raise `UsageError` for a form that is not known, before anything is worked out."""
     if isinstance(model, str):
-        names = synthesise.model_names()
+        names = model_names()
         if model not in names:
             remedy = nearest(model, names)
             raise UsageError(

@@ -66,6 +66,7 @@ from auvid.stages.columns import (
 from auvid.stages.model_use import clear_in_its_form, damping_of
 from auvid.stages.report.summary.coefficient_table import coefficient_rows
 from auvid.stages.synthesise import error_choice, training
+from auvid.stages.synthesise.legs import moving_water
 from auvid.stages.synthesise.model_card import about_the_truth
 from auvid.stages.synthesise.presentation import limited_far, sign_by_figures, too_few_samples
 from auvid.stages.synthesise.within_limits import _term as term_within_limits
@@ -1469,5 +1470,5 @@ def test_what_errors_of_velocities_and_splines_lean_counts_once_with_its_sign() 
     assert added(back) == pytest.approx(0.0, abs=1e-12)
     assert added(one) == pytest.approx(4.0 * added())
     current = SteadyCurrent(np.zeros(2), 0.04 * np.eye(2))
-    errors = synthesise._water({"dive": current}, 0.03, "dive").errors
+    errors = moving_water({"dive": current}, 0.03, "dive").errors
     assert np.abs(errors[:, 2]).max() == pytest.approx(0.01)
