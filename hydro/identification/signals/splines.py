@@ -281,7 +281,7 @@ class _Reinsch:
             return criterion(signal - self.fit(signal, lam)[0], self.rough_trace(lam))
 
         def scores_beside(log_lam: float, signal: Array) -> list[float]:
-            """Return the scores a step below, at and a step above, from seven factors."""
+            """Return the scores a step below, at and above, from seven factors."""
             lams = np.exp(log_lam) * STEPS
             factors = [self.cholesky(float(lam)) for lam in lams]
             halves = [_half_log_det(factor) for factor in factors]

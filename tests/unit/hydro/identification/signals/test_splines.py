@@ -39,8 +39,8 @@ def test_a_long_series_is_smoothed_as_a_short_one(n: int, monkeypatch: pytest.Mo
     fits: list[list[SmoothingSpline]] = []
     for long in (n, 0):
         monkeypatch.setattr(splines, "LONG", long)
-        given = smoothing_spline(t, both, lam=0.1)
-        fits.append([given, smoothing_spline(t, both), smoothing_spline(t, both, shared=True)])
+        fixed = smoothing_spline(t, both, lam=0.1)
+        fits.append([fixed, smoothing_spline(t, both), smoothing_spline(t, both, shared=True)])
     for short, compiled, near in zip(*fits, (1e-9, 1e-5, 1e-5), strict=True):
         for order in (0, 1):
             expected = short.evaluate(t, order)
