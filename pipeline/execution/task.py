@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import os
 import traceback
 import warnings
 from collections import Counter
@@ -17,9 +18,11 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.long_series.long_arrays import laid_down_in, let_go
 from auvid.pipeline.execution.memory import give_back, use_one_heap
 from auvid.pipeline.execution.task_inputs import Log, Source
 from auvid.pipeline.graph import AnyStage, Port
+from auvid.pipeline.store.array_file import ArrayFile
 from auvid.pipeline.store.artefacts import in_pieces
 from auvid.pipeline.store.atomic_files import (
     REMEDIES,
@@ -69,7 +72,8 @@ def execute(task: Task) -> Outcome:
     """Run one item to its end; all but interruptions is an outcome."""
     use_one_heap()
     try:
-        return Outcome(task.item, record=_run(task))
+        with laid_down_in(ArrayFile(task.folder) if os.name == "posix" else None):
+            return Outcome(task.item, record=_run(task))
     except PipelineError as fault:
         return Outcome(task.item, fault=fault)
     except MemoryError as fault:
@@ -140,6 +144,7 @@ def _write(task: Task, port: Port, results: Any, written: list[Path]) -> Hashes 
             with closing(in_pieces(artefact, port.schema, file=name)) as pieces:
                 for piece in pieces:
                     digest.update(piece)
+                    let_go()
                     yield piece
 
         written.append(task.folder / port.path(task.item, key))

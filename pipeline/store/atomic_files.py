@@ -249,13 +249,17 @@ def contents(path: Path, *, file: object, what: str) -> npt.NDArray[np.uint8]:
     """Return the bytes of a file, read-only.
 
     A file that is cut short while it is mapped would end the process (SIGBUS), so only
-    what is larger than `LARGEST_IN_MEMORY` is mapped.
+    what is larger than `LARGEST_IN_MEMORY` is mapped; a task maps a copy of a long one.
     """
     import numpy as np
 
+    from auvid.hydro.long_series.long_arrays import copied_file
+
     with readable(path, file=file, what=what):
-        if path.stat().st_size > LARGEST_IN_MEMORY:
+        size = path.stat().st_size
+        if size > LARGEST_IN_MEMORY:
             return np.memmap(path, dtype=np.uint8, mode="r")
-        content = np.fromfile(path, dtype=np.uint8)
+        copy = copied_file(str(path), size)
+        content = np.fromfile(path, dtype=np.uint8) if copy is None else copy
     content.flags.writeable = False
     return content

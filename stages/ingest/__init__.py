@@ -17,6 +17,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.track import PoseTrack
+from auvid.hydro.long_series.long_arrays import let_go
 from auvid.stages.base import Document, RawLog, Stage, param, port
 from auvid.stages.columns import ACCELEROMETER, GYRO
 from auvid.stages.ingest.fix_motion import fix_motion
@@ -158,6 +159,7 @@ def _read(inputs: Inputs, params: Params) -> _Read:
     rejected: list[Rejected] = []
     streams = {}
     for name, merged_stream in merged.items():
+        let_go()
         stream, lost = reject_samples(merged_stream, set_us=set_us, usual_us=usual_us)
         rejected += lost
         _check_share(lost, len(merged_stream), params.max_dropped_share, log.id)
@@ -176,7 +178,10 @@ def _read(inputs: Inputs, params: Params) -> _Read:
         rejected += turning.rejected
     acoustic = fix_motion(streams, inputs.vehicle)
     streams |= acoustic.streams
-    tables = {name: make_table(name, _columns(stream)) for name, stream in streams.items()}
+    tables = {}
+    for name, stream in streams.items():
+        let_go()
+        tables[name] = make_table(name, _columns(stream))
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
     info.notes.extend((*motion.notes, *turning.notes, *acoustic.notes))
     return _Read(

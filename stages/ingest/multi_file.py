@@ -12,6 +12,8 @@ from auvid.data_schemas.errors import CampaignError, LogError, nearest
 from auvid.data_schemas.records.logs import Accelerometer
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.long_series.heap import give_back_heap
+from auvid.hydro.long_series.long_arrays import LONG_BYTES
 from auvid.stages.base import Document, RawFile, RawLog
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.csv.reader import declared_start_us, read_csv
@@ -92,6 +94,8 @@ def decode_file(file: RawFile, forced: str | None, sources: Mapping[str, str]) -
     log = reader.read(loaded, rules.messages)
     head = replace(file, content=loaded.buffer[:FIRST_BYTES].copy())
     del loaded  # streams need memory of their own
+    if log.account.size > LONG_BYTES:
+        give_back_heap()
     streams = map_streams(log, rules, sources)
     first_us = _first_us(reader.read(head), rules) if streams else None
     return DecodedFile(

@@ -25,6 +25,7 @@ from auvid.hydro.identification.checks.robust_gains import (
     stacked,
 )
 from auvid.hydro.kept_results import kept, signs_of
+from auvid.hydro.long_series.long_arrays import let_go
 
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""
@@ -88,6 +89,7 @@ def integrals(t: Array, values: Array, at: Array, width_s: float = WINDOW_S) -> 
     if t.size <= BLOCK_ROWS:
         both = _integral_in_one(t, values, sides)
         return both[at.size :] - both[: at.size]
+    let_go()
     order = np.argsort(sides, kind="stable")
     ordered = np.empty((sides.size, values.shape[1]))
     ordered[order] = _integral_to(t, values, sides[order])
@@ -129,8 +131,10 @@ def _integral_to(t: Array, values: Array, times: Array) -> Array:
 
 def angles_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     """Return attitude (n, 3) [rad] at times t (n,), without its wraps."""
-    angles = unwrapped(euler)
-    return np.stack([np.interp(t, t_attitude, column) for column in angles.T], axis=1)
+    angles = np.empty((t.size, euler.shape[1]))
+    for index, column in enumerate(euler.T):
+        angles[:, index] = np.interp(t, t_attitude, unwrapped(column))
+    return angles
 
 
 def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
@@ -139,10 +143,12 @@ def down_at(t: Array, t_attitude: Array, euler: Array) -> Array:
     [-sin(theta), cos(theta) sin(phi), cos(theta) cos(phi)]; yaw does not enter. Roll and
     pitch may wrap, as those from 0 to 360 degrees do at rest.
     """
-    tilts = unwrapped(euler[:, :2])
-    phi, theta = (np.interp(t, t_attitude, column) for column in tilts.T)
-    level = np.cos(theta)
-    return np.stack([-np.sin(theta), level * np.sin(phi), level * np.cos(phi)], axis=1)
+    phi, theta = (np.interp(t, t_attitude, unwrapped(column)) for column in euler.T[:2])
+    down, level = np.empty((t.size, 3)), np.cos(theta)
+    down[:, 0] = -np.sin(theta)
+    down[:, 1] = level * np.sin(phi)
+    down[:, 2] = level * np.cos(phi)
+    return down
 
 
 @kept
@@ -410,7 +416,10 @@ def accelerometer_changes(
         return None
     down = down_at(t_imu, t_attitude, euler)
     speed = np.stack([np.interp(t_imu + lag_s, t_velocity, column) for column in velocity.T], 1)
-    force = integrals(t_imu, specific_force + gravity * down, at)
+    down *= gravity
+    down += specific_force
+    force = integrals(t_imu, down, at)
+    del down
     transport = integrals(t_imu, -np.cross(gyro, speed), at)
     change = [
         np.stack([np.interp(side + lag_s, t_velocity, column) for column in velocity.T], axis=1)
@@ -582,10 +591,10 @@ def gains_by_motion(
     of_force, of_motion = signs_of(acceleration), signs_of(motions)
     by_motion = _gains_by_motion(
         t_force,
-        acceleration * of_force,
+        _turned(acceleration, of_force),
         t_motion,
-        motions * of_motion,
-        taken * signs_of(taken),
+        _turned(motions, of_motion),
+        _turned(taken, signs_of(taken)),
         lags,
         width_s,
     )
@@ -599,6 +608,11 @@ def gains_by_motion(
         ]
         for by_lag, turn in zip(by_motion, of_motion, strict=True)
     ]
+
+
+def _turned(columns: Array, signs: Array) -> Array:
+    """Return columns (n, k) by signs (k,), themselves where none is turned."""
+    return columns if (signs > 0.0).all() else columns * signs
 
 
 @kept
@@ -658,9 +672,9 @@ def _gains_of(
     every = integrals(t_force, acceleration, longest, width_s)
     pushed = np.concatenate([every[: at.size] for _, at in tried])
     number, taken_count = motions.shape[1], taken.shape[1]
-    moved = np.hstack([taken, motions, motions * np.abs(motions)])
-    other_parts = integrals(t_motion, moved, later, width_s)
-    coupling, drag = other_parts[:, :taken_count], other_parts[:, taken_count:]
+    coupling = integrals(t_motion, taken, later, width_s)
+    moved = np.hstack([motions, motions * np.abs(motions)])
+    drag = integrals(t_motion, moved, later, width_s)
     columns = [np.hstack([pushed, coupling, drag[:, [j, number + j]]]) for j in range(number)]
     sides = np.concatenate([later + width_s, later])
     ends = [np.interp(sides, t_motion, motion) for motion in motions.T]

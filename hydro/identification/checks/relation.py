@@ -78,7 +78,8 @@ def relation(
     themselves.
     """
     t, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
-    inputs = inputs[:, np.ptp(inputs, axis=0) > 0.0] if len(inputs) else inputs
+    moves = np.ptp(inputs, axis=0) > 0.0 if len(inputs) else np.ones(1, np.bool_)
+    inputs = inputs if moves.all() else inputs[:, moves]
     if not inputs.size or not motions:
         return None
     start = max(t[0], *(at[0] for at, _ in motions))

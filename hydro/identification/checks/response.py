@@ -61,7 +61,8 @@ def response_lag(
     """
     at, inputs = np.asarray(t_command, dtype=np.float64), np.asarray(command, dtype=np.float64)
     t, output = np.asarray(t_motion, dtype=np.float64), np.asarray(motion, dtype=np.float64)
-    inputs = inputs[:, np.ptp(inputs, axis=0) > 0.0] if len(inputs) else inputs
+    moves = np.ptp(inputs, axis=0) > 0.0 if len(inputs) else np.ones(1, np.bool_)
+    inputs = inputs if moves.all() else inputs[:, moves]
     if not inputs.size or not t.size:
         return None
     early, late = round(lags_s[0] * rate_hz), round(lags_s[1] * rate_hz)

@@ -109,7 +109,7 @@ def velocity_answer(
     at = windows(start, end, t_imu, t_attitude, t_velocity)
     if at.size < FEWEST_WINDOWS:
         return None
-    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    pulled = pulled_by(t_imu, force, (t_attitude, euler), gravity, at)
     pulled = pulled - np.median(pulled, axis=0)
 
     def at_lags(speeds: Array) -> Array:
@@ -156,10 +156,20 @@ def odds_of_velocities(
     at = shared_windows(t_imu, attitude[0], t_velocity)
     if at.size < FEWEST_WINDOWS:
         return None
-    pulled = integrals(t_imu, force + gravity * down_at(t_imu, *attitude), at)
+    pulled = pulled_by(t_imu, force, attitude, gravity, at)
     pulled = pulled - np.median(pulled, axis=0)
     changes = [changes_of(t_imu, gyro, t_velocity, speed, at) for speed in speeds]
     return np.array([log_odds(each - np.median(each, axis=0), pulled) for each in changes])
+
+
+def pulled_by(
+    t_imu: Array, force: Array, attitude: tuple[Array, Array], gravity: float, at: Array
+) -> Array:
+    """Return the integral of f + R^T [0 0 g] (n, 3) over windows from `at`."""
+    pulled = down_at(t_imu, *attitude)
+    pulled *= gravity
+    pulled += force
+    return integrals(t_imu, pulled, at)
 
 
 def changes_of(t_imu: Array, gyro: Array, t: Array, speed: Array, at: Array) -> Array:
@@ -214,7 +224,7 @@ def axis_scales(
     at = shared_windows(*clocks)
     if at.size < FEWEST_WINDOWS:
         return None
-    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    pulled = pulled_by(t_imu, force, (t_attitude, euler), gravity, at)
     parts = [changes_of(t_imu, gyro, t, speed * axis, at) for axis in np.eye(3)]
     change = np.sum(parts, axis=0)
     turned = np.column_stack([-change[:, 1], change[:, 0]])
@@ -267,7 +277,7 @@ def arm_offset(
         return None
     rates = np.column_stack([np.interp(t, t_imu, rate) for rate in gyro.T])
     by_arm = [np.cross(rates, axis) for axis in np.eye(3)]
-    pulled = integrals(t_imu, force + gravity * down_at(t_imu, t_attitude, euler), at)
+    pulled = pulled_by(t_imu, force, (t_attitude, euler), gravity, at)
     change = changes_of(t_imu, gyro, t, speed, at)
     moved = [changes_of(t_imu, gyro, t, part, at) for part in by_arm]
     still = np.zeros(len(at))

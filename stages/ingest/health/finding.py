@@ -21,6 +21,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.motion_checks import down_at
 from auvid.hydro.identification.checks.signal_checks import ClockStatistics, clock_statistics
 from auvid.hydro.identification.signals.pose.track import PoseTrack
+from auvid.hydro.long_series.long_arrays import is_mapped, laid_down, let_go
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, LINEAR_VELOCITY, OF_POSES
 from auvid.stages.ingest.streams.mapping import OtherSource
 
@@ -67,7 +68,7 @@ class CheckedLog:
         """Return the times of a stream (n,) in seconds from the start of the log."""
         if stream not in self._times:
             stamps = numbers(self.tables[stream]["time_us"])
-            self._times[stream] = self.seconds(stamps)
+            self._times[stream] = laid_down(self.seconds(stamps))
         return self._times[stream]
 
     def clock(self, stream: str) -> ClockStatistics | None:
@@ -113,7 +114,7 @@ class CheckedLog:
         table = self.tables[stream]
         for name, values in columns.items():
             place = table.column_names.index(name)
-            cells = arrow_array(values, pa.float64())
+            cells = arrow_array(laid_down(values), pa.float64())
             table = table.set_column(place, table.schema.field(name), cells)
         return replace(self, tables={**self.tables, stream: table})
 
@@ -130,25 +131,29 @@ class CheckedLog:
     def once(self, name: object, of: Sequence[object], compute: Callable[[], Result]) -> Result:
         """Return what is computed once from these objects, on mended logs as well.
 
-        Nobody may change it.
+        Nobody may change it. Of a long log only what is laid down outside of memory is kept.
         """
         if name in self._kept:
             before, result = self._kept[name]
             if len(before) == len(of) and all(map(is_, before, of)):
                 return result  # type: ignore[no-any-return]
         result = compute()
-        if all(table.num_rows <= MOST_KEPT_ROWS for table in self.tables.values()):
+        if is_mapped(result) or all(
+            table.num_rows <= MOST_KEPT_ROWS for table in self.tables.values()
+        ):
             self._kept[name] = tuple(of), result
         return result
 
     def values(self, stream: str, names: Iterable[str]) -> Array:
         """Return columns of a stream as an array (n, k)."""
         table, columns = self.tables[stream], tuple(names)
-        return self.once((stream, columns), (table,), lambda: matrix(table, columns))
+        let_go()
+        return self.once((stream, columns), (table,), lambda: laid_down(matrix(table, columns)))
 
     def column(self, stream: str, name: str) -> Array:
         """Return one column of a stream (n,)."""
         table = self.tables[stream]
+        let_go()
         return self.once((stream, name), (table,), lambda: column(table, name))
 
     def swings(self, output: str) -> bool:

@@ -17,6 +17,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.long_series.heap import give_back_heap
+from auvid.hydro.long_series.long_arrays import let_go
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
@@ -191,6 +192,7 @@ def check_health(
 def _listed_of_long(findings: Iterable[Finding]) -> list[Finding]:
     """Return the findings of checks; what was freed of a long log is given back."""
     give_back_heap()
+    let_go()
     return list(findings)
 
 

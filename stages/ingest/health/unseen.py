@@ -8,8 +8,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.data_schemas.units import NEUTRAL_US
+from auvid.hydro.arrays import Mask
+from auvid.hydro.dynamics.actuators.thrusters import Thrusters
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import ATTITUDE, GYRO, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight, tells_shape
 from auvid.stages.ingest.health.actuation.push_answers import (
@@ -155,10 +158,20 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
             "it looks like a drag that grows; a voltage in the log and voltage_exponent in the"
             " vehicle file tell it",
         )
-    pulses = np.nan_to_num(log.values("actuators", log.thrusters()), nan=NEUTRAL_US)
-    resting = np.abs(pulses - NEUTRAL_US).max(axis=1, initial=0.0) < RESTING_US
-    if float(resting.mean()) < LEAST_REST and rest_of(pulses, log.vehicle.thrusters) is None:
+    if _rests_seldom(log, log.vehicle.thrusters):
         yield "neutral pulse of the outputs", "they never rest all together"
+
+
+def _rests_seldom(log: CheckedLog, thrusters: Thrusters) -> bool:
+    """Return whether the outputs hardly ever rest all together."""
+    resting: Mask = np.ones(log.tables["actuators"].num_rows, np.bool_)
+    for name in log.thrusters():
+        pulses = np.nan_to_num(log.column("actuators", name), nan=NEUTRAL_US)
+        resting &= np.abs(pulses - NEUTRAL_US) < RESTING_US
+    if float(resting.mean()) >= LEAST_REST:
+        return False
+    values = log.values("actuators", log.thrusters())
+    return rest_of(laid_down(np.nan_to_num(values, nan=NEUTRAL_US)), thrusters) is None
 
 
 def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:

@@ -17,6 +17,7 @@ from auvid.hydro.identification.signals.pose.frames import (
     in_ned,
     ned_from_frd,
 )
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY, POSITION, named
 from auvid.stages.ingest.decoded_log import DecodedLog, Messages
 
@@ -113,7 +114,7 @@ def depth_m(
 def pulse_widths(messages: Messages, names: Mapping[int, str]) -> Columns:
     """Return pulse widths of outputs by number, from those of `names` present."""
     return {
-        f"pwm_{number}_us": messages.floats(name)
+        f"pwm_{number}_us": laid_down(messages.floats(name))
         for number, name in names.items()
         if name in messages.columns
     }

@@ -16,6 +16,7 @@ from auvid.data_schemas.schemas import schema
 from auvid.data_schemas.streams import STREAMS, FormatStreams, StreamSource, format_streams
 from auvid.data_schemas.units import convertible, factor_and_offset
 from auvid.hydro.arrays import Ints, Mask
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.ingest.decoded_log import Column, DecodedLog, Messages
 from auvid.stages.ingest.streams.common import Columns
 
@@ -81,8 +82,8 @@ class Stream:
 
     def rows(self, kept: Mask) -> Stream:
         """Return the stream with these rows only."""
-        columns = {key: values[kept] for key, values in self.columns.items()}
-        return replace(self, columns=columns, place=self.place[kept])
+        columns = {key: laid_down(values[kept]) for key, values in self.columns.items()}
+        return replace(self, columns=columns, place=laid_down(self.place[kept]))
 
 
 @dataclass(frozen=True)
@@ -262,7 +263,7 @@ def _stream(
         if source.compute
         else linear(name, messages, source)
     )
-    columns = {"time_us": time_us, **columns}
+    columns = {key: laid_down(values) for key, values in {"time_us": time_us, **columns}.items()}
     rows = columns["time_us"].size
     place = messages.offset if rows == len(messages) else np.zeros(rows, np.int64)
     notes = [f"{name}: {source.note}"] if source.note else []
@@ -308,5 +309,6 @@ def linear(stream: str, messages: Messages, source: StreamSource) -> Columns:
         )
         factor, offset = factor_and_offset(unit, target)
         with np.errstate(over="ignore"):  # of damaged values
-            columns[name] = rule.sign * (factor * messages.floats(rule.column) + offset)
+            values = rule.sign * (factor * messages.floats(rule.column) + offset)
+            columns[name] = laid_down(values)
     return columns

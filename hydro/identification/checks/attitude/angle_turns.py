@@ -6,7 +6,7 @@ moves by from sample to sample. Nothing here decides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,15 +62,17 @@ def angle_turns(t_s: Array, euler: Array, t_gyro: Array, gyro: Array) -> AngleTu
     phi, theta, _ = angles_at(t_gyro, t_s, euler).T
     p, q, r = gyro.T
     sine, cosine, slope = np.sin(phi), np.cos(phi), np.tan(theta)
-    rates = np.column_stack(
-        [
-            *(p, q * slope * sine, r * slope * cosine),
-            *(0.0 * p, q * cosine, -r * sine),
-            *(0.0 * p, q * sine / np.cos(theta), r * cosine / np.cos(theta)),
-        ]
+    by_gyro = np.empty((at.size, 3, 3))
+    # One angle at a time: the rates of all would be nine columns of all samples.
+    of_angle: tuple[Callable[[], tuple[Array, ...]], ...] = (
+        lambda: (p, q * slope * sine, r * slope * cosine),
+        lambda: (0.0 * p, q * cosine, -r * sine),
+        lambda: (0.0 * p, q * sine / np.cos(theta), r * cosine / np.cos(theta)),
     )
+    for angle, rates in enumerate(of_angle):
+        by_gyro[:, angle] = integrals(t_gyro, np.column_stack(rates()), at)
     turned = angles_at(at + WINDOW_S, t_s, euler) - angles_at(at, t_s, euler)
-    return AngleTurns(at, turned, integrals(t_gyro, rates, at).reshape(-1, 3, 3))
+    return AngleTurns(at, turned, by_gyro)
 
 
 @kept

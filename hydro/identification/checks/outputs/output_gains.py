@@ -50,7 +50,7 @@ def answered(motions: Sequence[WindowMotion], impulse: Array, allocation: Array)
 
     The one that the thrusters explain best.
     """
-    tried = [_without_drag(motion, impulse, allocation) for motion in motions]
+    tried = (_without_drag(motion, impulse, allocation) for motion in motions)
     return max(tried, key=lambda each: float(_log_odds(each.pushed.sum(axis=2), each).sum()))
 
 

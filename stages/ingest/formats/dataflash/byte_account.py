@@ -22,6 +22,8 @@ UNDEFINED = "message type {} without a definition"
 PADDING_BYTES = 528  # block-based logs end in up to two pages of padding
 BACK_US = 1_000_000
 CLOCK_SAMPLES = 20_000
+PAGES_AT_ONCE = 500
+"""Samples between which pages of a long file go: the system reads 64 kB about each."""
 
 
 def byte_account(
@@ -98,7 +100,8 @@ def clock_notes(buffer: Buffer, chain: Chain, clock: Clock) -> list[str]:
         return []
     notes = []
     sample = timed[:: max(1, timed.size // CLOCK_SAMPLES)]
-    times = read_times(buffer, chain.offset[sample], kind[sample])
+    parts = np.split(sample, range(PAGES_AT_ONCE, sample.size, PAGES_AT_ONCE))
+    times = np.concatenate([read_times(buffer, chain.offset[it], kind[it]) for it in parts])
     if times.size > 2:  # the median of three removes single damaged stamps and keeps steps
         times[1:-1] = np.sort([times[:-2], times[1:-1], times[2:]], axis=0)[1]
     steps = np.diff(times)

@@ -8,9 +8,12 @@ import numpy as np
 
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.hydro.arrays import Buffer, Ints
+from auvid.hydro.long_series.long_arrays import laid_down, let_go
 from auvid.stages.ingest.decoded_log import Column
 from auvid.stages.ingest.formats.accounting import GATHER_BYTES, cut_at_nul, overlapping
 
+LET_GO_BLOCKS = 64
+"""Blocks of records after which pages of a long file go."""
 Table = tuple[dict[str, Column], Ints]  # columns, byte offset of each record
 
 
@@ -39,6 +42,8 @@ def unpack(buffer: Buffer, definition: layout.Definition, offset: Ints) -> dict[
     step = max(1, GATHER_BYTES // definition.length)
     for start in range(0, offset.size, step):
         part = slice(start, start + step)
+        if start % (LET_GO_BLOCKS * step) == 0:
+            let_go()
         block = records[offset[part]].view(definition.record)
         for i, char in enumerate(formats):
             factor = layout.FIELD_FORMATS[char].factor
@@ -48,11 +53,12 @@ def unpack(buffer: Buffer, definition: layout.Definition, offset: Ints) -> dict[
                 # Dividing by the rounded inverse gives the nearest double to the
                 # decimal number; multiplying would not.
                 np.divide(block[f"f{i}"], 1 / factor, out=out[i][part])
+    let_go()
     for char, column in zip(formats, out, strict=True):
         if layout.FIELD_FORMATS[char].is_text and not (definition.name == "FILE" and char == "Z"):
             cut_at_nul(column)
         column.flags.writeable = False
-    return dict(zip(definition.columns, out, strict=False))
+    return dict(zip(definition.columns, map(laid_down, out), strict=False))
 
 
 def merge(parts: Sequence[Table]) -> Table:

@@ -15,6 +15,7 @@ import numpy as np
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.hydro.arrays import Buffer, Ints, Mask
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog, LogReader, Messages
 from auvid.stages.ingest.formats.accounting import split_by
@@ -39,7 +40,7 @@ from auvid.stages.ingest.formats.dataflash.metadata import (
     parameters_of,
     texts_of,
 )
-from auvid.stages.ingest.formats.dataflash.scan import Chain, Clock, Walk, candidates
+from auvid.stages.ingest.formats.dataflash.scan import Chain, Clock, Walk, candidates, types_at
 
 FORMAT = "ArduPilot DataFlash"
 ROUNDS = 6
@@ -72,7 +73,10 @@ class Index:
 def recognises(head: bytes) -> bool:
     """Return whether a FMT record stands in the first bytes, behind damage or not."""
     data = np.frombuffer(head, np.uint8)
-    return head[:2] == layout.MAGIC or _whole_fmt(data, candidates(data)).offset.size > 0
+    if head[:2] == layout.MAGIC:
+        return True
+    offset = candidates(data)
+    return _whole_fmt(data, offset, types_at(data, offset)).offset.size > 0
 
 
 def decode_dataflash(file: RawFile, message_types: frozenset[str] | None) -> DecodedLog:
@@ -92,9 +96,9 @@ def decode_dataflash(file: RawFile, message_types: frozenset[str] | None) -> Dec
     return _decode(file.buffer, index, message_types)
 
 
-def _whole_fmt(buffer: Buffer, offset: Ints) -> Proposals:
+def _whole_fmt(buffer: Buffer, offset: Ints, type: Buffer) -> Proposals:
     """Return the FMT records among the candidates that are whole inside the buffer."""
-    fmt = offset[buffer[offset + 2] == layout.FMT_ID]
+    fmt = offset[type == layout.FMT_ID]
     return propose(buffer, fmt[fmt + layout.FMT_BYTES <= buffer.size])
 
 
@@ -104,8 +108,8 @@ def build_index(buffer: Buffer) -> Index:
     Only FMT records that stand in the chain, and that the records confirm, are used.
     """
     offset = candidates(buffer)
-    type = buffer[offset + 2]
-    proposals = _whole_fmt(buffer, offset)
+    type = types_at(buffer, offset)
+    proposals = _whole_fmt(buffer, offset, type)
     usable, contradicted, torn = np.zeros((3, proposals.offset.size), np.bool_)
     usable[:] = True
     for _ in range(ROUNDS):
@@ -204,7 +208,7 @@ def _layouts(index: Index) -> dict[str, list[Layout]]:
     for entry, rows in enumerate(split_by(index.chain.entry, index.definitions.row.size)):
         if rows.size:
             definition = index.definition(entry)
-            part = (definition, entry, index.chain.offset[rows])
+            part = (definition, entry, laid_down(index.chain.offset[rows]))
             groups.setdefault(definition.name, []).append(part)
     return dict(sorted(groups.items()))
 

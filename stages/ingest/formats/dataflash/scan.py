@@ -10,6 +10,7 @@ are taken only if their own time stamp fits the clock on both sides.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import median_high
@@ -19,10 +20,13 @@ import numpy.typing as npt
 
 from auvid.data_schemas.formats import dataflash as layout
 from auvid.hydro.arrays import Buffer, Ints, Mask
+from auvid.hydro.long_series.long_arrays import laid_down, let_go
 from auvid.stages.ingest.formats.accounting import LATEST_US, overlapping
 from auvid.stages.ingest.formats.dataflash.definitions import Definitions, Entries
 
 BLOCK = 1 << 17
+LET_GO_BYTES = 64 * BLOCK
+"""After which pages of a long file go."""
 NEAR = 16  # candidates that show the clock on either side of a break
 TWO_SIDES_US = 1_000_000  # tolerance of a time stamp between two that show the clock
 ONE_SIDE_US = 10_000_000  # where only one side shows the clock
@@ -65,21 +69,41 @@ def candidates(buffer: Buffer) -> Ints:
     places = [np.zeros(0, np.int64)]
     first, second = layout.MAGIC
     for start in range(0, buffer.size, BLOCK):
+        if start % LET_GO_BYTES == 0:
+            let_go()
         part = buffer[start : start + BLOCK + 1]
         places.append(np.flatnonzero((part[:-1] == first) & (part[1:] == second)) + start)
     offsets = np.concatenate(places)
-    return offsets[: np.searchsorted(offsets, buffer.size - 2)]
+    del places
+    return laid_down(offsets[: np.searchsorted(offsets, buffer.size - 2)])
+
+
+def types_at(buffer: Buffer, offset: Ints) -> Buffer:
+    """Return the type ids of the candidates at `offset`."""
+    types = np.empty(offset.size, np.uint8)
+    for place in _blocks(offset.size):
+        types[place] = buffer[offset[place] + 2]
+    return types
 
 
 def header_at(buffer: Buffer, offset: Ints) -> Mask:
     """Return where magic bytes stand at `offset`; False past the end of the file."""
-    inside = np.minimum(offset, buffer.size - 2)
-    there: Mask = (
-        (buffer[inside] == layout.MAGIC[0])
-        & (buffer[inside + 1] == layout.MAGIC[1])
-        & (inside == offset)
-    )
+    there: Mask = np.empty(offset.size, np.bool_)
+    for place in _blocks(offset.size):
+        inside = np.minimum(offset[place], buffer.size - 2)
+        there[place] = (
+            (buffer[inside] == layout.MAGIC[0])
+            & (buffer[inside + 1] == layout.MAGIC[1])
+            & (inside == offset[place])
+        )
     return there
+
+
+def _blocks(size: int) -> Iterator[slice]:
+    """Yield the places of so many records, block by block; pages of a long file go between."""
+    for start in range(0, size, BLOCK):
+        let_go()
+        yield slice(start, start + BLOCK)
 
 
 def infer_lengths(
@@ -124,7 +148,8 @@ class Walk:
         self.entry = self.definitions.entries(self.offset, self.type)
         self.length = self.definitions.length[self.entry]
         infer_lengths(self.offset, self.type, self.entry, self.length)
-        self.end = self.offset + self.length
+        self.entry, self.length = laid_down(self.entry), laid_down(self.length)
+        self.end = laid_down(self.offset + self.length)
         self.valid = (self.length > 0) & (self.end <= self.size)
         self.runs: list[tuple[int, int]] = []
         self.gaps: list[ChainGap] = []
@@ -142,7 +167,8 @@ class Walk:
     @cached_property
     def times_us(self) -> Ints:
         """Return the time stamps of the valid candidates; -1 where there is none."""
-        return read_times(self.buffer, self.offset, np.where(self.valid, self.clock[self.entry], 0))
+        kind = np.where(self.valid, self.clock[self.entry], 0)
+        return laid_down(read_times(self.buffer, self.offset, kind))
 
     @cached_property
     def pairs(self) -> Ints:
@@ -163,15 +189,16 @@ class Walk:
         inside = np.cumsum(taken[:-1], dtype=np.int8).view(np.bool_)
         kept = slice(None) if inside.all() else inside  # of a sound log nothing need be copied
         missed = self._missed()
-        distance = np.diff(self.offset, append=self.size)[missed]
+        following = self.offset[np.minimum(missed + 1, self.count - 1)]
+        behind = np.where(missed + 1 < self.count, following, self.size)
         return Chain(
-            self.offset[kept],
+            laid_down(self.offset[kept]),
             self.type[kept],
-            self.entry[kept],
-            self.length[kept],
+            laid_down(self.entry[kept]),
+            laid_down(self.length[kept]),
             self.gaps,
             self.entry[missed],
-            distance,
+            behind - self.offset[missed],
         )
 
     def _missed(self) -> Ints:
@@ -368,8 +395,10 @@ def read_times(buffer: Buffer, offset: Ints, kind: Clock) -> Ints:
     `kind` 1 is TimeUS (uint64), 2 is TimeMS (uint32), 0 has none and gives -1.
     """
     times = np.full(offset.size, -1, np.int64)
-    for code, dtype, factor in ((1, "<u8", 1), (2, "<u4", 1000)):
-        where = np.flatnonzero(kind == code)
-        stamps = overlapping(buffer, dtype)[offset[where] + layout.HEADER_BYTES]
-        times[where] = np.minimum(stamps.astype(np.uint64), LATEST_US).astype(np.int64) * factor
+    for place in _blocks(offset.size):
+        own, at = times[place], offset[place] + layout.HEADER_BYTES
+        for code, dtype, factor in ((1, "<u8", 1), (2, "<u4", 1000)):
+            where = np.flatnonzero(kind[place] == code)
+            stamps = overlapping(buffer, dtype)[at[where]]
+            own[where] = np.minimum(stamps.astype(np.uint64), LATEST_US).astype(np.int64) * factor
     return times

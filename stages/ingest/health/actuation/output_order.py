@@ -7,12 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from auvid.data_schemas.tables import matrix
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import (
     Thrusters,
     thruster_allocation,
-    thruster_forces,
 )
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
@@ -40,6 +38,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
     SMALLEST_MOTION,
     answers_backward,
     coupling,
+    forces_along,
 )
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent
@@ -88,7 +87,7 @@ def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
     t_s, t_velocity, t_imu = (log.t_s(name) for name in streams)
-    forces = thruster_forces(thrusters, np.nan_to_num(matrix(log.tables["actuators"], names)))
+    forces = forces_along(log, thrusters)
     motions = [(t_velocity, axis) for axis in log.body_velocity().T]
     motions += [(t_imu, log.column("imu", name)) for name in GYRO]
     driven = [
@@ -175,9 +174,8 @@ def directions_by_motion(log: CheckedLog, vehicle: Vehicle) -> Array | None:
     at = windows(start, end - max(ANSWERS_S), *clocks, width_s=ORDER_WINDOW_S)
     if not driven or at.size < LEAST_ORDER_WINDOWS:
         return None
-    pulses = np.nan_to_num(matrix(log.tables["actuators"], names))
     ahead, back = (
-        integrals(t_s, thruster_forces(each, pulses), at, ORDER_WINDOW_S)
+        integrals(t_s, forces_along(log, each), at, ORDER_WINDOW_S)
         for sign in (1.0, -1.0)
         for each in [replace(thrusters, direction=np.full(len(names), sign))]
     )

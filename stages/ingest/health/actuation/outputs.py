@@ -12,6 +12,7 @@ from auvid.hydro.arrays import Mask
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.identification.checks.motion_checks import response_gains
 from auvid.hydro.identification.checks.response import without_drift
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
@@ -119,7 +120,7 @@ def _driven_by(log: CheckedLog, names: list[str]) -> str:
     Lights and a camera that tilts push none.
     """
     t_s = log.t_s("actuators")
-    named = np.nan_to_num(log.values("actuators", log.thrusters()))
+    named = laid_down(np.nan_to_num(log.values("actuators", log.thrusters())))
     both = np.column_stack([named, np.nan_to_num(log.values("actuators", names))])
     best, axis_of_best = 0.0, ""
     for axis, (at, motion, _) in motions(log).items():
@@ -172,7 +173,8 @@ def _frozen(log: CheckedLog, moving: Mask) -> Finding | None:
     names, t_s = [*log.thrusters(), *log.commands(), *others], log.t_s("actuators")
     if len(t_s) < 2 or not names:
         return None
-    same = np.append(False, ~np.diff(log.values("actuators", names), axis=0).any(axis=1))
+    changes = np.any([np.diff(log.column("actuators", name)) != 0.0 for name in names], axis=0)
+    same = np.append(False, ~changes)
     ends = np.flatnonzero(~np.append(same[1:], False))  # the last sample of each run
     begins = np.append(0, ends[:-1] + 1)
     lengths = t_s[ends] - t_s[begins]
@@ -251,17 +253,17 @@ def activity(log: CheckedLog) -> Mask | None:
 
     A thruster acts where its output left the dead band. None without any column.
     """
-    parts = []
-    if log.thrusters():
-        outputs = log.values("actuators", log.thrusters())
-        parts.append(
-            ((np.abs(outputs - NEUTRAL_US) > limit("no_actuation")) & (outputs > 0.0)).any(axis=1)
-        )
-    if log.commands():
-        parts.append((np.abs(log.values("actuators", log.commands())) > ACTIVE_COMMAND).any(axis=1))
-    if "propeller_rev_s" in log.tables["actuators"].column_names:
-        parts.append(np.abs(log.column("actuators", "propeller_rev_s")) > 0.0)
-    return np.any(parts, axis=0) if parts else None
+    acts: Mask | None = None
+    for name in (*log.thrusters(), *log.commands(), "propeller_rev_s"):
+        if name not in log.tables["actuators"].column_names:
+            continue
+        values = log.column("actuators", name)
+        if name in log.thrusters():
+            own = (np.abs(values - NEUTRAL_US) > limit("no_actuation")) & (values > 0.0)
+        else:
+            own = np.abs(values) > (0.0 if name == "propeller_rev_s" else ACTIVE_COMMAND)
+        acts = own if acts is None else acts | own
+    return acts
 
 
 def _largest(log: CheckedLog) -> float:

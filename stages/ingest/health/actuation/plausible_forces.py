@@ -58,14 +58,16 @@ def force_findings(log: CheckedLog) -> Iterator[Finding]:
     inside = (t_s >= at[0]) & (t_s <= at[-1])
     if np.count_nonzero(inside) < 2 or not np.isfinite(velocity).all():
         return
-    t_s, force = t_s[inside], (pushed * np.diag(log.vehicle.mass_matrix))[inside]
-    moved = np.column_stack([np.interp(t_s, at, part) for part in velocity.T])
+    along = np.diag(log.vehicle.mass_matrix)[:2]
+    force = (pushed[:, :2] * along)[inside]
+    moved = np.column_stack([np.interp(t_s[inside], at, part) for part in velocity.T[:2]])
     yield from _drag(log, force, moved)
+    del force, moved
     yield from _weight(log)
 
 
 def _drag(log: CheckedLog, force: Array, moved: Array) -> Iterator[Finding]:
-    """Yield a drag coefficient of surge and sway beyond that of bodies.
+    """Yield a drag coefficient of surge and sway (n, 2) beyond that of bodies.
 
     C = 2 cov(F, u) / (rho V^(2/3) <|u|^3>), V the displaced volume: what the thrusters
     work is what drag takes.
@@ -75,7 +77,7 @@ def _drag(log: CheckedLog, force: Array, moved: Array) -> Iterator[Finding]:
     area = np.cbrt(log.vehicle.displaced_mass_kg / density) ** 2
     work = spent = 0.0
     top = 0.0
-    for own, speed in zip(force.T[:2], moved.T[:2], strict=True):
+    for own, speed in zip(force.T, moved.T, strict=True):
         fast = float(np.percentile(np.abs(speed), 95.0))
         if fast < SLOWEST_M_S or not np.ptp(own) or not np.ptp(speed):
             continue
@@ -122,7 +124,7 @@ def borne_weight(log: CheckedLog) -> BorneWeight | None:
         return None
     t_s, pushed = thrust
     down = pushed[:, 2] * log.vehicle.mass_matrix[2, 2]
-    upright = down_at(t_s, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2]
+    upright = down_at(t_s, log.t_s("attitude"), log.values("attitude", ATTITUDE))[:, 2].copy()
     rows = (t_s >= at[0]) & (t_s <= at[-1]) & (upright > np.cos(LEVEL_RAD))
     step = float(np.median(np.diff(t_s)))
     if np.count_nonzero(rows) * step < SHORTEST_S or not np.ptp(down[rows]):

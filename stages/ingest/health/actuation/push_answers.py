@@ -21,6 +21,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     response_gains,
 )
 from auvid.hydro.identification.checks.robust_gains import AxisGains
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
@@ -112,7 +113,15 @@ def _pushes(log: CheckedLog, vehicle: Vehicle) -> tuple[Array, Array] | None:
     for rows, along in _forces_in_parts(log, vehicle.thrusters):
         forces[rows] = thruster_force(vehicle.thrusters, along)
     forces /= np.diag(vehicle.mass_matrix)
-    return t_s, forces
+    return t_s, laid_down(forces)
+
+
+def forces_along(log: CheckedLog, thrusters: Thrusters) -> Array:
+    """Return the forces (n, k) of the thrusters along their axes."""
+    forces = np.empty((log.tables["actuators"].num_rows, len(thrusters.outputs)))
+    for rows, along in _forces_in_parts(log, thrusters):
+        forces[rows] = along
+    return laid_down(forces)
 
 
 def _forces_in_parts(log: CheckedLog, thrusters: Thrusters) -> Iterator[tuple[slice, Array]]:
@@ -181,11 +190,18 @@ def coupling(log: CheckedLog, axis: int, at: Array) -> Array | None:
 
 def _coupling(log: CheckedLog, axis: int, at: Array) -> Array:
     t_velocity, t_imu, velocity = log.t_s("velocity"), log.t_s("imu"), log.body_velocity()
-    u, v, w = (np.interp(at, t_velocity, part) for part in velocity.T)
-    p, q, r = (np.interp(at, t_imu, part) for part in log.values("imu", GYRO).T)
-    of_axis = {2: (u * q, v * p), 3: (v * w, q * r), 4: (u * w, p * r), 5: (u * v, p * q)}
-    terms = of_axis.get(axis, (u * r, v * r, w * q, w * p))
-    return np.column_stack(terms)
+    parts = dict(zip("uvw", velocity.T, strict=True))
+    parts |= dict(zip("pqr", log.values("imu", GYRO).T, strict=True))
+    of_axis = {2: "uq vp", 3: "vw qr", 4: "uw pr", 5: "uv pq"}
+    products = of_axis.get(axis, "ur vr wq wp").split()
+    terms = np.empty((at.size, len(products)))
+    for column, names in enumerate(products):
+        first, second = (
+            np.interp(at, t_velocity if name in "uvw" else t_imu, parts[name])
+            for name in list(names)
+        )
+        np.multiply(first, second, out=terms[:, column])
+    return laid_down(terms)
 
 
 def body_motion(log: CheckedLog, stream: str, name: str) -> Array:
@@ -404,11 +420,9 @@ def pushes_apart(first: Array, second: Array) -> bool:
 
 def _moving_forces(log: CheckedLog, thrusters: Thrusters) -> Array:
     """Return the forces (n, k) of the thrusters that change theirs."""
-    forces = np.empty((log.tables["actuators"].num_rows, len(thrusters.outputs)))
-    for rows, along in _forces_in_parts(log, thrusters):
-        forces[rows] = along
+    forces = forces_along(log, thrusters)
     moves = np.ptp(forces, axis=0) > 0.0
-    return forces if moves.all() else forces[:, moves]
+    return laid_down(forces if moves.all() else forces[:, moves])
 
 
 def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import NO_PULSE_US, Thrusters, thrust_from_pwm
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 from auvid.stages.number_format import percent
 
@@ -33,7 +34,8 @@ def single_output_findings(log: CheckedLog) -> Iterator[Finding]:
     names = [f"pwm_{number}_us" for number in vehicle.thrusters.outputs]
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
-    pulses, t_s = np.nan_to_num(log.values("actuators", names)), log.t_s("actuators")
+    pulses = laid_down(np.nan_to_num(log.values("actuators", names)))
+    t_s = log.t_s("actuators")
     yield from _resting(pulses, vehicle.thrusters)
     for group in _groups(vehicle.thrusters.allocation[:3]):
         numbers = [vehicle.thrusters.outputs[place] for place in group]

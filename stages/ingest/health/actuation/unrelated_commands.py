@@ -10,6 +10,7 @@ from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.checks.relation import Relation, relation
 from auvid.hydro.identification.checks.response import tone_share
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
@@ -83,9 +84,15 @@ def actuator_commands(log: CheckedLog) -> Array:
     there = log.tables["actuators"].column_names
     others = [name for name in ("propeller_rev_s", *FINS) if name in there]
     names = [*log.thrusters(), *log.commands(), *others]
-    values = np.nan_to_num(log.values("actuators", names))
-    pulses = np.array([name.startswith("pwm_") for name in names])
-    return np.where(pulses & (values == 0.0), NEUTRAL_US, values)
+
+    def neutral() -> Array:
+        values = np.nan_to_num(log.values("actuators", names))
+        for index, name in enumerate(names):
+            if name.startswith("pwm_"):
+                values[values[:, index] == 0.0, index] = NEUTRAL_US
+        return laid_down(values)
+
+    return log.once("commands", (log.tables["actuators"],), neutral)
 
 
 def _finding(log: CheckedLog, related: Relation, axes: list[str]) -> Finding:

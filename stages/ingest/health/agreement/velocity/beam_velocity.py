@@ -12,6 +12,7 @@ from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.motion_checks import angles_at, heave_of_columns
 from auvid.hydro.identification.checks.velocity_answer import odds_of_velocities
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
@@ -71,11 +72,12 @@ def ground_findings(log: CheckedLog) -> Iterator[Finding]:
     columns = log.values("velocity", LINEAR_VELOCITY)
     of_arm = np.zeros(3) if motion.arm_m is None else np.cross(motion.rates, motion.arm_m)
     tried = {
-        name: np.einsum("nji,nj->ni", turn, columns[:, order] * signs) - of_arm
+        name: laid_down(np.einsum("nji,nj->ni", turn, columns[:, order] * signs) - of_arm)
         for name, (order, signs) in OVER_GROUND.items()
     }
+    del turn
     in_body = [
-        each * signs
+        laid_down(each * signs)
         for each in (body, body[:, [1, 0, 2]])
         for signs in product((1.0, -1.0), repeat=3)
     ]

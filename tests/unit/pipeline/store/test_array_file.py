@@ -1,0 +1,99 @@
+"""Long arrays of a task lie in files without a name, and go with them."""
+
+from __future__ import annotations
+
+import errno
+import gc
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+
+from auvid.data_schemas.errors import PipelineError
+from auvid.hydro.long_series.long_arrays import (
+    LONG_BYTES,
+    copied_file,
+    is_mapped,
+    laid_down,
+    laid_down_in,
+    let_go,
+)
+from auvid.pipeline.execution.task import Task, execute
+from auvid.pipeline.store.array_file import ArrayFile
+from auvid.pipeline.store.atomic_files import contents
+
+LONG = np.random.default_rng(3).normal(size=(LONG_BYTES // 12, 3))
+
+
+def resident_kb(kind: str) -> int:
+    rows = Path("/proc/self/status").read_text().splitlines()
+    return next(int(row.split()[1]) for row in rows if row.startswith(kind))
+
+
+def test_a_long_array_is_the_same_outside_of_memory(tmp_path: Path) -> None:
+    with laid_down_in(ArrayFile(tmp_path)):
+        outside = laid_down(LONG[:, ::2])
+        assert is_mapped(outside)
+        assert not outside.flags.writeable
+        np.testing.assert_array_equal(outside, LONG[:, ::2])
+        assert laid_down(outside) is outside
+        assert laid_down(LONG[:9]).base is LONG
+        assert list(tmp_path.iterdir()) == [], "its file has no name"
+    assert laid_down(LONG) is LONG
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="/proc is Linux's")
+def test_what_was_read_is_let_go_and_read_again(tmp_path: Path) -> None:
+    with laid_down_in(ArrayFile(tmp_path)):
+        outside = laid_down(np.tile(LONG, (8, 1)))
+        total = outside.sum()
+        before = resident_kb("RssFile")
+        let_go()
+        assert resident_kb("RssFile") < before - 0.9 * outside.nbytes / 1024
+        assert outside.sum() == total
+
+
+def test_the_file_goes_with_the_array(tmp_path: Path) -> None:
+    place = ArrayFile(tmp_path)
+    with laid_down_in(place):
+        outside = laid_down(LONG)
+        assert len(place._maps) == 1
+        del outside
+        gc.collect()
+        assert len(place._maps) == 0
+
+
+def test_a_log_that_is_cut_short_while_it_is_read_ends_no_process(tmp_path: Path) -> None:
+    log, content = tmp_path / "log", np.arange(LONG_BYTES // 8 + 1, dtype=np.int64).view(np.uint8)
+    content.tofile(log)
+    with laid_down_in(ArrayFile(tmp_path / "runs")):
+        read = contents(log, file=log, what="log")
+        os.truncate(log, 0)
+        np.testing.assert_array_equal(read, content)
+    assert copied_file(str(log), 2 * LONG_BYTES) is None
+
+
+def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    place = ArrayFile(tmp_path)
+    monkeypatch.setattr("auvid.pipeline.store.array_file.mmap.mmap", full)
+    with laid_down_in(place), pytest.raises(PipelineError, match="No space left") as refused:
+        laid_down(LONG)
+    assert "Free some space" in str(refused.value)
+
+
+def test_a_task_lays_long_arrays_down_beside_its_results(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[bool] = []
+    monkeypatch.setattr(
+        "auvid.pipeline.execution.task._run", lambda _: seen.append(is_mapped(laid_down(LONG)))
+    )
+    execute(cast(Task, SimpleNamespace(item="log", folder=tmp_path)))
+    assert seen == [True]
+    assert not is_mapped(laid_down(LONG))
