@@ -44,13 +44,15 @@ def laid_down_in(place: Place | None) -> Iterator[None]:
         _places.remove(place)
 
 
-def laid_down(values: Values) -> Values:
+def laid_down(values: Values, least_bytes: int = LONG_BYTES) -> Values:
     """Return an array, a long one as it lies outside of memory, read-only.
+
+    `least_bytes`: size from which it is long; of one of many it is smaller.
 
     >>> laid_down(np.ones(2))
     array([1., 1.])
     """
-    if not _places or values.nbytes < LONG_BYTES or values.dtype.hasobject or is_mapped(values):
+    if not _places or values.nbytes < least_bytes or values.dtype.hasobject or is_mapped(values):
         return values
     let_go()
     return _places[-1].lay_down(values)  # type: ignore[return-value]

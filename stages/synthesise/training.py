@@ -60,6 +60,7 @@ from auvid.hydro.identification.regression.standard_errors import (
 )
 from auvid.hydro.identification.regression.unsteady_force import LINEARISED, unsteady_changes
 from auvid.hydro.identification.signals.lost_motion import lost_by_spline, lost_motion
+from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import (
     ACCELERATION,
@@ -86,6 +87,8 @@ LAG_STEP_S = 0.05
 """Clock of the samples that a lag is measured on: commands are logged no faster."""
 CURRENT_STEP_S = 0.2
 """Clock of the samples that a current is measured on: it is in slow motion, too."""
+KEPT_BYTES = 50_000
+"""Size of an array of one leg from which all legs keep theirs outside of memory."""
 THRUST = ("propeller", "thrusters")
 """Those that a thrust curve scales."""
 SPLINES = {
@@ -522,12 +525,17 @@ def driven_leg(tables: LegTables) -> DrivenLeg | None:
     rows = slice(None, None, max(1, round(LAG_STEP_S / step_s)))
     # Views would keep all samples of all legs.
     return DrivenLeg(
-        matrix(residual, VELOCITY)[rows].copy(),
-        matrix(tables.fused, ACCELERATION)[rows].copy(),
-        forces(residual, "tau_bar")[rows].copy(),
-        acting(residual, ACTUATORS)[rows].copy(),
+        _of_many(matrix(residual, VELOCITY)[rows]),
+        _of_many(matrix(tables.fused, ACCELERATION)[rows]),
+        _of_many(forces(residual, "tau_bar")[rows]),
+        _of_many(acting(residual, ACTUATORS)[rows]),
         step_s * rows.step,
     )
+
+
+def _of_many(values: Array) -> Array:
+    """Return a copy of what is kept of each of all legs, where it takes no memory."""
+    return laid_down(values.copy(), KEPT_BYTES)
 
 
 def leg_over_ground(tables: LegTables, lag_s: float) -> LegOverGround | None:
@@ -552,9 +560,9 @@ def leg_over_ground(tables: LegTables, lag_s: float) -> LegOverGround | None:
     stride = max(1, round(CURRENT_STEP_S / step_s))
     return LegOverGround(
         tables.segment.log,
-        measured.every(stride),
-        (forces(residual, "tau_bar") - late_change(residual, lag_s))[::stride].copy(),
-        acting(residual, ACTUATORS, lag_s)[::stride].copy(),
+        measured.every(stride, _of_many),
+        _of_many((forces(residual, "tau_bar") - late_change(residual, lag_s))[::stride]),
+        _of_many(acting(residual, ACTUATORS, lag_s)[::stride]),
     )
 
 

@@ -26,6 +26,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.dynamics.viscous.basis import basis_rows
 from auvid.hydro.dynamics.viscous.symmetry import PORT_STARBOARD, allows
+from auvid.hydro.long_series.long_arrays import let_go
 from auvid.hydro.long_series.threads import at_once
 
 BLOCK_S = 5.0
@@ -169,6 +170,7 @@ def _stepped(
     for _ in range(STEPS):
         sums, first = [], 0
         for leg in legs:
+            let_go()
             pieces = blocks.pieces(first, len(leg.nu))
             first += len(leg.nu)
             pushes = [_push(leg, lag_s) for lag_s in lags_s]

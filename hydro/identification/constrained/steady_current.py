@@ -32,6 +32,7 @@ from auvid.hydro.identification.constrained.actuator_lag import (
     LegBlocks,
 )
 from auvid.hydro.identification.regression.assumed_figures import MeasuredLeg, through_water
+from auvid.hydro.long_series.long_arrays import let_go
 from auvid.hydro.long_series.threads import at_once
 
 STEPS = 4
@@ -220,6 +221,7 @@ class _Equations:
         """Return them linear about currents `at` (l, 2)."""
         c, legs_of_axis, first = 2 * len(logs), [list[_OfLeg]() for _ in AXES_USED], 0
         for leg in legs:
+            let_go()
             pieces = blocks.pieces(first, len(leg.tau_bar))
             first += len(leg.tau_bar)
             of_axis = _linear(leg, vehicle, at, logs.index(leg.log), pieces)

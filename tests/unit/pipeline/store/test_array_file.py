@@ -90,10 +90,10 @@ def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_a_task_lays_long_arrays_down_beside_its_results(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    seen: list[bool] = []
+    mapped: list[bool] = []
     monkeypatch.setattr(
-        "auvid.pipeline.execution.task._run", lambda _: seen.append(is_mapped(laid_down(LONG)))
+        "auvid.pipeline.execution.task._run", lambda _: mapped.append(is_mapped(laid_down(LONG)))
     )
     execute(cast(Task, SimpleNamespace(item="log", folder=tmp_path)))
-    assert seen == [True]
+    assert mapped == [True]
     assert not is_mapped(laid_down(LONG))
