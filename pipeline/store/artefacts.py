@@ -21,7 +21,8 @@ import pyarrow.parquet as pq
 from auvid.data_schemas.documents import check_document, delivered, written
 from auvid.data_schemas.errors import SchemaError
 from auvid.data_schemas.schemas import schema
-from auvid.data_schemas.tables import TableParts, check_table
+from auvid.data_schemas.tables import TableParts, arrow_array, check_table, numbers
+from auvid.hydro.long_series.long_arrays import LONG_BYTES, laid_down
 from auvid.pipeline.store.atomic_files import REMEDIES, readable, refusal
 from auvid.pipeline.store.file_hashes import hash_bytes, hash_settled_file
 from auvid.pipeline.store.pipes import saved_pieces
@@ -31,6 +32,9 @@ GROUP_ROWS = 65_536
 """Rows of a table that are read at a time where only some are needed."""
 LONG_TABLE_BYTES = 16_000_000
 """In memory; the file of a longer table is written while it is encoded."""
+LONG_ROWS = LONG_BYTES // 8
+"""Of a table of which a task reads one column after another, and lays them down."""
+PLAIN_NUMBERS = {pa.int64(), pa.float64(), pa.int32(), pa.float32()}
 SCALARS = {float, int, bool, type(None)}
 CONTAINERS = (dict, list)
 PLAIN = {str, int, bool, type(None)}
@@ -177,7 +181,14 @@ def _read_parquet(
         parquet = pq.ParquetFile(file)
         names = [item for item in parquet.schema_arrow.names if not chosen or item in chosen]
         if times is None or clock not in parquet.schema_arrow.names:
-            return parquet.read(names, use_threads=False)
+            if parquet.metadata.num_rows < LONG_ROWS:
+                return parquet.read(names, use_threads=False)
+            columns = [_outside(parquet.read([name], use_threads=False)) for name in names]
+            fields = [part.schema.field(0) for part in columns]
+            return pa.Table.from_arrays(
+                [part.column(0) for part in columns],
+                schema=pa.schema(fields, metadata=parquet.schema_arrow.metadata),
+            )
         column = parquet.schema_arrow.names.index(clock)
         groups = [
             group
@@ -185,6 +196,16 @@ def _read_parquet(
             if _overlaps(parquet.metadata.row_group(group).column(column).statistics, times)
         ]
         return parquet.read_row_groups(groups, names, use_threads=False)
+
+
+def _outside(column: pa.Table) -> pa.Table:
+    """Return a table of one column, numbers as they are laid down outside of memory."""
+    (field,), values = column.schema, column.column(0)
+    if values.null_count or field.type not in PLAIN_NUMBERS:
+        return column
+    return pa.Table.from_arrays(
+        [arrow_array(laid_down(numbers(values)), field.type)], schema=column.schema
+    )
 
 
 def _overlaps(bounds: pq.Statistics | None, times: tuple[float, float]) -> bool:

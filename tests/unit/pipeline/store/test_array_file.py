@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.errors import PipelineError
+from auvid.data_schemas.tables import make_table
 from auvid.hydro.long_series.long_arrays import (
     LONG_BYTES,
     copied_file,
@@ -23,6 +24,7 @@ from auvid.hydro.long_series.long_arrays import (
 )
 from auvid.pipeline.execution.task import Task, execute
 from auvid.pipeline.store.array_file import ArrayFile
+from auvid.pipeline.store.artefacts import encode, load
 from auvid.pipeline.store.atomic_files import contents
 
 LONG = np.random.default_rng(3).normal(size=(LONG_BYTES // 12, 3))
@@ -97,3 +99,19 @@ def test_a_task_lays_long_arrays_down_beside_its_results(
     execute(cast(Task, SimpleNamespace(item="log", folder=tmp_path)))
     assert mapped == [True]
     assert not is_mapped(laid_down(LONG))
+
+
+def test_a_long_table_is_read_column_by_column_into_files(tmp_path: Path) -> None:
+    count = LONG_BYTES // 8
+    table = make_table(
+        "depth",
+        {"time_us": np.arange(count), "depth_m": np.linspace(0.0, 9.0, count)},
+    )
+    path = tmp_path / "depth.parquet"
+    path.write_bytes(encode(table, "depth", file=path))
+    place = ArrayFile(tmp_path / "runs")
+    with laid_down_in(place):
+        laid = load(path, "depth")
+    assert len(place._maps) == 2, "clock and depth"
+    assert laid.equals(table)
+    assert laid.schema.equals(table.schema, check_metadata=True)
