@@ -15,7 +15,7 @@ LONG_BYTES = 1_000_000
 Values = TypeVar("Values", bound=npt.NDArray[Any])
 
 
-class Place(Protocol):
+class OutsidePlace(Protocol):
     """Where a runner lays long arrays down."""
 
     def lay_down(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -28,11 +28,11 @@ class Place(Protocol):
         """Take what was read of them out of memory; it is read again where it is needed."""
 
 
-_places: list[Place] = []
+_places: list[OutsidePlace] = []
 
 
 @contextmanager
-def laid_down_in(place: Place | None) -> Iterator[None]:
+def laid_down_in(place: OutsidePlace | None) -> Iterator[None]:
     """Lay long arrays down in a place meanwhile; without one they stay in memory."""
     if place is None:
         yield
