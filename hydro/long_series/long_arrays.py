@@ -1,4 +1,4 @@
-"""Long arrays that lie outside of the memory of a process, where its runner has a place."""
+"""Long arrays outside of the memory of a process, where its runner has a place."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class OutsidePlace(Protocol):
         """Return the bytes of a file as they lie there."""
 
     def let_go(self) -> None:
-        """Take what was read of them out of memory; it is read again where it is needed."""
+        """Take what was read out of memory; it is read again where needed."""
 
 
 _places: list[OutsidePlace] = []
@@ -59,7 +59,7 @@ def laid_down(values: Values, least_bytes: int = LONG_BYTES) -> Values:
 
 
 def copied_file(path: str, size: int) -> npt.NDArray[np.uint8] | None:
-    """Return the bytes of a long file as they are laid down; None where they are not."""
+    """Return the bytes of a long file as they are laid down, else None."""
     return _places[-1].copied(path) if _places and size >= LONG_BYTES else None
 
 

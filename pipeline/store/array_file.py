@@ -18,7 +18,7 @@ PIECE_BYTES = 1 << 22
 
 
 class ArrayFile:
-    """Arrays of one task, in the folder of its results; the system writes and reads them.
+    """Arrays of one task, in the folder of its results.
 
     An array has a file of its own, which is mapped and goes when nobody holds the array.
     It is written before it is mapped, so that a full disk is a fault and no signal.
@@ -37,7 +37,7 @@ class ArrayFile:
             return self._mapped(file).view(values.dtype).reshape(values.shape)
 
     def copied(self, path: str) -> npt.NDArray[np.uint8]:
-        """Return the bytes of another file, which nobody can change or cut short now."""
+        """Return the bytes of another file, which nobody can cut short now."""
         with open(path, "rb") as source, self._opened() as file:
             while piece := source.read(PIECE_BYTES):
                 file.write(piece)

@@ -100,7 +100,7 @@ def header_at(buffer: Buffer, offset: Ints) -> Mask:
 
 
 def _blocks(size: int) -> Iterator[slice]:
-    """Yield the places of so many records, block by block; pages of a long file go between."""
+    """Yield the places of records by blocks, between which pages of a file go."""
     for start in range(0, size, BLOCK):
         let_go()
         yield slice(start, start + BLOCK)
