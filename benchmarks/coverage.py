@@ -42,6 +42,7 @@ from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.propeller import level_speed
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel, model_named
@@ -69,7 +70,7 @@ from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.stages.columns import GYRO, POSE, VELOCITY
 from auvid.stages.simulate.flights import REFERENCE_SPEED_M_S, fly_leg, truth_force
 from auvid.stages.simulate.plans import Plan, plan_from_document
-from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, record
+from auvid.stages.simulate.sensing import ACCEL, FINS, record
 
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "build"
@@ -120,13 +121,13 @@ def recorded_legs(
         log = record(flown, plan, seed=seed, text="")
         sensors = {}
         for name, (stream, columns) in STREAMS.items():
-            t = (log.streams[stream]["time_us"] - BOOT_US) / 1e6
+            t = (log.streams[stream]["time_us"] - START_US) / 1e6
             inside = (t >= flown.start_s) & (t <= flown.end_s)
             values = np.stack([log.streams[stream][column] for column in columns], axis=-1)
             sensors[name] = SensorRecord(t[inside], values[inside])
         acting = log.streams["actuators"]
         actuators = ActuatorRecord(
-            (acting["time_us"] - BOOT_US) / 1e6,
+            (acting["time_us"] - START_US) / 1e6,
             acting["propeller_rev_s"],
             np.stack([acting[fin] for fin in FINS], axis=-1),
         )

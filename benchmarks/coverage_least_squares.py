@@ -34,6 +34,7 @@ from auvid.data_schemas.records.models import ModelCard, TermCard
 from auvid.data_schemas.records.motion import FusionRecord, SegmentRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.regression.assumed_figures import FORM, UNSTEADY, total_error
@@ -41,7 +42,7 @@ from auvid.stages import fuse, resample, residual, synthesise
 from auvid.stages.base import collection
 from auvid.stages.simulate.flights import fly_leg
 from auvid.stages.simulate.plans import Plan
-from auvid.stages.simulate.sensing import BOOT_US, record
+from auvid.stages.simulate.sensing import record
 from benchmarks.coverage import BUILD, HALF, TRUTH_STEP, share, twin
 
 COLUMNS = (
@@ -74,8 +75,8 @@ def legs_of(plan: Plan, simulated: SimulatedVehicle, seed: int) -> dict[str, Leg
             log=leg.id,
             files=[],
             status="complete",
-            start_us=BOOT_US,
-            end_us=BOOT_US + round(flown.log_end_s * 1e6),
+            start_us=START_US,
+            end_us=START_US + round(flown.log_end_s * 1e6),
             parameters={},
             accelerometer="specific_force",
             streams={},

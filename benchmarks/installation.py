@@ -35,13 +35,14 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.motion import InstallationRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages import check_installation, resample
 from auvid.stages.base import collection
 from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
 from auvid.stages.simulate.plans import Plan
-from auvid.stages.simulate.sensing import BOOT_US, record
+from auvid.stages.simulate.sensing import record
 from benchmarks.coverage import BUILD, twin
 
 KINDS = ("arm x", "arm y", "angle y", "angle z", "lag", "convention")
@@ -86,8 +87,8 @@ def checked(
             log=leg,
             files=[],
             status="complete",
-            start_us=BOOT_US,
-            end_us=BOOT_US + round(flown.log_end_s * 1e6),
+            start_us=START_US,
+            end_us=START_US + round(flown.log_end_s * 1e6),
             parameters={},
             accelerometer="inertial" if kind == "convention" else "specific_force",
             streams={},

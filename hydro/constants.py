@@ -12,3 +12,5 @@ FRESH_WATER_KG_M3 = 1000.0
 """Density of fresh water [kg/m^3] for depth from pressure."""
 NORMAL_95 = 1.959964
 """Standard errors from the middle of a normal 95 % interval to its ends."""
+NORMAL_SPREAD = 1.4826
+"""Standard deviations in the median of the moduli of normal errors, rounded."""

@@ -274,6 +274,17 @@ class Run:
         """Return what a port gave for an item, by key (None for a single one)."""
         return artefacts_of(self.manifests[port.stage.name], port, item)
 
+    def loaded(self, schema_name: str) -> Iterator[tuple[str, Any]]:
+        """Yield all artefacts of a schema, each loaded, with the item that it is of."""
+        for port in self.graph.producers(schema_name):
+            for item in self.manifests[port.stage.name].records:
+                for artefact in self.artefacts_of(port, item).values():
+                    yield item, artefact.load()
+
+    def documents(self, schema_name: str) -> Iterator[Any]:
+        """Yield all artefacts of a schema, each loaded."""
+        return (artefact for _, artefact in self.loaded(schema_name))
+
     def _source(self, stage: AnyStage, feed: Feed, place: Place) -> Source:
         if feed.runs:
             return self._of_members(feed)

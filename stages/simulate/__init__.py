@@ -20,7 +20,6 @@ from auvid.hydro.dynamics.vehicle.glider_body import glider_body
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.stages.base import Document, Stage, port
-from auvid.stages.columns import ATTITUDE, VELOCITY
 from auvid.stages.presentation import panel, plot, remark, section, series, table, text
 from auvid.stages.simulate.bench import fly_experiment, record_experiment
 from auvid.stages.simulate.bench_plans import bench_plan
@@ -30,7 +29,7 @@ from auvid.stages.simulate.dataflash_writer import write_dataflash
 from auvid.stages.simulate.flights import FlownLeg, fly_leg, truth_force
 from auvid.stages.simulate.glides import fly_glides
 from auvid.stages.simulate.plans import log_name, plan_from_document
-from auvid.stages.simulate.rov.dive_report import dive_section, dive_views
+from auvid.stages.simulate.rov.dive_report import dive_section, dive_views, true_views
 from auvid.stages.simulate.rov.dives import fly_plan
 from auvid.stages.simulate.sensing import Recorded, record, truth_table
 from auvid.stages.simulate.tlog_writer import write_tlog
@@ -250,26 +249,10 @@ def _section(
 
 def _views(tables: Iterable[str]) -> dict[str, Any]:
     """Return the true motion of every leg from its take-off on, and the autopilot's."""
-    curves: tuple[tuple[str, tuple[str, ...], str], ...] = (
-        ("velocity", VELOCITY[:3], "m/s"),
-        ("rates", VELOCITY[3:], "rad/s"),
-        ("attitude", ATTITUDE, "rad"),
-        ("depth", ("z_m",), "m"),
-        ("propeller", ("propeller_rev_s",), "1/s"),
-        ("fins", tuple(f"fin_{fin}_rad" for fin in "spbt"), "rad"),
+    propeller = ("propeller", ("propeller_rev_s",), "1/s")
+    return true_views(
+        tables, (propeller, ("fins", tuple(f"fin_{fin}_rad" for fin in "spbt"), "rad"))
     )
-    groups = [
-        {
-            "entity": f"twin/{name}",
-            "table": f"truth/{leg}",
-            "columns": list(columns),
-            "names": [f"{item} true" for item in columns],
-        }
-        | {"roles": ["true"] * len(columns), "tab": "Twin", "unit": unit}
-        for leg in tables
-        for name, columns, unit in curves
-    ]
-    return {"groups": groups}
 
 
 def _rows_of(truth: pa.Table, leg: FlownLeg) -> tuple[int, int]:

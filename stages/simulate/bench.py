@@ -40,6 +40,8 @@ from auvid.hydro.dynamics.simulation.bench_motion import (
     free_decay,
     swing,
 )
+from auvid.hydro.dynamics.simulation.rov.orders import random_numbers
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US, regular_times
 from auvid.hydro.dynamics.simulation.sensor_models import (
     AhrsNoise,
     ahrs,
@@ -50,9 +52,9 @@ from auvid.hydro.dynamics.simulation.simulation import Motion, constant_actuatio
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor, Vehicle
 from auvid.stages.columns import GYRO, POSE, VELOCITY, named
 from auvid.stages.simulate.bench_plans import OUTPUTS, BenchPlan, Experiment, output_of
-from auvid.stages.simulate.flights import DEPTH, IMU, random_of
+from auvid.stages.simulate.flights import DEPTH, IMU
 from auvid.stages.simulate.flights import VELOCITY as DVL
-from auvid.stages.simulate.sensing import ACCEL, BOOT_US, Recorded, sample_times, wrapped
+from auvid.stages.simulate.sensing import ACCEL, Recorded, wrapped
 
 LOOK_S = 0.1
 DOFS = ("surge", "sway", "heave")
@@ -238,24 +240,30 @@ def _record_tank(
     assert flown.pulses_us is not None
     name, margin = flown.experiment.id, flown.experiment.margin_s
     times = {
-        stream: sample_times(margin + flown.experiment.end_s, stream, rate)
+        stream: regular_times(margin + flown.experiment.end_s, stream, rate)
         for stream, rate in plan.rates_hz.items()
     }
-    at = {stream: (values - BOOT_US) / 1e6 - margin for stream, values in times.items()}
+    at = {stream: (values - START_US) / 1e6 - margin for stream, values in times.items()}
     motion = {stream: _free(values, flown.trajectory) for stream, values in at.items()}
     unit = ahrs(
         motion["imu"],
         vehicle.imu,
         plan.ahrs,
-        random_of(seed, name, IMU),
+        random_numbers(seed, name, IMU),
         rate_hz=plan.rates_hz["imu"],
         gravity=vehicle.gravity,
     )
     velocity = velocity_log(
-        motion["velocity"], vehicle.dvl, random_of(seed, name, DVL), noise_m_s=plan.velocity_sd_m_s
+        motion["velocity"],
+        vehicle.dvl,
+        random_numbers(seed, name, DVL),
+        noise_m_s=plan.velocity_sd_m_s,
     )
     depth = pressure_depth(
-        motion["depth"], vehicle.depth_sensor, random_of(seed, name, DEPTH), noise_m=plan.depth_sd_m
+        motion["depth"],
+        vehicle.depth_sensor,
+        random_numbers(seed, name, DEPTH),
+        noise_m=plan.depth_sd_m,
     )
     logged = np.zeros((at["actuators"].size, OUTPUTS))
     # A command holds from its own time on; before the first sample of the leg the
@@ -302,18 +310,23 @@ def _record_pendulum(
     pitch or yaw.
     """
     name, margin, rate = flown.experiment.id, flown.experiment.margin_s, plan.pixhawk_hz
-    times = sample_times(margin + flown.experiment.end_s, "imu", rate)
-    state, speed = flown.trajectory((times - BOOT_US) / 1e6 - margin)
+    times = regular_times(margin + flown.experiment.end_s, "imu", rate)
+    state, speed = flown.trajectory((times - START_US) / 1e6 - margin)
     axis = 4 if flown.experiment.kind == "decays" else 5
     eta, nu, nu_dot = (np.zeros((times.size, 6)) for _ in range(3))
     eta[:, axis], nu[:, axis], nu_dot[:, axis] = state[:, 0], speed[:, 0], speed[:, 1]
     turn = rotation_body_to_ned(plan.pixhawk_mounting_rad)
     arm = np.array([0.0, 0.0, plan.pixhawk_arm_m if axis == 4 else 0.0])
     noise: AhrsNoise = plan.pixhawk
-    motion = turned(_motion((times - BOOT_US) / 1e6, eta, nu, nu_dot), turn)
+    motion = turned(_motion((times - START_US) / 1e6, eta, nu, nu_dot), turn)
     sensor = MountedSensor(arm @ turn, np.eye(3), 0.0)
     unit = ahrs(
-        motion, sensor, noise, random_of(seed, name, IMU), rate_hz=rate, gravity=vehicle.gravity
+        motion,
+        sensor,
+        noise,
+        random_numbers(seed, name, IMU),
+        rate_hz=rate,
+        gravity=vehicle.gravity,
     )
     streams = {
         "imu": {"time_us": times, **named(GYRO, unit.gyro), **named(ACCEL, unit.accel)},

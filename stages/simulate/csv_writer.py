@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.simulation.sensor_models import without_gravity
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.columns import GYRO, POSE, VELOCITY
 from auvid.stages.simulate.bench_plans import OUTPUTS
 from auvid.stages.simulate.plans import csv_name
-from auvid.stages.simulate.sensing import ACCEL, BOOT_US, FINS, Recorded
+from auvid.stages.simulate.sensing import ACCEL, FINS, Recorded
 
 TIME = "time_s"
 PARTS: Mapping[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
@@ -130,7 +131,7 @@ def column_maps(*, accelerometer: str) -> dict[str, dict[str, Any]]:
             for name in fields
         ]
         maps[part] = {
-            "time": {"column": TIME, "unit": "s", "epoch": "boot", "start": BOOT_US / 1e6},
+            "time": {"column": TIME, "unit": "s", "epoch": "boot", "start": START_US / 1e6},
             "columns": entries,
         }
     maps["ahrs"]["accelerometer"] = maps["imu"]["accelerometer"] = accelerometer

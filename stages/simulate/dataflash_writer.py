@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from auvid.data_schemas.formats.dataflash import FMT, MAGIC, Definition, define
 from auvid.hydro.constants import FRESH_WATER_KG_M3, STANDARD_GRAVITY, STANDARD_PRESSURE_PA
-from auvid.stages.simulate.sensing import BOOT_US, Recorded
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
+from auvid.stages.simulate.sensing import Recorded
 
 UNITS = {
     "s": "s",
@@ -151,7 +152,7 @@ TypedColumns = tuple[Definition, RecordColumns]
 
 
 def _start() -> npt.NDArray[np.int64]:
-    return np.array([BOOT_US])
+    return np.array([START_US])
 
 
 def _rows(

@@ -5,7 +5,6 @@ The truth is physical, of given coefficients, or a model refitted to the physics
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -17,6 +16,7 @@ from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.control.autopilots import StepAutopilot, fin_mixing
 from auvid.hydro.dynamics.actuators.propeller import level_speed
 from auvid.hydro.dynamics.simulation.physical_viscous import physical_viscous
+from auvid.hydro.dynamics.simulation.rov.orders import random_numbers
 from auvid.hydro.dynamics.simulation.simulation import (
     Flight,
     Motion,
@@ -94,14 +94,6 @@ class FlownLeg:
         return motion_at(self.simulated, self.flight, t_s + self.offset_s)
 
 
-def random_of(seed: int, leg: str, stream: int) -> np.random.Generator:
-    """Return the random numbers of one sensor of one leg.
-
-    Independent of the other legs and of their order.
-    """
-    return np.random.default_rng([seed, zlib.crc32(leg.encode()), stream])
-
-
 def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> FlownLeg:
     """Settle at the leg's propeller speed, fly the leg and the margin of the log.
 
@@ -117,7 +109,7 @@ def fly_leg(plan: Plan, leg: Leg, simulated: SimulatedVehicle, *, seed: int) -> 
     force = np.zeros((ticks, 6))
     if plan.unsteady is not None:
         sd = plan.unsteady.sd * (cruise / REFERENCE_SPEED_M_S) ** 2
-        random = random_of(seed, leg.id, FORCE)
+        random = random_numbers(seed, leg.id, FORCE)
         force = gauss_markov(
             random,
             sd=sd,
@@ -233,7 +225,7 @@ def refit(name: str, plan: Plan, vehicle: Vehicle) -> tuple[IdentifiedModel, lis
             raise DataError(f"the physical truth cannot fly leg '{leg.id}': {flight.stop}")
         nu = flight.state[:: plan.steps_per_tick, :6]
         nu = nu[round(plan.settle_s / plan.tick_s) :]
-        nu = nu + SPREAD * random_of(0, leg.id, SCATTER).standard_normal(nu.shape)
+        nu = nu + SPREAD * random_numbers(0, leg.id, SCATTER).standard_normal(nu.shape)
         ratio = eta_ratio(level_speed(vehicle.propeller, np.full(len(nu), leg.rev_s)), nu)
         factor = factor.update(
             basis_rows(nu.T, ratio, model.distinct_terms), simulated.viscous_force(nu, ratio)

@@ -20,12 +20,12 @@ from auvid.hydro.dynamics.gliding.flight import (
     fly_yos,
 )
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody, Polar
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.columns import span_text
 from auvid.stages.presentation import panel, plot, section, series, table, text
 from auvid.stages.simulate.csv_writer import csv_text
 from auvid.stages.simulate.plans import Entries, csv_name, log_entry
-from auvid.stages.simulate.sensing import BOOT_US
 
 WAVES = 12
 WAVE_PERIODS_S = (200.0, 2400.0)
@@ -122,7 +122,7 @@ def _recorded(
     density = state.density_kg_m3[at]
     pressure = state.pressure_pa[at] + density * body.gravity * lift
     columns = {
-        "time_s": BOOT_US / 1e6 + t,
+        "time_s": START_US / 1e6 + t,
         "pressure_pa": noisy(pressure, sensors.pressure_pa),
         "pitch_rad": noisy(state.pitch_rad[at], float(np.radians(sensors.pitch_deg))),
         "buoyancy_drive_m3": noisy(state.drive_m3[at], 1e-6 * sensors.drive_cm3),

@@ -16,20 +16,17 @@ import pyarrow as pa
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
+from auvid.hydro.dynamics.simulation.rov.orders import random_numbers
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US, regular_times
 from auvid.hydro.dynamics.simulation.sensor_models import Ahrs, ahrs, pressure_depth, velocity_log
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
 from auvid.stages.columns import ACCELERATION, GYRO, POSE, VELOCITY, force_columns, named
-from auvid.stages.simulate.flights import DEPTH, IMU, FlownLeg, random_of
+from auvid.stages.simulate.flights import DEPTH, IMU, FlownLeg
 from auvid.stages.simulate.flights import VELOCITY as DVL
 from auvid.stages.simulate.plans import Plan
 
-BOOT_US = 10_000_000
-"""The vehicle's clock at the first record of every log."""
-PHASE_MS = {"imu": 3, "velocity": 107, "depth": 41, "actuators": 0}
-"""When each sensor first reports, after the start of the log."""
 FINS = ("fin_s_rad", "fin_p_rad", "fin_b_rad", "fin_t_rad")
 ACCEL = ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2")
-Times = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
     """
     vehicle, leg = flown.simulated.vehicle, flown.leg.id
     times = {
-        stream: sample_times(flown.log_end_s, stream, rate)
+        stream: regular_times(flown.log_end_s, stream, rate)
         for stream, rate in plan.rates_hz.items()
     }
     lags = {
@@ -66,7 +63,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
         "actuators": 0.0,
     }
     sensed_s = {
-        stream: np.maximum((values - BOOT_US) / 1e6 - lags[stream], -flown.offset_s)
+        stream: np.maximum((values - START_US) / 1e6 - lags[stream], -flown.offset_s)
         for stream, values in times.items()
     }
     motion = {stream: flown.motion(values) for stream, values in sensed_s.items()}
@@ -74,7 +71,7 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
         motion["imu"],
         vehicle.imu,
         plan.ahrs,
-        random_of(seed, leg, IMU),
+        random_numbers(seed, leg, IMU),
         rate_hz=plan.rates_hz["imu"],
         gravity=vehicle.gravity,
     )
@@ -83,10 +80,13 @@ def record(flown: FlownLeg, plan: Plan, *, seed: int, text: str) -> Recorded:
         vehicle.dvl.arm_m + plan.dvl_arm_error_m, turn @ vehicle.dvl.rotation, vehicle.dvl.lag_s
     )
     velocity = velocity_log(
-        motion["velocity"], dvl, random_of(seed, leg, DVL), noise_m_s=plan.dvl_sd_m_s
+        motion["velocity"], dvl, random_numbers(seed, leg, DVL), noise_m_s=plan.dvl_sd_m_s
     )
     depth = pressure_depth(
-        motion["depth"], vehicle.depth_sensor, random_of(seed, leg, DEPTH), noise_m=plan.depth_sd_m
+        motion["depth"],
+        vehicle.depth_sensor,
+        random_numbers(seed, leg, DEPTH),
+        noise_m=plan.depth_sd_m,
     )
     control = motion["actuators"].actuation
     streams = {
@@ -110,17 +110,6 @@ def wrapped(unit: Ahrs) -> Array:
     return attitude
 
 
-def sample_times(log_end_s: float, stream: str, rate_hz: float) -> Times:
-    """Return times (n,) of a stream in us on the vehicle's clock.
-
-    Its phase, then every 1/rate_hz, rounded to milliseconds.
-    """
-    first, last = PHASE_MS[stream], np.floor(log_end_s * 1000.0 + 1e-6)
-    count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1
-    values = np.rint(first + np.arange(count) * 1000.0 / rate_hz).astype(np.int64) * 1000
-    return np.asarray(values + BOOT_US)
-
-
 def truth_table(flown: FlownLeg, plan: Plan) -> pa.Table:
     """Schema `truth`: the true motion of the log at the ticks of the autopilot."""
     first = round(flown.offset_s / plan.tick_s)
@@ -129,7 +118,7 @@ def truth_table(flown: FlownLeg, plan: Plan) -> pa.Table:
     motion = flown.motion(t_s)
     unsteady = motion.actuation.force
     columns = {
-        "time_us": BOOT_US + np.rint(t_s * 1e6).astype(np.int64),
+        "time_us": START_US + np.rint(t_s * 1e6).astype(np.int64),
         "t_s": t_s,
         **named(POSE, motion.eta),
         **named(VELOCITY, motion.nu),

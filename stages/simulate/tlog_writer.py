@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from auvid.hydro.constants import STANDARD_PRESSURE_PA
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.stages.simulate.dataflash_writer import FRESH_WATER_PA_M
-from auvid.stages.simulate.sensing import BOOT_US, FINS, Recorded
+from auvid.stages.simulate.sensing import FINS, Recorded
 
 UNIX_START_US = 1_404_208_800_000_000  # 2014-07-01, any date will do
 ARRAY_NAME, ARRAY_ID, ARRAY_LENGTH = b"ACTU", 2759, 58
@@ -45,7 +46,7 @@ def write_tlog(recorded: Recorded) -> bytes:
 def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Messages:
     streams = recorded.streams
     end = max(int(stream["time_us"][-1]) for stream in streams.values())
-    beats = np.arange(BOOT_US, end, HEARTBEAT_US)
+    beats = np.arange(START_US, end, HEARTBEAT_US)
     for time_us, mode in zip(beats.tolist(), _modes(streams, beats), strict=True):
         yield (
             time_us,
@@ -55,7 +56,7 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Messages:
         )
     for index, (name, value) in enumerate(recorded.parameters.items()):
         yield (
-            BOOT_US,
+            START_US,
             mav.param_value_encode(
                 name.encode(),
                 value,
@@ -64,7 +65,7 @@ def _messages(mav: Any, mavlink: Any, recorded: Recorded) -> Messages:
                 index,
             ),
         )
-    yield BOOT_US, mav.statustext_encode(mavlink.MAV_SEVERITY_INFO, recorded.text.encode()[:50])
+    yield START_US, mav.statustext_encode(mavlink.MAV_SEVERITY_INFO, recorded.text.encode()[:50])
     for stream, encode in (
         ("imu", _imu),
         ("attitude", _attitude),

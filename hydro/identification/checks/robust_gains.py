@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.kept_results import kept
 
 FEWEST_WINDOWS = 12
@@ -112,7 +113,7 @@ def robust_fits(y: Array, design: Array) -> RobustFits:
     for _ in range(ROBUST_ROUNDS):
         gain, inverse = _least_squares(full, target, keep)
         off = np.abs(target - (full @ gain[..., None])[..., 0])
-        before, spread = keep, 1.4826 * _medians(off, keep)
+        before, spread = keep, NORMAL_SPREAD * _medians(off, keep)
         keep = good & (off <= ROBUST_SPREADS * np.maximum(spread, 1e-12)[:, None])
         enough &= keep.sum(axis=1) >= fewest
         if np.array_equal(keep, before):  # further rounds repeat this one

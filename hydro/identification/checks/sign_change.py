@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auvid.hydro.arrays import Array, median
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.kept_results import kept
 
 Choices = Sequence[Sequence[Array]]
 STEP_S = 1.0
 LARGEST_SQUARE = 16.0
 """Most that one window says against a sign, in variances: of outliers, no more."""
-NORMAL_SPREAD = 1.4826
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.hydro.arrays import Array, median
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.identification.checks.answers import PlanarTurn, planar_turn
 from auvid.hydro.identification.checks.motion_checks import (
     WINDOW_S,
@@ -32,8 +33,6 @@ SURE_OF_TURN, LEAST_OF_TURN = 25.0, 0.6
 """By how much a velocity that is turned back must be likelier (logarithm), and the share of
 the changes that it explains at least.
 """
-NORMAL_SPREAD = 1.4826
-"""Standard deviation of a normal distribution over its median deviation."""
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.vehicle import MountedSensor
 
@@ -143,7 +144,7 @@ def rough_sd(legs: list[LegRecord]) -> Array:
             finite = [column[np.isfinite(column)] for column in columns]
             steps = np.concatenate([np.diff(np.unwrap(column), 3) for column in finite])
             if len(steps):
-                out[channel] = 1.4826 * np.median(np.abs(steps)) / np.sqrt(20.0)
+                out[channel] = NORMAL_SPREAD * np.median(np.abs(steps)) / np.sqrt(20.0)
     return np.asarray(np.maximum(out, SMALLEST_SD))
 
 

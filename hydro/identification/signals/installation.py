@@ -38,6 +38,7 @@ from auvid.hydro.identification.signals.smoother import (
     FEWEST,
     SmootherNoise,
     estimated_noise,
+    nearest_steps,
 )
 from auvid.hydro.identification.signals.splines import smoothing_spline
 from auvid.hydro.long_series.heap import give_back_heap
@@ -136,7 +137,7 @@ def installation_sums(leg: LegSensors, noise: SmootherNoise | None = None) -> In
             value=(len(t), len(tv), len(tz)),
             allowed="5 or more of each sensor",
         )
-    step_v, step_z = _nearest_step(t, tv), _nearest_step(t, tz)
+    step_v, step_z = nearest_steps(t, tv), nearest_steps(t, tz)
     omega = leg.omega[step_v]
     velocity = lever_arm_velocity(sensed, omega, leg.arm_m)
     spline = smoothing_spline(t, leg.acceleration)
@@ -273,11 +274,6 @@ def _process(
     Q[:, 1 + place, 1 + place] = dt[:, 0] ** 2 * noise.accel**2
     Q[:, 4 + place, 4 + place] = dt[:, 0] * noise.bias_density
     return transition, gain, Q
-
-
-def _nearest_step(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    right = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
-    return np.asarray(np.where(times - t[right - 1] < t[right] - times, right - 1, right))
 
 
 DepartureVerdict = Literal["agrees", "departs", "not observable"]

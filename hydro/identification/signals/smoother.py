@@ -319,21 +319,22 @@ def _measurements(
     values[:, :3], variance[:, :3] = accel, noise.accel**2
     for first, (times, v, sd) in zip((3, MEASURED), velocities, strict=False):
         assert sd is not None
-        at = _nearest(t, times)
+        at = nearest_steps(t, times)
         # v_dot = f - omega x v carries the sample over up to half a step.
         rate = accel[at] - cross(omega[at], v)
         values[at, first : first + 3], variance[at, first : first + 3] = (
             v + (t[at] - times)[:, None] * rate,
             sd**2,
         )
-    at = _nearest(t, tz)
+    at = nearest_steps(t, tz)
     values[at, 6], variance[at, 6] = z, cast(float, noise.depth) ** 2
     covariance = np.zeros((n, measured, measured))
     covariance[:, np.arange(measured), np.arange(measured)] = variance
     return values[:, :, None], covariance
 
 
-def _nearest(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+def nearest_steps(t: Array, times: Array) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Return the index of the step of t (n,) nearest to each time."""
     right = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
     return cast(
         "np.ndarray[tuple[int], np.dtype[np.intp]]",

@@ -32,11 +32,11 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
 
     `reason`: why it ended before its last stage; empty where it did not.
     """
-    cards = list(_artefacts(run, "model_card"))
-    ranking: RankingRecord | None = next(_artefacts(run, "ranking"), None)
+    cards = list(run.documents("model_card"))
+    ranking: RankingRecord | None = next(run.documents("ranking"), None)
     figures = [
         (str(document["title"]), row)
-        for document in _artefacts(run, "results")
+        for document in run.documents("results")
         for row in document["rows"]
     ]
     choice = "" if ranking is None else ranking.choice or ""
@@ -61,7 +61,7 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
         coefficients=[
             *(item for card in cards for item in _terms(card, recommended=card.name == choice)),
             *(_figure(title, row) for title, row in figures),
-            *(item for record in _artefacts(run, "installation") for item in _sensors(record)),
+            *(item for record in run.documents("installation") for item in _sensors(record)),
             *_thrusters(run),
         ],
         speeds={name: item.rms for name, item in speeds.items()},
@@ -70,18 +70,11 @@ def results_of(run: Run, root: Path, key: str, reason: str) -> FleetRun:
     )
 
 
-def _artefacts(run: Run, schema: str) -> Iterator[Any]:
-    for port in run.graph.producers(schema):
-        for item in run.manifests[port.stage.name].records:
-            for artefact in run.artefacts_of(port, item).values():
-                yield artefact.load()
-
-
 def _strengths(run: Run) -> Iterator[ThrusterStrength]:
     """Yield the strengths of the thrusters of the legs that a model is fitted on."""
     vehicle = run.campaign.vehicle
     if vehicle.thrusters is not None:
-        tables = zip(_artefacts(run, "residual"), _artefacts(run, "controls"), strict=True)
+        tables = zip(run.documents("residual"), run.documents("controls"), strict=True)
         yield from strengths(thruster_legs(tables, vehicle), vehicle)
 
 

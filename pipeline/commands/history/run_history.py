@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -126,17 +126,17 @@ def _read(path: Path) -> Entry | None:
 def _entry(run: Run, number: int) -> Entry:
     provenance = run.provenance()
     tables: dict[str, Any] = {}
-    for document in _artefacts(run, "error_table"):
+    for document in run.documents("error_table"):
         tables = golden.tables_of(document.to_pylist())
     figures = {
         f"{document['title']}: {row['quantity']}": {
             "of": document["title"],
             **{name: row.get(name) for name in KEPT_OF_FIGURES},
         }
-        for document in _artefacts(run, "results")
+        for document in run.documents("results")
         for row in document["rows"]
     }
-    for card in _artefacts(run, "model_card"):
+    for card in run.documents("model_card"):
         figures |= _held_out(card)
     data = {
         f"{log} {item['name']}": item["content"]
@@ -174,10 +174,10 @@ def _held_out(card: ModelCard) -> dict[str, dict[str, Any]]:
 
 def _recommended(run: Run) -> dict[str, Any]:
     """Return the recommended model as an entry keeps it; empty without one."""
-    ranking = next(_artefacts(run, "ranking"), None)
+    ranking = next(run.documents("ranking"), None)
     if ranking is None or ranking.choice is None:
         return {}
-    card = next(card for card in _artefacts(run, "model_card") if card.name == ranking.choice)
+    card = next(card for card in run.documents("model_card") if card.name == ranking.choice)
     merit = next(model for model in ranking.models if model.name == ranking.choice)
     return {
         "model": card.name,
@@ -200,13 +200,6 @@ def _recommended(run: Run) -> dict[str, Any]:
         "free_runs": merit.runs,
         "free_runs_lost": merit.lost,
     }
-
-
-def _artefacts(run: Run, schema: str) -> Iterator[Any]:
-    for port in run.graph.producers(schema):
-        for item in run.manifests[port.stage.name].records:
-            for artefact in run.artefacts_of(port, item).values():
-                yield artefact.load()
 
 
 def entry_of(run: Run, number: int) -> Entry:

@@ -23,7 +23,7 @@ import pyarrow.compute as pc
 from auvid.data_schemas.errors import CampaignError
 from auvid.data_schemas.schemas import schema
 from auvid.pipeline.campaigns.yaml_files import load_yaml
-from auvid.pipeline.commands.regress.golden_tables import Departure, read_tolerances
+from auvid.pipeline.commands.regress.golden_tables import Departure, read_tolerances, six_digits
 from auvid.pipeline.execution.runner import Run
 from auvid.pipeline.graph import AnyStage, Port
 from auvid.pipeline.store.atomic_files import readable
@@ -104,7 +104,7 @@ class ColumnSums:
         if not self.count:
             return GoldenFigure(None, None, self.unit, "empty")
         mean, rms = self.total / self.count, math.sqrt(self.squares / self.count)
-        return GoldenFigure(_rounded(mean), _rounded(rms), self.unit)
+        return GoldenFigure(six_digits(mean), six_digits(rms), self.unit)
 
 
 @dataclass
@@ -130,7 +130,7 @@ class RunSums:
         if bounded < STAYED * self.starts:
             return GoldenFigure(None, None, UNITS[name], verdict)
         rms = math.sqrt(self.squares.get(name, 0.0) / max(bounded, 1))
-        return GoldenFigure(_rounded(rms), None, UNITS[name], verdict)
+        return GoldenFigure(six_digits(rms), None, UNITS[name], verdict)
 
 
 def stages_of(run: Run) -> list[AnyStage]:
@@ -249,8 +249,8 @@ def _installation(loaded: Loaded) -> Figured:
             yield (
                 ("installation", entry["name"]),
                 GoldenFigure(
-                    _rounded(value) if observable else None,
-                    _rounded(error) if observable else None,
+                    six_digits(value) if observable else None,
+                    six_digits(error) if observable else None,
                     entry["unit"],
                     entry["verdict"],
                 ),
@@ -285,8 +285,8 @@ def _estimate(row: Mapping[str, Any], value: float | None) -> GoldenFigure:
     error = row.get("standard_error")
     kept = _determined(row) and value is not None
     return GoldenFigure(
-        _rounded(value) if kept else None,
-        _rounded(error) if kept else None,
+        six_digits(value) if kept else None,
+        six_digits(error) if kept else None,
         row["unit"],
         verdict,
     )
@@ -309,10 +309,6 @@ READERS = {
     "results": ("results", _results),
     "free_run": ("free_run", _free_runs),
 }
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")
 
 
 def to_csv(figures: Mapping[Key, GoldenFigure]) -> bytes:

@@ -102,13 +102,14 @@ def tables_of(rows: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, dict[str
                 "J0": row["j0"],
                 "ratio": row["ratio"],
             }
-            figures |= {name: _six_digits(value) for name, value in total.items()}
+            figures |= {name: six_digits(value) for name, value in total.items()}
         else:
-            figures[row["axis"]] = _six_digits(row["ratio"])
+            figures[row["axis"]] = six_digits(row["ratio"])
     return by_use
 
 
-def _six_digits(value: float | None) -> float | None:
+def six_digits(value: float | None) -> float | None:
+    """Return a number as golden files have it; None where it is not finite."""
     return None if value is None or not math.isfinite(value) else float(f"{value:.6g}")
 
 

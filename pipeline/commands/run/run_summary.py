@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import inf, isnan
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ def print_summary(run: Run) -> None:
 
     With --quiet without findings and warnings; with --verbose these are not cut.
     """
-    for text in _of_schema(run, "answer"):
+    for text in run.documents("answer"):
         print("\n" + "\n".join(map(plain, text.decode("utf-8").splitlines())))
     models = [
         (
@@ -94,8 +94,8 @@ def _print_remarks(run: Run) -> None:
 
 def summary_document(run: Run) -> dict[str, Any]:
     """Return the same as a document: verdict, errors, remarks, and the result files."""
-    texts = [text.decode("utf-8") for text in _of_schema(run, "answer")]
-    rankings = list(_of_schema(run, "ranking"))
+    texts = [text.decode("utf-8") for text in run.documents("answer")]
+    rankings = list(run.documents("ranking"))
     verdict = None
     if texts:
         sentence, _, rest = texts[0].partition("\n")
@@ -147,13 +147,13 @@ def free_run_rows(run: Run) -> list[dict[str, Any]]:
 
     Of the recommended model, and of the guess of no change.
     """
-    named = {PERSISTENCE, *(ranking.choice for ranking in _of_schema(run, "ranking"))}
+    named = {PERSISTENCE, *(ranking.choice for ranking in run.documents("ranking"))}
     return [
         {
             name: None if isinstance(value, float) and isnan(value) else value
             for name, value in row.items()
         }
-        for rows in _of_schema(run, "free_run")
+        for rows in run.documents("free_run")
         for row in rows.to_pylist()
         if row["model"] in named and not row["as_measured"]
     ]
@@ -164,11 +164,11 @@ def error_rows(run: Run) -> list[dict[str, Any]]:
 
     Over all axes and legs; the recommended model first, then by J/J0 on validation.
     """
-    rankings = list(_of_schema(run, "ranking"))
+    rankings = list(run.documents("ranking"))
     merits = {item.name: item.axes["all"] for ranking in rankings for item in ranking.models}
     chosen = {ranking.choice for ranking in rankings}
     rows: dict[str, dict[str, Any]] = {}
-    for artefact in _of_schema(run, "error_table"):
+    for artefact in run.documents("error_table"):
         for row in artefact.to_pylist():
             if row["axis"] == row["leg"] == "all":
                 rows.setdefault(row["model"], {})[row["use"]] = row["ratio"]
@@ -198,7 +198,7 @@ def truth_rows(run: Run) -> list[tuple[str, str, list[tuple[str, float]]]]:
     Models have their own table.
     """
     by_quantity: dict[tuple[str, str], list[tuple[str, float]]] = {}
-    for rows in _of_schema(run, "truth_errors"):
+    for rows in run.documents("truth_errors"):
         for row in rows.to_pylist():
             if row["use"] == row["segment"] == "all" and not row["quantity"].startswith("model "):
                 by_quantity.setdefault((row["quantity"], row["unit"]), []).append(
@@ -218,14 +218,14 @@ def bounds(run: Run) -> list[ReferenceCheck]:
             evidence=row["evidence"],
             evidence_reason=row["reason"],
         )
-        for table in _of_schema(run, "trust_checks")
+        for table in run.documents("trust_checks")
         for row in table.to_pylist()
     ]
 
 
 def comparison_rows(run: Run) -> list[dict[str, Any]]:
     """Return printed values, those of the run, and their bounds (`comparison`)."""
-    return [row for table in _of_schema(run, "comparison") for row in table.to_pylist()]
+    return [row for table in run.documents("comparison") for row in table.to_pylist()]
 
 
 def _compared(rows: Sequence[Mapping[str, Any]]) -> list[ReferenceCheck]:
@@ -239,7 +239,7 @@ def _compared(rows: Sequence[Mapping[str, Any]]) -> list[ReferenceCheck]:
 
 def health_of(run: Run) -> dict[str, dict[str, Any]]:
     """Return the health of every log by its id."""
-    return dict(_per_item(run, "health"))
+    return dict(run.loaded("health"))
 
 
 def findings(run: Run) -> list[str]:
@@ -250,14 +250,14 @@ def findings(run: Run) -> list[str]:
 def losses(run: Run) -> list[str]:
     """Return what of the logs did not reach the results: damage, rejected samples."""
     rows = []
-    for log, info in _per_item(run, "log_info"):
+    for log, info in run.loaded("log_info"):
         if info.status != "complete":
             skipped = sum(part.bytes for file in info.files for part in file.skipped)
             seconds = sum(file.seconds_lost for file in info.files)
             rows.append(
                 f"log '{log}' is {info.status}: {skipped} bytes skipped, {seconds:.1f} s lost"
             )
-    for log, dropped in _per_item(run, "dropped"):
+    for log, dropped in run.loaded("dropped"):
         counts: Counter[str] = Counter()
         for row in (
             row for row in dropped.to_pylist() if row.get("bytes") is None
@@ -272,13 +272,13 @@ def losses(run: Run) -> list[str]:
 def warnings(run: Run) -> list[str]:
     """Return warnings of sections and Python, notes on segments, legs without any."""
     counts: Counter[str] = Counter()
-    for document in _of_schema(run, "section"):
+    for document in run.documents("section"):
         counts.update(
             block["text"]
             for block in document["blocks"]
             if block["kind"] == "remark" and block["level"] == "warning"
         )
-    segments = {segment.id: segment for segment in _of_schema(run, "segment")}
+    segments = {segment.id: segment for segment in run.documents("segment")}
     counts.update(
         f"{name}: {words}" for name, segment in segments.items() for words in segment.notes
     )
@@ -316,14 +316,3 @@ def shortened(lines: list[str]) -> list[str]:
         if OUTPUT.verbose or len(lines) <= MAX_LINES
         else [*lines[:MAX_LINES], f"... and {len(lines) - MAX_LINES} more"]
     )
-
-
-def _of_schema(run: Run, schema_name: str) -> Iterator[Any]:
-    return (artefact for _, artefact in _per_item(run, schema_name))
-
-
-def _per_item(run: Run, schema_name: str) -> Iterator[tuple[str, Any]]:
-    for port in run.graph.producers(schema_name):
-        for item in run.manifests[port.stage.name].records:
-            for artefact in run.artefacts_of(port, item).values():
-                yield item, artefact.load()

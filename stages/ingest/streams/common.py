@@ -76,12 +76,7 @@ def euler_angles(q: Array) -> Columns:
 
     They turn body FRD into NED. NaN for a quaternion of no length.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        w, x, y, z = q / np.linalg.norm(q, axis=0)
-    phi = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    theta = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    psi = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return dict(zip(ATTITUDE, (phi, theta, psi), strict=True))
+    return named(ATTITUDE, euler_of_quaternion(q.T))
 
 
 def pose_in_ned(position: Array, quaternion: Array, world: World, body: Body) -> Columns:

@@ -31,7 +31,7 @@ from auvid.stages.page.first_screen import (
 from auvid.stages.presentation import degrees
 from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
 from auvid.stages.report.summary.coefficient_text import findings
-from auvid.stages.report.summary.model_summary import assumed_figures, plural, warned
+from auvid.stages.report.summary.model_summary import assumed_figures, damaged_logs, plural, warned
 
 PLACE = anchor("fit_axes")
 GOOD_PERCENT = 60.0
@@ -68,7 +68,7 @@ def summarise_axes(
         facts=_facts(part, logs, card),
         models=(),
         identified=findings(card),
-        missing=(*_missing(part), *_damaged(logs), *_assumed(part, vehicle)),
+        missing=(*_missing(part), *damaged_logs(logs), *_assumed(part, vehicle)),
         warnings=warned(sections),
         figures=tuple(_figure(item) for item in part.without_newtons),
         uses=uses_of(part, usable),
@@ -147,14 +147,6 @@ def _missing(part: PartialFigures) -> list[Alert]:
             )
         )
     return alerts
-
-
-def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:
-    return [
-        Alert(f"Log {name} is {log.status}.", anchor("ingest", name))
-        for name, log in logs.items()
-        if log.status != "complete"
-    ]
 
 
 def _assumed(part: PartialFigures, vehicle: Vehicle) -> tuple[Alert, ...]:

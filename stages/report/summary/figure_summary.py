@@ -33,7 +33,13 @@ from auvid.stages.page.first_screen import (
     anchor,
 )
 from auvid.stages.reference_check import EACH, SHOWS
-from auvid.stages.report.summary.model_summary import assumed_figures, plural, remarks, warned
+from auvid.stages.report.summary.model_summary import (
+    assumed_figures,
+    damaged_logs,
+    plural,
+    remarks,
+    warned,
+)
 
 DETERMINED = ("identified", "met", "measured", "held", "stable", "persistently exciting")
 MET, MISSED = "met", "missed"
@@ -134,7 +140,7 @@ def summarise_results(
             ),
             *disagreements,
             *_undetermined(doubtful),
-            *_damaged(logs),
+            *damaged_logs(logs),
             *(assumed_figures(vehicle) if judged else assumed_figures(vehicle, RESULTS_MOVE)),
         ),
         warnings=warnings,
@@ -388,14 +394,6 @@ def _disagreements(
                 )
             )
     return alerts
-
-
-def _damaged(logs: Mapping[str, LogInfo]) -> list[Alert]:
-    return [
-        Alert(f"Log {name} is {log.status}.", anchor("ingest", name))
-        for name, log in logs.items()
-        if log.status != "complete"
-    ]
 
 
 def _figure(part: str, row: Document) -> Figure:

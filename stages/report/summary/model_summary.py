@@ -501,5 +501,14 @@ def remarks(sections: Mapping[str, Document], level: str) -> list[str]:
     ]
 
 
+def damaged_logs(logs: Mapping[str, LogInfo]) -> list[Alert]:
+    """Return an alert for each log that is not complete."""
+    return [
+        Alert(f"Log {name} is {log.status}.", anchor("ingest", name))
+        for name, log in logs.items()
+        if log.status != "complete"
+    ]
+
+
 def plural(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"

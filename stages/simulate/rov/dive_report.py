@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -101,13 +101,20 @@ def _force_table(result: DivesResult) -> Block:
 
 def dive_views(tables: Iterable[str]) -> dict[str, Any]:
     """Return views of the true motion of every leg, its forces and its supply."""
-    curves: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    supply = ("voltage", ("voltage_v",), "V")
+    return true_views(tables, (supply, ("tether", force_columns("tether")[:3], "N")))
+
+
+def true_views(
+    tables: Iterable[str], further: Sequence[tuple[str, tuple[str, ...], str]]
+) -> dict[str, Any]:
+    """Return views of the true motion of every leg; further: name, columns, unit."""
+    curves = (
         ("velocity", VELOCITY[:3], "m/s"),
         ("rates", VELOCITY[3:], "rad/s"),
         ("attitude", ATTITUDE, "rad"),
         ("depth", ("z_m",), "m"),
-        ("voltage", ("voltage_v",), "V"),
-        ("tether", force_columns("tether")[:3], "N"),
+        *further,
     )
     return {
         "groups": [

@@ -88,7 +88,7 @@ def record_dive(dive: Dive, plan: DivePlanDocument, *, seed: int) -> DiveRecord:
         "actuators": sensors.outputs.rate_hz,
         "battery": sensors.battery.rate_hz,
     }
-    times = {key: _times(dive, key, rate) for key, rate in rates.items()}
+    times = {key: regular_times(dive.log_end_s, key, rate) for key, rate in rates.items()}
     times["velocity"] = _ping_times(dive, sensors.dvl, random_numbers(seed, name, VELOCITY))
     lags = dict.fromkeys(times, 0.0) | {
         "imu": vehicle.imu.lag_s,
@@ -133,9 +133,12 @@ def record_dive(dive: Dive, plan: DivePlanDocument, *, seed: int) -> DiveRecord:
     return DiveRecord(streams, unit.biases)
 
 
-def _times(dive: Dive, stream: str, rate_hz: float) -> Ints:
-    """Return the times (n,) of a regular stream [us], in whole milliseconds."""
-    first, last = PHASE_MS[stream], np.floor(dive.log_end_s * 1000.0 + 1e-6)
+def regular_times(log_end_s: float, stream: str, rate_hz: float) -> Ints:
+    """Return times (n,) of a regular stream [us] on the vehicle's clock.
+
+    Its phase, then every 1/rate_hz, rounded to milliseconds.
+    """
+    first, last = PHASE_MS[stream], np.floor(log_end_s * 1000.0 + 1e-6)
     count = int(np.floor((last - first) * rate_hz / 1000.0 + 1e-9)) + 1
     milliseconds = np.rint(first + np.arange(count) * 1000.0 / rate_hz).astype(np.int64)
     return np.asarray(milliseconds * 1000 + START_US)

@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.identification.checks.outputs.joined_outputs import WindowMotion
 from auvid.hydro.identification.checks.robust_gains import fitted_gains
 
@@ -25,7 +26,6 @@ CUTS, FIRST_CUT = 60, 0.15
 AS_LIKELY = 4.0
 """Log likelihood within which a change may as well come at another time."""
 NEARLY_ALL = 1.0 - 1e-9
-NORMAL_SPREAD = 1.4826
 
 
 @dataclass(frozen=True)

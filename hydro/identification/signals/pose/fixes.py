@@ -18,6 +18,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask, runs_of
+from auvid.hydro.constants import NORMAL_SPREAD
 
 USUAL_SPEED, USUAL_LAG_S = 0.4, 3.0
 PRIOR_SD = np.log([2.5, 3.0])
@@ -190,7 +191,7 @@ def _jumps(t: Array, y: Array) -> Mask:
 def _scatter(y: Array) -> float:
     """Return the noise of a coordinate [m] by its second differences."""
     second = np.abs(np.diff(y, 2))
-    return max(1.4826 * float(np.median(second)) / float(np.sqrt(6.0)), LEAST_NOISE_M)
+    return max(NORMAL_SPREAD * float(np.median(second)) / float(np.sqrt(6.0)), LEAST_NOISE_M)
 
 
 def _fitted(t: Array, y: Array, used: Mask, begins: Mask, dof: float) -> tuple[float, ...]:

@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask, cross, runs_of
+from auvid.hydro.constants import NORMAL_SPREAD
 from auvid.hydro.identification.signals.pose.frames import (
     continuous_signs,
     euler_of_quaternion,
@@ -296,7 +297,7 @@ def _fitted(
         inner = ~anew
         second = np.diff(values, 2)[inner[1:-1] & inner[2:]] if values.size > 3 else values
         # Scatter of second differences: of noise alone, or of the motion within a step.
-        scatter = max(1.4826 * float(np.median(np.abs(second))), LEAST_NOISE) ** 2 / 6.0
+        scatter = max(NORMAL_SPREAD * float(np.median(np.abs(second))), LEAST_NOISE) ** 2 / 6.0
         starts = [
             np.array([scatter * 10.0**small, scatter / step**5 * 10.0**slow])
             for small in (0, -2, -4)

@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.models import ModelCard
 from auvid.data_schemas.tables import make_table
 from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.dynamics.simulation.rov.sensors import START_US
 from auvid.hydro.dynamics.simulation.simulation import SimulatedVehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.maximum_likelihood.agreement import Agreement
@@ -23,7 +24,7 @@ from auvid.stages.base import Collection, collection
 from auvid.stages.refine import fitting, tried_form
 from auvid.stages.simulate.flights import fly_leg
 from auvid.stages.simulate.plans import plan_from_document
-from auvid.stages.simulate.sensing import BOOT_US, record
+from auvid.stages.simulate.sensing import record
 from tests.support.motions import ROOT, log_document, shipped_vehicle
 
 VT690 = shipped_vehicle("vt690")
@@ -57,9 +58,9 @@ def twin() -> refine.Inputs:
             name: make_table(name, values)
             for name, values in record(flown, plan, seed=1, text="").streams.items()
         }
-        end_us = BOOT_US + round(flown.log_end_s * 1e6)
+        end_us = START_US + round(flown.log_end_s * 1e6)
         log = log_document(
-            log=leg.id, start_us=BOOT_US, end_us=end_us, accelerometer="specific_force"
+            log=leg.id, start_us=START_US, end_us=end_us, accelerometer="specific_force"
         )
         entry = {"id": leg.id, "log": leg.id, "start_s": flown.start_s, "end_s": flown.end_s}
         cut = resample.run(
