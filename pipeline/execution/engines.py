@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import Protocol
 
-from auvid.data_schemas.errors import UsageError, nearest
+from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.pipeline.collector import pass_over_imports
 from auvid.pipeline.execution.task import Outcome, Task, execute
 from auvid.stages.registry import STAGES
@@ -74,14 +74,14 @@ class Processes:
         if self.workers < 2 or len(tasks) < 2:
             yield from map(execute, tasks)
             return
-        if self._pool is None:
-            self._pool = ProcessPoolExecutor(
-                self.workers,
-                mp_context=_context(),
-                initializer=_begin_worker,
-                initargs=(self.workers,),
-            )
-        with _interrupts_held_back():
+        with _starting():
+            if self._pool is None:
+                self._pool = ProcessPoolExecutor(
+                    self.workers,
+                    mp_context=_context(),
+                    initializer=_begin_worker,
+                    initargs=(self.workers,),
+                )
             self._waiting = {self._pool.submit(execute, task): task.item for task in tasks}
         for future in as_completed(tuple(self._waiting)):
             item = self._waiting.pop(future)
@@ -118,7 +118,7 @@ def _start_server(preload: Sequence[str]) -> None:
     if _context(preload).get_start_method() == "forkserver":
         from multiprocessing.forkserver import ensure_running
 
-        with _interrupts_held_back():
+        with _starting():
             ensure_running()
 
 
@@ -143,11 +143,20 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Hold Ctrl-C back while workers start: it is left to the parent."""
+def _starting() -> Iterator[None]:
+    """Hold Ctrl-C back while workers start: it is left to the parent.
+
+    Raises `PipelineError` where the system lets none start.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
+    except (OSError, ImportError) as fault:
+        raise PipelineError(
+            f"no worker process can be started: {getattr(fault, 'strerror', None) or fault}",
+            remedy="Workers need /dev/shm and a folder for temporary files (TMPDIR): see that"
+            " both can be written to, or run with --jobs 1.",
+        ) from fault
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

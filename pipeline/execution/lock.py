@@ -23,6 +23,7 @@ def locked(folder: Path) -> Iterator[None]:
 
     Raises `PipelineError` while another live process holds it.
     """
+    _refuse_unusable(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / FILE, os.O_RDWR | os.O_CREAT, 0o644)
@@ -48,3 +49,21 @@ def locked(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
+
+
+def _refuse_unusable(folder: Path) -> None:
+    """Raise `PipelineError` for a link to nothing and a name that Parquet cannot open."""
+    for path in (folder, folder.parent):
+        if path.is_symlink() and not path.exists():
+            raise PipelineError(
+                "a link to a folder that is not there",
+                file=path,
+                value=str(path.readlink()),
+                remedy="Connect the disk that it leads to, or remove the link.",
+            )
+    try:
+        str(folder.resolve()).encode("utf-8")
+    except UnicodeEncodeError:
+        raise PipelineError(
+            "the name of a folder is no UTF-8 text", file=folder, remedy="Rename the folder."
+        ) from None

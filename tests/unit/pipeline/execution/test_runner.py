@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from multiprocessing.synchronize import SemLock
 from pathlib import Path
 from typing import Any
 
@@ -215,6 +216,16 @@ def test_processes_give_the_same_bytes(
         crashing.execute(crashing.graph.stages, Processes(2), force=True)
 
 
+def test_workers_that_the_system_lets_not_start_are_named_with_the_remedy(
+    campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SemLock, "_make_name", staticmethod(lambda: "/no/such/folder"))
+    run = open_run(campaign, runs)
+    with pytest.raises(PipelineError, match=r"no worker process can be started.*/dev/shm.*--jobs"):
+        run.execute(run.graph.stages, Processes(2))
+    assert run_all(open_run(campaign, runs)) == 9
+
+
 def test_every_collects_by_stage_and_item(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
     lines = (runs / "toy" / "total" / "tables_text.txt").read_text().splitlines()
@@ -383,6 +394,17 @@ def test_two_runs_of_one_campaign_exclude_each_other(campaign: Path, runs: Path)
     ):
         run_all(open_run(campaign, runs))
     assert run_all(open_run(campaign, runs)) == 9
+
+
+def test_a_folder_of_runs_that_cannot_be_used_is_named(
+    campaign: Path, runs: Path, tmp_path: Path
+) -> None:
+    runs.symlink_to(tmp_path / "disk")
+    with pytest.raises(PipelineError, match=r"runs: a link to a folder.* found '.*disk'. Connect"):
+        run_all(open_run(campaign, runs))
+    runs.unlink()
+    with pytest.raises(PipelineError, match=r"no UTF-8 text\. Rename the folder"):
+        run_all(open_run(campaign, Path(os.fsdecode(bytes(tmp_path) + b"/\xff"))))
 
 
 def test_lock_of_a_dead_process_is_free(campaign: Path, runs: Path) -> None:
