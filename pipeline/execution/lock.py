@@ -52,7 +52,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _refuse_unusable(folder: Path) -> None:
-    """Raise `PipelineError` for a link to nothing and a name that Parquet cannot open."""
+    """Raise `PipelineError` for a link to nothing, or a name that is no text."""
     for path in (folder, folder.parent):
         if path.is_symlink() and not path.exists():
             raise PipelineError(
