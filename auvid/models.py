@@ -108,12 +108,12 @@ class VehicleModel:
 
     @property
     def recommended(self) -> bool:
-        """Whether the run advises to take this model."""
+        """Return whether the run advises to take this model."""
         return self.file.use.recommended
 
     @property
     def use(self) -> str:
-        """What the model may be used for, in words."""
+        """Return what the model may be used for, in words."""
         return self.file.use.sentence
 
     @property
@@ -136,7 +136,7 @@ class VehicleModel:
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle with the inertia that was fitted."""
+        """Return the vehicle with the inertia that was fitted."""
         return model_file.vehicle_of(self.file)
 
     @property

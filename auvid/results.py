@@ -109,7 +109,7 @@ class RunResults(Mapping[str, Any]):
 
     @property
     def vehicle(self) -> Vehicle:
-        """The vehicle of the campaign."""
+        """Return the vehicle of the campaign."""
         return self._run.campaign.vehicle
 
     @cached_property
@@ -122,7 +122,7 @@ class RunResults(Mapping[str, Any]):
 
     @property
     def model(self) -> VehicleModel:
-        """The model to take; `DataError` where the run advises none."""
+        """Return the model to take; `DataError` where the run advises none."""
         for model in self.models.values():
             if model.recommended:
                 return model

@@ -131,14 +131,14 @@ class HealthCheck:
 
     @property
     def limit(self) -> float:
-        """The threshold of a check that has one."""
+        """Return the threshold of a check that has one."""
         assert self.threshold is not None
         return self.threshold
 
 
 @cache
 def checks() -> Mapping[str, HealthCheck]:
-    """All checks by id, in the order of the catalogue."""
+    """Return all checks by id, in the order of the catalogue."""
     text = (resources.files(__package__) / "formats" / "checks.yaml").read_text(encoding="utf-8")
     raw: dict[str, dict[str, Any]] = read_yaml(text)
     return MappingProxyType({name: HealthCheck(id=name, **entry) for name, entry in raw.items()})
@@ -183,7 +183,7 @@ class LogFinding:
 
     @property
     def whose(self) -> str:
-        """The log, and how many others have it too."""
+        """Return the log, and how many others have it too."""
         more = f" and {self.others} other{'s' * (self.others > 1)}" if self.others else ""
         return f"log '{self.log}'{more}"
 

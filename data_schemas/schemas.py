@@ -59,7 +59,7 @@ def expand_braces(name: str) -> list[tuple[str, tuple[str, ...]]]:
 
 
 def schema_names() -> tuple[str, ...]:
-    """The names of all schemas, sorted."""
+    """Return the names of all schemas, sorted."""
     return tuple(sorted({*_schema_files(), *MODELS}))
 
 
@@ -75,13 +75,13 @@ def _schema_files() -> dict[str, Traversable]:
 
 
 def schema_text(name: str) -> str:
-    """The YAML text of a schema."""
+    """Return the YAML text of a schema."""
     return _schema_files()[name].read_text(encoding="utf-8")
 
 
 @cache
 def schema(name: str) -> Schema:
-    """The schema of this name. Raises `SchemaError` for an unknown name."""
+    """Return the schema of this name. Raises `SchemaError` for an unknown name."""
     if name not in schema_names():
         raise SchemaError(
             "unknown schema",

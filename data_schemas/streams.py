@@ -111,7 +111,7 @@ class FormatStreams:
 
     @property
     def messages(self) -> frozenset[str]:
-        """All message types that any stream needs."""
+        """Return all message types that any stream needs."""
         sources = [source for group in self.streams.values() for source in group]
         return frozenset(
             {source.message for source in sources}
@@ -136,7 +136,7 @@ def format_streams(name: str) -> FormatStreams | None:
 
 
 def format_names() -> tuple[str, ...]:
-    """The formats that have a mapping."""
+    """Return the formats that have a mapping."""
     return tuple(_document())
 
 

@@ -259,7 +259,7 @@ def _cells(part: pa.Array, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
 
 
 def column(table: pa.Table, name: str) -> npt.NDArray[np.float64]:
-    """A numeric column as a read-only float64 array (n,); nulls become NaN."""
+    """Return a numeric column as a read-only float64 array (n,); nulls become NaN."""
     values = np.asarray(numbers(table[name]), dtype=np.float64)
     values.flags.writeable = False
     return values
@@ -300,5 +300,5 @@ def split_by(table: pa.Table, name: str) -> dict[Any, pa.Table]:
 
 
 def has_columns(table: pa.Table, names: Sequence[str]) -> bool:
-    """Whether the table holds all of these columns."""
+    """Return whether the table holds all of these columns."""
     return set(names) <= set(table.column_names)

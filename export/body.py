@@ -128,7 +128,7 @@ class Body:
 
     @cached_property
     def with_propeller_terms(self) -> bool:
-        """Whether a term has the propulsion ratio."""
+        """Return whether a term has the propulsion ratio."""
         return any(PROPULSION in term.factors for term in self.terms)
 
     @cached_property

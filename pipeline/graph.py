@@ -48,7 +48,7 @@ class Port:
 
     @property
     def level(self) -> Item:
-        """What an artefact of this port belongs to."""
+        """Return what an artefact of this port belongs to."""
         return self.stage.yields if self.stage.yields and self.many else self.stage.maps_over
 
     @property

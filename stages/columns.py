@@ -73,12 +73,12 @@ def named(names: Sequence[str], values: Array) -> dict[str, Array]:
 
 
 def clock(table: pa.Table) -> Array:
-    """The time column t_s (n,)."""
+    """Return the time column t_s (n,)."""
     return column(table, "t_s")
 
 
 def forces(table: pa.Table, component: str) -> Array:
-    """The six columns of a force component as an array (n, 6) in N and N m."""
+    """Return the six columns of a force component as an array (n, 6) in N and N m."""
     return matrix(table, force_columns(component))
 
 
@@ -128,7 +128,7 @@ class Samples:
     values: Array
 
     def between(self, first_s: float, last_s: float) -> Samples:
-        """The samples at or between two times."""
+        """Return the samples at or between two times."""
         rows = (self.t_s >= first_s) & (self.t_s <= last_s)
         return Samples(self.t_s[rows], self.values[rows])
 
@@ -144,7 +144,7 @@ def samples_within(
 
 
 def span_text(span: Span) -> str:
-    """A span of a log in words."""
+    """Return a span of a log in words."""
     return f"{span[0]:.1f} to {span[1]:.1f} s of the log"
 
 

@@ -198,7 +198,7 @@ def _wing(match: re.Match[str]) -> str:
 
 
 def printed_unit(unit: str) -> str:
-    """A unit as engineers print it: kg*m^2 -> kg m², 1/s^2 -> 1/s²."""
+    """Return a unit as engineers print it: kg*m^2 -> kg m², 1/s^2 -> 1/s²."""
     return POWER.sub(lambda match: match[1].translate(RAISED), unit).replace("*", " ")
 
 

@@ -91,7 +91,7 @@ def degrees(unit: str) -> tuple[float, str]:
 
 
 def text(words: str) -> Block:
-    """A paragraph of plain text (rendered escaped)."""
+    """Return a paragraph of plain text (rendered escaped)."""
     return {"kind": "text", "text": words}
 
 
@@ -101,12 +101,12 @@ def paste(words: str) -> Block:
 
 
 def remark(words: str, level: Literal["finding", "note", "warning"] = "note") -> Block:
-    """A sentence set apart: a finding, a note, or a warning."""
+    """Return a sentence set apart: a finding, a note, or a warning."""
     return {"kind": "remark", "level": level, "text": words}
 
 
 def equation(latex: str, meaning: str = "") -> Block:
-    """A displayed equation in LaTeX notation, with a plain reading."""
+    """Return a displayed equation in LaTeX notation, with a plain reading."""
     return {"kind": "equation", "latex": latex, "meaning": meaning}
 
 

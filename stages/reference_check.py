@@ -84,14 +84,14 @@ class ReferenceCheck:
 
     @property
     def allowed(self) -> float | None:
-        """The largest distance from the reference; None where there is none."""
+        """Return the largest distance from the reference; None where there is none."""
         if self.tolerance is None or self.reference is None:
             return None
         return self.tolerance.allowed(self.reference)
 
     @property
     def change(self) -> float | None:
-        """The value less its reference."""
+        """Return the value less its reference."""
         if self.value is None or self.reference is None:
             return None
         return self.value - self.reference
@@ -107,7 +107,7 @@ class ReferenceCheck:
 
     @property
     def times_tolerance(self) -> float | None:
-        """The distance from the reference in tolerances; None without any."""
+        """Return the distance from the reference in tolerances; None without any."""
         return abs(self.change) / self.allowed if self.allowed and self.change is not None else None
 
     @property
@@ -131,7 +131,7 @@ class ReferenceCheck:
 
     @property
     def failed(self) -> bool:
-        """Whether it is missed without an accepted reason."""
+        """Return whether it is missed without an accepted reason."""
         return self.met is False and not self.accepted_reason
 
     @property
@@ -141,7 +141,7 @@ class ReferenceCheck:
 
     @property
     def measured(self) -> str:
-        """The number, or the range from the smallest to the largest."""
+        """Return the number, or the range from the smallest to the largest."""
         if self.value is None:
             return "no value"
         if self.least is None or self.least == self.value:
@@ -150,7 +150,7 @@ class ReferenceCheck:
 
     @property
     def shortfall(self) -> str:
-        """What is missed: `12, required at least 13`; empty where nothing is."""
+        """Return what is missed: `12, required at least 13`; empty where nothing is."""
         return "; ".join(
             f"{measured}, required {required}"
             for met, measured, required in self._parts()
@@ -186,7 +186,7 @@ class ReferenceCheck:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The check as JSON."""
+        """Return the check as JSON."""
         return {
             **asdict(self),
             "allowed": self.allowed,

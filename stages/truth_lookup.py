@@ -46,7 +46,7 @@ def truth_of(truths: Mapping[str, pa.Table], segment: SegmentRecord, at: Array) 
 
 
 def drawn_biases(simulation: Document) -> dict[str, Mapping[str, Sequence[float]]]:
-    """The biases that a twin's sensors had, by log."""
+    """Return the biases that a twin's sensors had, by log."""
     return {str(leg["id"]): leg["biases"] for leg in simulation["legs"]}
 
 

@@ -192,12 +192,12 @@ class Quantity(Model):
 
     @property
     def si(self) -> float:
-        """The number in the unit of the schema."""
+        """Return the number in the unit of the schema."""
         return float(self._si)
 
     @property
     def array(self) -> npt.NDArray[np.float64]:
-        """The numbers in the unit of the schema, read-only."""
+        """Return the numbers in the unit of the schema, read-only."""
         return self._si
 
 

@@ -76,13 +76,13 @@ class PublishedRowEntry(Model):
 
     @property
     def bounded(self) -> bool:
-        """Whether anything is required of ours."""
+        """Return whether anything is required of ours."""
         bounds = (self.most_relative_error, self.least, self.most, self.verdict)
         return any(bound is not None for bound in bounds)
 
     @property
     def to_be_found(self) -> float | None:
-        """The first in the document of truth, corrected and printed value."""
+        """Return the first in the document of truth, corrected and printed value."""
         names = ("truth", "corrected", "printed")
         value: float | None = getattr(
             self, next(name for name in names if name in self.model_fields_set)

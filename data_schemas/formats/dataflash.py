@@ -131,7 +131,7 @@ class Definition:
         return record_dtype(self.formats)
 
     def pack(self) -> bytes:
-        """The FMT record that declares this type.
+        """Return the FMT record that declares this type.
 
         Raises:
             ValueError: a name, the formats or the column names do not fit their 4, 16

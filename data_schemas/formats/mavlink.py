@@ -160,7 +160,7 @@ class MessageLayout:
 
 @lru_cache(maxsize=1)
 def definitions() -> Mapping[int, Any]:
-    """The message classes of the dialect by message id."""
+    """Return the message classes of the dialect by message id."""
     from pymavlink.dialects.v20 import ardupilotmega
 
     table: Mapping[int, Any] = ardupilotmega.mavlink_map

@@ -59,7 +59,7 @@ class OpenLoopCase:
 
     @property
     def U(self) -> Array:
-        """The inputs (4,) [N, rad]."""
+        """Return the inputs (4,) [N, rad]."""
         return np.array([self.thrust_N, self.rudder_rad, self.stern_right_rad, self.stern_left_rad])
 
     def mass(self, t_s: Array | float) -> Array:
@@ -225,7 +225,7 @@ def fly_open_loop(hybrid: HybridVehicle, case: OpenLoopCase, *, step_s: float = 
 
 
 def findings(run: OpenLoopRun) -> tuple[Finding, ...]:
-    """Every statement of the case beside the run."""
+    """Return every statement of the case beside the run."""
     return tuple(
         Finding(run.case.name, run.parameter_set, item, run.quantity(item.quantity))
         for item in run.case.statements

@@ -84,7 +84,7 @@ class ControlledPlant(Protocol):
 
     @property
     def is_identified(self) -> bool:
-        """Whether the viscous coefficients are those of a model card."""
+        """Return whether the viscous coefficients are those of a model card."""
         ...
 
     @property
@@ -97,7 +97,7 @@ class ControlledPlant(Protocol):
 
     @property
     def is_affine(self) -> bool:
-        """Whether forces are affine in U at a given state, fin drag apart."""
+        """Return whether forces are affine in U at a given state, fin drag apart."""
         ...
 
     def with_viscous(self, viscous: Array) -> ControlledPlant:

@@ -69,7 +69,7 @@ class ForceComponents:
     tau_bar: Array
 
     def components(self) -> dict[str, Array]:
-        """The components that exist, by name, tau_bar last."""
+        """Return the components that exist, by name, tau_bar last."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 

@@ -74,7 +74,7 @@ class Campaign:
 
     @cached_property
     def document(self) -> Mapping[str, Any]:
-        """The manifest; for a twin with the logs and legs of its plan."""
+        """Return the manifest; for a twin with the logs and legs of its plan."""
         value: Mapping[str, Any] = self.file.value
         if self.twin is None:
             return value
@@ -84,7 +84,7 @@ class Campaign:
 
     @property
     def priors(self) -> PriorSourcesRecord | None:
-        """The priors of other measurements that the manifest names."""
+        """Return the priors of other measurements that the manifest names."""
         document = self.documents.get(PRIORS)
         return None if document is None else PriorSourcesRecord.model_validate(document)
 
@@ -178,7 +178,7 @@ def load_campaign(
 
 
 def _documents(file: YamlFile, folder: Path) -> dict[str, Mapping[str, Any]]:
-    """The documents that the manifest names, read and checked, by schema."""
+    """Return the documents that the manifest names, read and checked, by schema."""
     by_schema = {}
     for name, (key, _) in DOCUMENTS.items():
         if key in file.value:

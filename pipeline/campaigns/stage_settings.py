@@ -58,7 +58,7 @@ def _located(file: YamlFile, fault: PipelineError) -> PipelineError:
 
 
 def stage_params(stage: Stage[Any, Any, Any], defaults: YamlFile, campaign: Campaign) -> Any:
-    """The parameters of a stage: params.yaml, and what the campaign sets on top.
+    """Return the parameters of a stage: params.yaml, and what the campaign sets on top.
 
     Raises `CampaignError` for those that cannot be, alone or together.
     """

@@ -110,7 +110,7 @@ def load_published(path: Path, *, named_in: object = None) -> Vehicle:
 
 
 def published_coefficients(vehicle_file: Path) -> dict[str, Path]:
-    """The files of published coefficients beside a vehicle file, by model."""
+    """Return the files of published coefficients beside a vehicle file, by model."""
     return {
         path.stem: path for path in sorted(vehicle_file.with_suffix("").glob("coefficients/*.csv"))
     }

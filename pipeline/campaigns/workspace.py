@@ -64,7 +64,7 @@ class Workspace:
 
 
 def find_workspace(start: Path) -> Workspace:
-    """The nearest folder at or above `start` that holds params.yaml."""
+    """Return the nearest folder at or above `start` that holds params.yaml."""
     for folder in (start.resolve(), *start.resolve().parents):
         if (folder / PARAMS_FILE).is_file():
             return Workspace(folder)

@@ -37,7 +37,7 @@ class YamlFile:
     lines: dict[str, int] = field(default_factory=dict)
 
     def line(self, path: str | None) -> int | None:
-        """The line of a key, or of the nearest thing around it."""
+        """Return the line of a key, or of the nearest thing around it."""
         while path:
             if path in self.lines:
                 return self.lines[path]

@@ -218,7 +218,7 @@ class Run:
 
     @cached_property
     def _divider(self) -> AnyStage:
-        """The stage that divides legs into segments."""
+        """Return the stage that divides legs into segments."""
         return next(stage for stage in self.graph.stages if stage.yields == "segment")
 
     def task(self, stage: AnyStage, place: Place) -> Task:
@@ -471,7 +471,7 @@ class Run:
         )
 
     def _items(self, producer: AnyStage) -> tuple[str, ...]:
-        """The items that a stage has finished; an error if there is none."""
+        """Return the items that a stage has finished; an error if there is none."""
         records = self.manifests[producer.name].records
         if not records:
             raise self._not_run(producer)

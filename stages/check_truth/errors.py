@@ -57,7 +57,7 @@ class Errors:
         return {(quantity, axis): unit for _, _, quantity, axis, unit in self.by_key}
 
     def columns(self) -> dict[str, list[object]]:
-        """The columns of schema `truth_errors`, totals first."""
+        """Return the columns of schema `truth_errors`, totals first."""
         keys = sorted(self.by_key, key=lambda key: (key[0] != ALL, key[1] != ALL))
         heads = ("use", "segment", "quantity", "axis", "unit")
         table: dict[str, list[object]] = {
@@ -110,7 +110,7 @@ class Sums:
                 self.sums[key][3] = largest
 
     def errors(self) -> Errors:
-        """The errors of all that was added."""
+        """Return the errors of all that was added."""
         by_key = {}
         for key, (n, total, square, largest, true_square) in self.sums.items():
             by_key[key] = Error(

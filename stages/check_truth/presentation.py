@@ -132,7 +132,7 @@ def comparison_plots(
 
 
 def trust_views(segments: Iterable[str]) -> dict[str, Any]:
-    """The truth beside the fused state and the residual force."""
+    """Return the truth beside the fused state and the residual force."""
     groups = []
     for key in segments:
         for entity, names, unit in (

@@ -76,7 +76,7 @@ class Flown:
 def models_of(
     vehicle: Vehicle, card: ModelCard | None, cases: ControlCasesDocument, limits: Limits
 ) -> DesignModels:
-    """The plant and the designs of a campaign.
+    """Return the plant and the designs of a campaign.
 
     A hybrid vehicle flies under `parameter_set`; controllers are designed on that set,
     on the model card if one is given, and on the sets of `redesign`. Any other vehicle

@@ -45,7 +45,7 @@ SHOWN_HZ = 10.0
 
 
 def input_column(name: str) -> str:
-    """The column of schema `closed_loop` for an input."""
+    """Return the column of schema `closed_loop` for an input."""
     return COLUMNS.get(name, f"{name}_rad" if name.startswith("fin_") else f"{name}_N")
 
 
@@ -84,7 +84,7 @@ def flight_table(plant: ControlledPlant, item: Flown) -> pa.Table:
 
 
 def gains_table(item: Flown, inputs: InputLimits) -> pa.Table:
-    """The schedule at the design instants, one row per input."""
+    """Return the schedule at the design instants, one row per input."""
     schedule = item.schedule
     k, U = schedule.k[:: schedule.stride], schedule.equilibrium.U[:: schedule.stride]
     n, m = U.shape

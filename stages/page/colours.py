@@ -32,7 +32,7 @@ class Ink:
 
     @property
     def rgb(self) -> tuple[int, int, int]:
-        """The colour on a dark screen as 0..255, for Rerun."""
+        """Return the colour on a dark screen as 0..255, for Rerun."""
         return int(self.dark[1:3], 16), int(self.dark[3:5], 16), int(self.dark[5:7], 16)
 
 
@@ -152,7 +152,7 @@ def inks_of(roles: Iterable[str]) -> dict[str, Ink]:
 
 
 def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """All roles in the plots of sections."""
+    """Return all roles in the plots of sections."""
     blocks = [
         block
         for document in sections.values()
@@ -170,7 +170,7 @@ def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def is_model(role: str) -> bool:
-    """Whether a role names a viscous model that has a colour of its own."""
+    """Return whether a role names a viscous model that has a colour of its own."""
     return key(role) in MODELS
 
 

@@ -131,7 +131,7 @@ NO_RECORDING = (
 
 
 def page(inputs: Inputs, content: ReportContent) -> bytes:
-    """The report as HTML."""
+    """Return the report as HTML."""
     notes = str(inputs.campaign.get("notes") or "")
     log_of = (
         {name: str(item.log) for name, item in content.segments.items()}
@@ -173,7 +173,7 @@ def without_table_of(model: str | None, sections: Mapping[str, Document]) -> dic
 
 
 def collect(inputs: Inputs, more: Mapping[str, Document] = NO_MORE) -> ReportContent:
-    """The first screen and the sections of all stages, and `more` sections.
+    """Return the first screen and the sections of all stages, and `more` sections.
 
     Their plots have the samples that the page draws: those of many legs take much memory.
     """

@@ -25,7 +25,7 @@ class ReproductionContent:
 
     @property
     def plan(self) -> str:
-        """The plan that is held against the published tables."""
+        """Return the plan that is held against the published tables."""
         return str(self.document["plans"][0]["id"])
 
     @property
@@ -36,7 +36,7 @@ class ReproductionContent:
 
     @property
     def flown(self) -> dict[str, Document]:
-        """The plans without those that are repeated."""
+        """Return the plans without those that are repeated."""
         return {name: plan for name, plan in self.plans.items() if name not in self.repeated}
 
     @cached_property

@@ -120,7 +120,7 @@ def figure_sections(inputs: Artefacts, document: Document) -> dict[str, dict[str
 def _leg(
     segments: Mapping[str, SegmentRecord], chosen: Mapping[str, Any], figure: str, use: str
 ) -> str:
-    """The first segment of the leg that the document names, else of the use."""
+    """Return the first segment of the leg that the document names, else of the use."""
     leg_name = chosen.get(figure)
     for name, segment in segments.items():
         if segment.leg == leg_name or (leg_name is None and segment.use == use):
@@ -185,7 +185,7 @@ def _coupling(inputs: Artefacts, key: str) -> Block:
 
 
 def _turns(angle: float) -> float:
-    """The whole turns in an angle [rad]."""
+    """Return the whole turns in an angle [rad]."""
     return 2.0 * np.pi * round(angle / (2.0 * np.pi))
 
 
@@ -334,5 +334,5 @@ def _models(inputs: Artefacts, variant: str, leg: str, label: str) -> list[Block
 
 
 def column_strings(table: pa.Table, name: str) -> np.ndarray[Any, np.dtype[Any]]:
-    """A column of text as an array of objects (n,)."""
+    """Return a column of text as an array of objects (n,)."""
     return np.array(table[name].to_pylist(), dtype=object)

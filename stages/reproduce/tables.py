@@ -220,7 +220,7 @@ def force_tables(content: ReproductionContent) -> Iterator[Block]:
 
 
 def turn_force_table(content: ReproductionContent) -> Block:
-    """The sway force that grows with u r, by procedure."""
+    """Return the sway force that grows with u r, by procedure."""
     rows = [
         [
             f"{content.label(name)} {content.variants[name]['title']}",
@@ -251,7 +251,7 @@ def turn_force_table(content: ReproductionContent) -> Block:
 
 
 def turn_term_table(content: ReproductionContent) -> Block:
-    """The coefficient of each model that carries the transport term."""
+    """Return the coefficient of each model that carries the transport term."""
     variants = content.of(content.plan)
     terms = {
         model: term

@@ -121,7 +121,7 @@ def _fault(message: str, name: str, allowed: Iterable[str]) -> CampaignError:
 
 
 def _agrees(content: ReproductionContent) -> bool:
-    """Whether the published procedure meets all its bounds on the first plan."""
+    """Return whether the published procedure meets all its bounds on the first plan."""
     place = (content.plan, content.document["compared"]["published"])
     own = [item.check for item in content.checks if (item.plan, item.variant) == place]
     return bool(own) and all(check.met for check in own)

@@ -64,7 +64,7 @@ class Outputs:
 
 
 def run(inputs: Inputs, params: Params) -> Outputs:
-    """All legs of a plan, or all experiments of a bench plan.
+    """Return all legs of a plan, or all experiments of a bench plan.
 
     A truth that becomes unstable ends its leg with time, state and reason; what was
     flown before is kept. Raises `CampaignError` for a plan that asks for the
@@ -134,7 +134,7 @@ def _logs(recorded: Iterable[Recorded], vehicle: Vehicle, twin: TwinDocument) ->
 def log_files(
     recorded: Recorded, vehicle: Vehicle, *, format: str, accelerometer: str
 ) -> dict[str, bytes]:
-    """The files of one log by name, in one of the formats bin, tlog, csv."""
+    """Return the files of one log by name, in one of the formats bin, tlog, csv."""
     if format == "csv":
         return write_csv(recorded, vehicle, accelerometer=accelerometer)
     writer = {"bin": write_dataflash, "tlog": write_tlog}[format]

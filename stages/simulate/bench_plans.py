@@ -98,7 +98,7 @@ class BenchPlan:
     pixhawk_mounting_rad: Array
 
     def with_noise(self, factor: float) -> BenchPlan:
-        """The same plan with all noise times a factor."""
+        """Return the same plan with all noise times a factor."""
         return replace(
             self,
             ahrs=_scaled(self.ahrs, factor),

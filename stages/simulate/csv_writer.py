@@ -62,7 +62,7 @@ UNIT_OF_SUFFIX = (
 
 
 def write_csv(recorded: Recorded, vehicle: Vehicle, *, accelerometer: str) -> dict[str, bytes]:
-    """The files of one log by name, of the parts that were recorded.
+    """Return the files of one log by name, of the parts that were recorded.
 
     `inertial`: gravity is taken off the accelerometer by the AHRS's own attitude,
     errors included.
@@ -99,13 +99,13 @@ AHRS_PARTS: Mapping[bool, tuple[str, ...]] = {True: ("imu", "attitude"), False: 
 
 
 def _same_clock(recorded: Recorded) -> bool:
-    """Whether gyro and attitude of a log stand in one file."""
+    """Return whether gyro and attitude of a log stand in one file."""
     times = [recorded.streams[name]["time_us"] for name in ("imu", "attitude")]
     return bool(np.array_equal(times[0], times[1]))
 
 
 def _attitude_at(recorded: Recorded, time_us: Any) -> Array:
-    """The AHRS's attitude (n, 3) at times [us], by straight lines."""
+    """Return the AHRS's attitude (n, 3) at times [us], by straight lines."""
     attitude = recorded.streams["attitude"]
     angles = [np.unwrap(attitude[name]) for name in POSE[3:]]
     return np.column_stack([np.interp(time_us, attitude["time_us"], values) for values in angles])
@@ -122,7 +122,7 @@ def csv_text(columns: Mapping[str, Array]) -> bytes:
 
 
 def column_maps(*, accelerometer: str) -> dict[str, dict[str, Any]]:
-    """The column map of each file (schema `column_map`), by part."""
+    """Return the column map of each file (schema `column_map`), by part."""
     maps = {}
     for part, streams in PARTS.items():
         entries = [

@@ -250,7 +250,7 @@ def _actuators(actuators: Columns) -> TypedColumns:
 
 
 def _battery(battery: Columns) -> TypedColumns:
-    """The current drawn so far is summed from that of the samples."""
+    """Return the current drawn so far is summed from that of the samples."""
     hours = np.diff(battery["time_us"], prepend=battery["time_us"][0]) / 3.6e9
     return BAT, {
         "Volt": battery["voltage_v"],

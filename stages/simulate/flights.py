@@ -86,11 +86,11 @@ class FlownLeg:
 
     @property
     def reached(self) -> bool:
-        """Whether the flight lasted into the leg."""
+        """Return whether the flight lasted into the leg."""
         return self.end_s - self.start_s >= 1.0
 
     def motion(self, t_s: Array) -> Motion:
-        """The motion at times (n,) from the start of the log."""
+        """Return the motion at times (n,) from the start of the log."""
         return motion_at(self.simulated, self.flight, t_s + self.offset_s)
 
 

@@ -181,7 +181,7 @@ CSV_PARTS = ("ahrs", "dvl", "depth", "actuators")
 
 
 def log_entry(name: str, format: str, csv_parts: tuple[str, ...]) -> dict[str, Any]:
-    """The entry of one log in a manifest; a CSV log is one file per part."""
+    """Return the entry of one log in a manifest; a CSV log is one file per part."""
     if format != "csv":
         return {"id": name, "file": log_name(name, format)}
     return {

@@ -31,7 +31,7 @@ Messages = Iterator[tuple[int, Any]]
 
 
 def write_tlog(recorded: Recorded) -> bytes:
-    """The whole log as bytes, MAVLink 2."""
+    """Return the whole log as bytes, MAVLink 2."""
     from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
     mav = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=COMPONENT)
@@ -143,7 +143,7 @@ def _battery(mav: Any, streams: Streams) -> Messages:
 
 
 def _modes(streams: Streams, time_us: npt.NDArray[np.int64]) -> list[int]:
-    """The number of the mode at times; 0 where the twin has none."""
+    """Return the number of the mode at times; 0 where the twin has none."""
     if "mode" not in streams:
         return [0] * len(time_us)
     at = np.searchsorted(streams["mode"]["time_us"], time_us, side="right") - 1

@@ -302,7 +302,7 @@ class BenchEntry(Model):
 
     @property
     def experiments(self) -> list[TankRunEntry | DecayFlightEntry | SwingFlightEntry]:
-        """All runs, in the order of the logs."""
+        """Return all runs, in the order of the logs."""
         return [*self.tank, *self.decays, *self.swings]
 
     @model_validator(mode="after")

@@ -41,7 +41,7 @@ class Actuation:
 
     @property
     def control(self) -> Control:
-        """The part that actuators give."""
+        """Return the part that actuators give."""
         return Control(propeller_rev_s=self.propeller_rev_s, fins_rad=self.fins_rad)
 
     def between(self, knot: Array) -> Actuation:
@@ -89,7 +89,7 @@ class SimulatedVehicle:
 
     @cached_property
     def tables(self) -> Tables:
-        """The constants for the compiled loop."""
+        """Return the constants for the compiled loop."""
         return plant_tables(
             self.vehicle, self.truth, lag_s=self.lag_s, minimum_speed=self.minimum_speed
         )

@@ -163,12 +163,12 @@ class Surface:
 
     @property
     def in_sway(self) -> bool:
-        """Whether a pair stands vertical, so that sway moves water with it."""
+        """Return whether a pair stands vertical, so that sway moves water with it."""
         return self.layout in ("cruciform", "vertical")
 
     @property
     def in_heave(self) -> bool:
-        """Whether a pair lies horizontal."""
+        """Return whether a pair lies horizontal."""
         return self.layout in ("cruciform", "horizontal")
 
 
@@ -181,7 +181,7 @@ class Geometry:
 
     @property
     def fins(self) -> Surface | None:
-        """The controlled surfaces, or None."""
+        """Return the controlled surfaces, or None."""
         return next((item for item in self.surfaces if item.controlled), None)
 
     def integral(self, function: Callable[[Array], Array]) -> float:

@@ -209,7 +209,7 @@ def _roll(geometry: Geometry, corrected: bool) -> float:
 def drag(
     geometry: Geometry, *, water_density: float, corrected: bool = True
 ) -> tuple[Coefficient, ...]:
-    """The ten coefficients of (2.82)-(2.89) about the body origin.
+    """Return the ten coefficients of (2.82)-(2.89) about the body origin.
 
     As printed: x^3 without modulus cancels the hull in M_q|q| and N_r|r| (2.86; the
     signs of Table 2.10 need |x|^3 for fins and wings even so), fins and wings have the

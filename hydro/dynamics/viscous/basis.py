@@ -102,7 +102,7 @@ def _power(unit: str, count: int) -> str:
 
 
 def basis_term_names() -> tuple[str, ...]:
-    """The 132 names in the order of Appendix C."""
+    """Return the 132 names in the order of Appendix C."""
     return tuple(BASIS_TERMS)
 
 

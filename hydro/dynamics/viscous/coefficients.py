@@ -45,7 +45,7 @@ class Coefficient:
 
     @property
     def term(self) -> str:
-        """The basis term (McCarter C.7).
+        """Return the basis term (McCarter C.7).
 
         For other kinds, what stands behind the underscore.
         """

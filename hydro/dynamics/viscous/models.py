@@ -218,7 +218,7 @@ class IdentifiedModel:
 
     @cached_property
     def terms(self) -> tuple[str, ...]:
-        """The distinct terms, the columns of `regressor`."""
+        """Return the distinct terms, the columns of `regressor`."""
         return _ordered({term for axis in self.coefficients.values() for term in axis})
 
     @cached_property

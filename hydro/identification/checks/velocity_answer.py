@@ -51,7 +51,7 @@ class VelocityAnswer:
 
     @property
     def lag_s(self) -> float:
-        """The most likely lag [s]."""
+        """Return the most likely lag [s]."""
         return float(self.lags_s[np.argmax(self.odds)])
 
     def better_than(self, usual_s: tuple[float, float]) -> float:
@@ -61,7 +61,7 @@ class VelocityAnswer:
 
     @property
     def drift(self) -> Drift:
-        """How the lag changes from half to half."""
+        """Return how the lag changes from half to half."""
         return drift_of(self.lags_s, self.halves)
 
 

@@ -68,7 +68,7 @@ class FedAxes:
 
     @property
     def words(self) -> str:
-        """What can be fitted in one sentence."""
+        """Return what can be fitted in one sentence."""
         if not self.axes:
             return f"No axis can be fitted by itself: {self.why}."
         names = listed([WORDS[axis] for axis in self.axes])

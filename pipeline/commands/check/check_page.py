@@ -13,6 +13,7 @@ import jinja2
 from rich.table import Table
 from rich.text import Text
 
+from auvid.data_schemas.records.logs import FindingRecord, HealthRecord, StreamRecord, UnseenRecord
 from auvid.pipeline.commands.check.axes_route import axes_fed
 from auvid.pipeline.commands.check.clock_alignment import ClockAlignment
 from auvid.pipeline.commands.check.log_page import LogPage
@@ -34,24 +35,25 @@ def print_pages(pages: Sequence[LogPage]) -> None:
         if page.health is None:
             show(Text.assemble(("✗ refused ", "bold red"), plain_lines(page.refused)))
         else:
-            show(_header(page.health), "")
-            _print_streams(page.health["streams"])
-            show(Text.assemble(("all run together: ", "dim"), shared_spans(page.health)))
-            show("", *_findings(page.health["findings"]), *_unseen(page.health["unseen"]))
-            show("", *_uses(page.health), *_axes(page))
+            health = HealthRecord.model_validate(page.health)
+            show(_header(health), "")
+            _print_streams(health.streams)
+            show(Text.assemble(("all run together: ", "dim"), shared_spans(health.shared_spans_s)))
+            show("", *_findings(health.findings), *_unseen(health.unseen))
+            show("", *_uses(health), *_axes(page, health))
             _print_legs(page.legs)
         print()
 
 
-def _header(health: Mapping[str, Any]) -> Text:
-    size = health["bytes"]
-    about = f"{', '.join(health['formats'])}, {size / 1e6:.2f} MB, {health['duration_s']:.1f} s, "
-    vehicle = plain(health["vehicle"] or "vehicle not named")
-    return Text.assemble(vehicle, "   ", about, (health["status"], STATUS[health["status"]]))
+def _header(health: HealthRecord) -> Text:
+    size = health.bytes
+    about = f"{', '.join(health.formats)}, {size / 1e6:.2f} MB, {health.duration_s:.1f} s, "
+    vehicle = plain(health.vehicle or "vehicle not named")
+    return Text.assemble(vehicle, "   ", about, (health.status, STATUS[health.status]))
 
 
-def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
-    rejected = any(item["rejected"] for item in streams.values())
+def _print_streams(streams: Mapping[str, StreamRecord]) -> None:
+    rejected = any(item.rejected for item in streams.values())
     columns = ("stream", "source", "samples", "from s", "to s", "Hz", "jitter ms", "gap s")
     rows = []
     for name, item in streams.items():
@@ -59,30 +61,29 @@ def _print_streams(streams: Mapping[str, Mapping[str, Any]]) -> None:
         rows.append(
             (
                 name,
-                item["source"],
-                item["rows"],
-                fixed(item["start_s"], 1),
-                fixed(item["end_s"], 1),
-                significant(item["rate_hz"], empty=""),
-                "" if item["jitter_s"] is None else significant(round(item["jitter_s"] * 1e3, 3)),
-                "" if item["rate_hz"] is None else significant(item["longest_gap_s"]),
-                *([item["rejected"] or ""] if rejected else []),
-                ", ".join([*item["others"], *(f"({source})" for source in item["refused"])]),
+                item.source,
+                item.rows,
+                fixed(item.start_s, 1),
+                fixed(item.end_s, 1),
+                significant(item.rate_hz, empty=""),
+                "" if item.jitter_s is None else significant(round(item.jitter_s * 1e3, 3)),
+                "" if item.rate_hz is None else significant(item.longest_gap_s),
+                *([item.rejected or ""] if rejected else []),
+                ", ".join([*item.others, *(f"({source})" for source in item.refused)]),
             )
         )
     table((*columns, *(["rejected"] if rejected else []), "also there"), rows)
 
 
-def shared_spans(health: Mapping[str, Any]) -> str:
+def shared_spans(spans: Sequence[Sequence[float]]) -> str:
     """Return in words when all sensors and commands run together."""
-    spans = health["shared_spans_s"]
     words = [f"{start:.1f} to {end:.1f} s" for start, end in spans[:MOST_SPANS]]
     if len(spans) > MOST_SPANS:
         words.append(f"{len(spans) - MOST_SPANS} more")
     return ", ".join(words) or "never"
 
 
-def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
+def _findings(findings: Sequence[FindingRecord]) -> Iterator[Table | Text]:
     if not findings:
         yield Text("✓ nothing found", style="green")
         return
@@ -90,25 +91,24 @@ def _findings(findings: Sequence[Mapping[str, Any]]) -> Iterator[Table | Text]:
     grid.add_column(no_wrap=True)
     grid.add_column(overflow="fold")
     for item in findings:
-        symbol, style = SYMBOLS[item["severity"]]
-        text = Text.assemble(plain(item["text"]), ("  " + item["id"], "dim"))
-        if item["severity"] != "note":
-            text.append(f"\n{plain(item['remedy'])}", style="dim italic")
+        symbol, style = SYMBOLS[item.severity]
+        text = Text.assemble(plain(item.text), ("  " + item.id, "dim"))
+        if item.severity != "note":
+            text.append(f"\n{plain(item.remedy)}", style="dim italic")
         grid.add_row(Text(symbol, style=style), text)
     yield grid
 
 
-def _unseen(rows: Sequence[Mapping[str, Any]]) -> Iterator[Text]:
+def _unseen(rows: Sequence[UnseenRecord]) -> Iterator[Text]:
     """Yield what nothing in the log tells."""
     for item in rows:
-        yield Text.assemble((f"? not observable: {item['name']}", "bold"), f" ({item['reason']})")
+        yield Text.assemble((f"? not observable: {item.name}", "bold"), f" ({item.reason})")
 
 
-def _axes(page: LogPage) -> Iterator[Text]:
+def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
     """Yield what axes can be fitted one by one, where no force model can."""
-    assert page.health is not None
     assert page.outputs is not None
-    uses = {item["name"]: item["possible"] for item in page.health["capabilities"]}
+    uses = {item.name: item.possible for item in health.capabilities}
     if any(good for name, good in uses.items() if name.startswith("synthesise")):
         return
     fed = axes_fed(CheckedLog(page.streams, page.outputs.log_info, page.outputs.dropped))
@@ -117,20 +117,18 @@ def _axes(page: LogPage) -> Iterator[Text]:
     yield from (Text.assemble(("! ", "bold yellow"), plain(words)) for words in fed.warnings)
 
 
-def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
-    good = any(
-        item["possible"] for item in health["capabilities"] if item["name"].startswith("synthesise")
-    )
+def _uses(health: HealthRecord) -> Iterator[Text]:
+    good = any(item.possible for item in health.capabilities if item.name.startswith("synthesise"))
     yield Text.assemble(
         ("✓ " if good else "✗ ", "bold green" if good else "bold red"),
-        (plain(health["verdict"]), "bold"),
+        (plain(health.verdict), "bold"),
     )
-    uses = health["capabilities"]
-    can = _together([item["name"] for item in uses if item["possible"]])
+    uses = health.capabilities
+    can = _together([item.name for item in uses if item.possible])
     cannot: dict[str, list[str]] = {}
     for item in uses:
-        if not item["possible"]:
-            cannot.setdefault(item["reason"], []).append(item["name"])
+        if not item.possible:
+            cannot.setdefault(item.reason, []).append(item.name)
     follows = _together(
         [name for why in (NO_STATE, NO_FORCE) for name in cannot.pop(why, [])], short=True
     )
@@ -143,11 +141,11 @@ def _uses(health: Mapping[str, Any]) -> Iterator[Text]:
             plain("; ".join(sentences) + (f"; and so not {follows}" if follows else "")),
         )
     parts: list[Any] = [("motion RMS: ", "dim")]
-    for axis, item in health["excitation"].items():
-        value = significant(item["rms"])
+    for axis, motion in health.excitation.items():
+        value = significant(motion.rms)
         parts += [
             f"{axis} ",
-            (value, "green" if item["excited"] else "yellow" if item["rms"] is not None else "dim"),
+            (value, "green" if motion.excited else "yellow" if motion.rms is not None else "dim"),
             "  ",
         ]
     yield Text.assemble(*parts, ("(m/s, rad/s)", "dim"))

@@ -40,7 +40,7 @@ class ClockAlignment:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The alignment as JSON."""
+        """Return the alignment as JSON."""
         names = ("offset_s", "std_s", "correlation", "overlap_s")
         return {
             "first": self.first,
@@ -51,7 +51,7 @@ class ClockAlignment:
 
     @property
     def text(self) -> str:
-        """The offset in one sentence."""
+        """Return the offset in one sentence."""
         offset = self.offset
         digits = 4 if offset.std_s >= 1e-4 else 6
         seconds = round(offset.offset_s, digits) + 0.0  # no minus before a zero

@@ -38,7 +38,7 @@ class LogPage:
 
     @property
     def losses(self) -> bool:
-        """Whether bytes were lost or an error was found."""
+        """Return whether bytes were lost or an error was found."""
         return self.health is not None and (
             self.health["status"] != "complete"
             or any(item["severity"] == "error" for item in self.health["findings"])
@@ -46,20 +46,20 @@ class LogPage:
 
     @property
     def stops(self) -> bool:
-        """Whether a finding stops a run that does not accept it."""
+        """Return whether a finding stops a run that does not accept it."""
         return self.health is not None and any(
             checks()[item["id"]].stops for item in self.health["findings"]
         )
 
     @property
     def streams(self) -> dict[str, Any]:
-        """The tables of the log by name of stream."""
+        """Return the tables of the log by name of stream."""
         names = () if self.health is None else self.health["streams"]
         return {name: getattr(self.outputs, name) for name in names}
 
     @property
     def document(self) -> dict[str, Any]:
-        """The page as JSON."""
+        """Return the page as JSON."""
         if self.health is None:
             return {"name": self.name, "refused": self.refused}
         legs = {"legs": list(self.legs)} if self.legs else {}

@@ -55,7 +55,7 @@ class FleetLog:
 
     @property
     def unchanged(self) -> bool:
-        """Whether its files have the size and time of when they were hashed."""
+        """Return whether its files have the size and time of when they were hashed."""
         try:
             return tuple(map(stamp_of, self.files)) == self.stamps
         except OSError:

@@ -30,7 +30,7 @@ class FleetFolder:
 
     @property
     def workspace(self) -> Workspace:
-        """The workspace of all its campaigns."""
+        """Return the workspace of all its campaigns."""
         return Workspace(self.root)
 
     @property
@@ -40,12 +40,12 @@ class FleetFolder:
 
     @property
     def index(self) -> Path:
-        """The logs as they were when the fleet was last brought up to date."""
+        """Return the logs as they were when the fleet was last brought up to date."""
         return self.root / "index.json"
 
     @property
     def page(self) -> Path:
-        """The report of the fleet."""
+        """Return the report of the fleet."""
         return self.root / "report.html"
 
     def campaign(self, log: str) -> Path:

@@ -61,12 +61,12 @@ class Entry:
 
     @property
     def holds_results(self) -> bool:
-        """Whether the run came as far as error tables, figures or a model."""
+        """Return whether the run came as far as error tables, figures or a model."""
         return bool(self.error_tables or self.figures or self.recommended)
 
     @property
     def content(self) -> dict[str, Any]:
-        """All but number and time."""
+        """Return all but number and time."""
         return {
             name: value
             for name, value in asdict(self).items()

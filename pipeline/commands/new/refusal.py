@@ -56,13 +56,13 @@ class Refusal:
 
     @property
     def reason(self) -> str:
-        """The refusal in one line, without the name of the log."""
+        """Return the refusal in one line, without the name of the log."""
         parts = (" ".join(part.split()).rstrip(".") for part in (self.log, self.lacks))
         return f"{'; '.join(filter(None, parts))}. {self.remedy}".rstrip(". ") + "."
 
     @property
     def line(self) -> str:
-        """The refusal in one line."""
+        """Return the refusal in one line."""
         return f"{self.name}: {self.reason}"
 
 

@@ -16,7 +16,7 @@ HEADING = re.compile(r"##\s+\[?v?(?P<version>\d[^\s\]]*)\]?(\s.*)?")
 
 
 def current_version() -> str:
-    """The version of auvid that runs."""
+    """Return the version of auvid that runs."""
     return version("auvid")
 
 
@@ -40,7 +40,7 @@ def with_entry(path: Path, stage: str, words: str) -> bytes:
 
 
 def _section(lines: Sequence[str], path: Path) -> tuple[int, int]:
-    """The lines of the section for what is new, without its heading."""
+    """Return the lines of the section for what is new, without its heading."""
     headings = {
         place: match["version"]
         for place, line in enumerate(lines)
@@ -63,5 +63,5 @@ def _section(lines: Sequence[str], path: Path) -> tuple[int, int]:
 
 
 def _end_of_entry(lines: Sequence[str], first: int, end: int) -> int:
-    """The place after an entry and the indented lines that continue it."""
+    """Return the place after an entry and the indented lines that continue it."""
     return next((place for place in range(first + 1, end) if not lines[place].startswith(" ")), end)

@@ -312,7 +312,7 @@ READERS = {
 
 
 def to_csv(figures: Mapping[Key, GoldenFigure]) -> bytes:
-    """The CSV of one file: a header and a row per figure."""
+    """Return the CSV of one file: a header and a row per figure."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEADER)
@@ -366,7 +366,7 @@ def _number(cell: str) -> float | None:
 
 
 def tolerances() -> dict[str, Tolerance]:
-    """The tolerance of each file: `relative` is a share of a row's scale."""
+    """Return the tolerance of each file: `relative` is a share of a row's scale."""
     path = Path(str(resources.files(__package__) / TOLERANCES))
     return read_tolerances(path, FILES)
 

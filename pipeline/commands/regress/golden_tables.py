@@ -64,12 +64,12 @@ class Departure:
 
     @property
     def axis(self) -> str:
-        """The axis of the column."""
+        """Return the axis of the column."""
         return ALL if self.column in (None, *FIXED) else str(self.column)
 
     @property
     def document(self) -> dict[str, Any]:
-        """The departure as JSON."""
+        """Return the departure as JSON."""
         place = {"kind": self.kind, "use": self.use, "model": self.model, "column": self.column}
         if self.stage:
             return {"stage": self.stage, **place, **(self.check.document if self.check else {})}
@@ -114,7 +114,7 @@ def six_digits(value: float | None) -> float | None:
 
 
 def to_csv(table: Mapping[str, Row]) -> bytes:
-    """The CSV of one use: a header and a row per model."""
+    """Return the CSV of one use: a header and a row per model."""
     columns = list(dict.fromkeys(name for row in table.values() for name in row))
     lines = [",".join(["model", *columns])]
     for model, row in table.items():
@@ -240,7 +240,7 @@ def _figure(name: str, cell: str) -> float | None:
 
 
 def read_tolerances(path: Path, columns: Iterable[str]) -> dict[str, Tolerance]:
-    """The tolerances of a folder, one for each of these columns.
+    """Return the tolerances of a folder, one for each of these columns.
 
     Raises `SchemaError` or `CampaignError` for unknown keys, columns without a
     tolerance and tolerances without a column.
@@ -268,7 +268,7 @@ def read_tolerances(path: Path, columns: Iterable[str]) -> dict[str, Tolerance]:
 
 
 def columns_of(*tables: Tables) -> list[str]:
-    """The columns of figures of all tables, each once."""
+    """Return the columns of figures of all tables, each once."""
     return list(
         dict.fromkeys(
             name

@@ -46,7 +46,7 @@ class Setting:
 
 
 def open_setting(campaign: str, baseline: Path | None) -> Setting:
-    """The results of a campaign's run and where its golden content is.
+    """Return the results of a campaign's run and where its golden content is.
 
     Unless a folder is given: `tests/golden/<campaign>` of the workspace, else `golden`
     in the campaign's folder. Stages behind the error tables need not have run. Raises

@@ -106,7 +106,7 @@ class Plot:
 
     @property
     def note(self) -> str:
-        """What to look for, and which lines leave their panel."""
+        """Return what to look for, and which lines leave their panel."""
         cut = list(dict.fromkeys(name for panel in self.panels for name in panel.cut))
         return (
             f"{self.look_for} Beyond the axis: {', '.join(cut)}.".strip() if cut else self.look_for
@@ -125,7 +125,7 @@ class Plot:
 
     @property
     def hidden(self) -> int:
-        """How many legend entries are not drawn at first."""
+        """Return how many legend entries are not drawn at first."""
         return sum(not entry.is_drawn for entry in self.entries)
 
 

@@ -98,7 +98,7 @@ class SignalChange:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The change as JSON."""
+        """Return the change as JSON."""
         place = {"segment": self.segment, "kind": self.kind, "rms": self.rms}
         return {**place, "largest": self.largest, "at_s": self.at_s, **self.check.document}
 

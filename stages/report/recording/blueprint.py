@@ -79,7 +79,7 @@ def outer(spans: Iterable[tuple[float, float]]) -> tuple[float, float]:
 
 
 def parent(group: Document) -> str:
-    """The entity above that of a group, empty at the top."""
+    """Return the entity above that of a group, empty at the top."""
     return str(visible(group["entity"])).rpartition("/")[0]
 
 
@@ -207,7 +207,7 @@ def paths_view(paths: Mapping[str, Array]) -> Any:
 
 
 def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial3DView:
-    """The 3D view of paths within boxes with these corners (2, 3) in m, NED."""
+    """Return the 3D view of paths within boxes with these corners (2, 3) in m, NED."""
     corners = np.array(
         [
             np.min([box[0] for box in paths.values()], axis=0),
@@ -225,7 +225,7 @@ def path_view(origin: str, paths: Mapping[str, Array], name: str) -> rrb.Spatial
 
 
 def spans_view(name: str, times: tuple[float, float]) -> rrb.StateTimelineView:
-    """The lanes of spans over a range of times in s."""
+    """Return the lanes of spans over a range of times in s."""
     return rrb.StateTimelineView(
         origin="spans", name=name, time_view=rrb.TimeAxis(view_range=_time_range(times))
     )

@@ -73,7 +73,7 @@ def record_log(
     preview: bool = False,
     tab: str = "",
 ) -> bytes:
-    """The recording of a log as .rrd bytes, which opens on `tab`.
+    """Return the recording of a log as .rrd bytes, which opens on `tab`.
 
     `tables`: its streams, `info` and `health`: its documents (schemas `log_info`,
     `health`); `legs`: id, use, start_s and end_s of each.
@@ -325,7 +325,7 @@ def last_before(times: Array, clock: Array, values: Array) -> Array:
 
 
 def log_text(name: str, info: LogInfo, health: Document) -> str:
-    """What the log is, what it can be used for, its findings and its streams."""
+    """Return what the log is, what it can be used for, its findings and its streams."""
     size = (
         f"{health['bytes'] / 1e6:.2f} MB" if health["bytes"] >= 1e4 else f"{health['bytes']} bytes"
     )

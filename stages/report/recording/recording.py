@@ -344,12 +344,12 @@ def _edges_only(group: Document) -> bool:
 
 
 def _lines_of(group: Document) -> int:
-    """How many lines are drawn for each column of a group."""
+    """Return how many lines are drawn for each column of a group."""
     return 1 if not group.get("spread") else 2 if _edges_only(group) else 3
 
 
 def _roles_drawn(bundle: Sequence[Document]) -> list[str]:
-    """The role of every line of an entity; the edges of a spread are bands."""
+    """Return the role of every line of an entity; the edges of a spread are bands."""
     roles = []
     for group in bundle:
         lines = _lines_of(group)

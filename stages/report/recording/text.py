@@ -127,7 +127,7 @@ def _block(block: Document) -> list[str]:
 
 
 def table_lines(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """A Markdown table."""
+    """Return a Markdown table."""
     return [f"| {' | '.join(map(_plain, row))} |" for row in (heads, ["---"] * len(heads), *rows)]
 
 

@@ -86,7 +86,7 @@ def summarise(
     vehicle: Vehicle,
     shelf: Mapping[str, Vehicle],
 ) -> Summary:
-    """The summary of one campaign."""
+    """Return the summary of one campaign."""
     models = tuple(ranking.models)
     judged = any(model.axes[ALL].validation is not None for model in models)
     chosen = next((model for model in models if model.name == ranking.choice), None)

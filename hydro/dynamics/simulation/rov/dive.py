@@ -88,7 +88,7 @@ class Dive:
 
     @property
     def reached(self) -> bool:
-        """Whether the flight lasted into the leg."""
+        """Return whether the flight lasted into the leg."""
         return self.end_s - self.start_s >= 1.0
 
     def tick_of(self, t_s: ArrayLike) -> Ints:

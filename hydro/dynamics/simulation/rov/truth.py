@@ -70,7 +70,7 @@ class RovTruth:
 
     @property
     def thrusters(self) -> Thrusters:
-        """The thrusters of the vehicle."""
+        """Return the thrusters of the vehicle."""
         assert self.vehicle.thrusters is not None
         return self.vehicle.thrusters
 
@@ -86,7 +86,7 @@ class RovTruth:
 
     @cached_property
     def tables(self) -> RovTables:
-        """The constants for the loop."""
+        """Return the constants for the loop."""
         vehicle, thrusters = self.vehicle, self.thrusters
         allocation, curve = thrusters.allocation, thrusters.curve
         model = self.hull if isinstance(self.hull, IdentifiedModel) else IdentifiedModel("none", {})

@@ -50,7 +50,7 @@ class Difference:
 
     @property
     def equal(self) -> bool:
-        """Whether everything has a partner and equals it within tolerance."""
+        """Return whether everything has a partner and equals it within tolerance."""
         return not (self.departures or self.figures or self.signals or self.unmatched)
 
     @property
@@ -61,7 +61,7 @@ class Difference:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The difference as JSON."""
+        """Return the difference as JSON."""
         return {
             "first": self.names[0],
             "second": self.names[1],

@@ -118,7 +118,7 @@ class ColumnMap:
 
     @property
     def of_time(self) -> tuple[str, ...]:
-        """The columns of the time."""
+        """Return the columns of the time."""
         return (self.time, *([self.nanoseconds] if self.nanoseconds else []))
 
 

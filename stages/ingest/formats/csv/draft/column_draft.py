@@ -65,7 +65,7 @@ class ColumnDraft:
 
     @property
     def streams(self) -> tuple[str, ...]:
-        """The streams that the draft fills."""
+        """Return the streams that the draft fills."""
         there = {item.stream for item in self.columns}
         return tuple(name for name in STREAMS if name in there)
 

@@ -83,12 +83,12 @@ class VelocityEvidence:
 
     @property
     def of_accelerometer(self) -> PlanarTurn | None:
-        """The turn by the accelerometer where it is sure."""
+        """Return the turn by the accelerometer where it is sure."""
         return _sure(None if self.answer is None else self.answer.turn)
 
     @property
     def of_track(self) -> PlanarTurn | None:
-        """The turn of the track where it is sure."""
+        """Return the turn of the track where it is sure."""
         return _sure(self.track)
 
 
