@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,17 @@ from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.gliding.steady_glide import net_buoyancy
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.glide.comparison import GlideComparison, compare
+from auvid.hydro.identification.glide.drive_gap import (
+    ALL_FIGURES,
+    LIFT,
+    DriveGap,
+    doubted,
+    drive_gap,
+)
 from auvid.hydro.identification.glide.settled import SettlingRules
 from auvid.stages.base import Collection, Document, Stage, param, port
 from auvid.stages.glide.card import glide_card, glide_ranking
-from auvid.stages.glide.figures import glide_results
+from auvid.stages.glide.figures import glide_results, mean_pitch
 from auvid.stages.glide.glider import Glider, glider_of
 from auvid.stages.glide.legs import GlideLegs, legs_of
 from auvid.stages.glide.presentation import glide_section, glide_views
@@ -108,7 +115,25 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         stretch_s=params.stretch_s,
         constant_density=params.constant_density,
     )
-    comparison = compare(glides.rows, body=glider.body, prior=glider.prior(glides.stroke_m3))
+    prior = glider.prior(glides.stroke_m3)
+    comparison = compare(glides.rows, body=glider.body, prior=prior)
+    steady = np.isfinite(comparison.estimate.predict(glides.rows).depth_rate_m_s)
+    if not steady.all():
+        words = (
+            f"{steady.size - steady.sum()} of {steady.size} stretches are pitched flatter than any"
+            " steady glide by the drag and lift that the others show: left out."
+        )
+        glides = replace(glides, rows=glides.rows.where(steady), warnings=(*glides.warnings, words))
+        comparison = compare(glides.rows, body=glider.body, prior=prior)
+    gap = drive_gap(
+        glides.rows,
+        comparison.estimate,
+        body=glider.body,
+        prior=prior,
+        stroke_m3=glides.stroke_m3,
+        pitch_rad=mean_pitch(glides),
+    )
+    comparison = _doubted(comparison, glides, gap)
     results = glide_results(comparison, glides, glider)
     card = glide_card(comparison, glides, inputs.vehicle)
     return Outputs(
@@ -116,9 +141,21 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         _table(comparison, glides),
         {card.name: card},
         glide_ranking(card),
-        glide_section(comparison, glides, glider, results),
+        glide_section(comparison, glides, glider, results, gap),
         glide_views(glides),
     )
+
+
+def _doubted(
+    comparison: GlideComparison, glides: GlideLegs, gap: DriveGap | None
+) -> GlideComparison:
+    """Return the comparison with figures weak that a doubtful pitch or drive moves."""
+    estimate = comparison.estimate
+    if glides.pitch_zero and "alpha_0" not in estimate.free:
+        estimate = doubted(estimate, *LIFT)
+    if gap is not None and gap.named:
+        estimate = doubted(estimate, *ALL_FIGURES)
+    return replace(comparison, estimate=estimate)
 
 
 def _rules(params: Params, glider: Glider) -> SettlingRules:

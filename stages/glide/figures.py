@@ -102,7 +102,8 @@ def _of_glide(
         elif name != "C_D" and not lift_is_free:
             verdict = "from the prior"
         else:
-            verdict = "identified" if clear_of_zero(value, error) else "weak"
+            clear = clear_of_zero(value, error) and name not in estimate.doubted
+            verdict = "identified" if clear else "weak"
         rows.append(
             _figure(
                 estimate,

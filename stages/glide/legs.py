@@ -37,6 +37,10 @@ LEAST_SAMPLES = 50
 FLATTER_RAD = float(np.radians(3.0))
 """A glide is steeper than its pitch, for its lift holds what weight or buoyancy has across the
 path. Both ways together, a zero of the pitch and the angle without lift cancel."""
+FLATTER_ONE_WAY_RAD = float(np.radians(8.0))
+"""The same with speed one way only, where a zero of the pitch of some degrees looks alike."""
+STEEPER_RAD = (float(np.radians(-1.0)), float(np.radians(7.0)))
+"""Angles of attack that gliders have, beside a zero of the pitch of one degree."""
 WRONG_WAY = 0.9
 """Share of glides against the drive from which on its sign is the fault."""
 
@@ -45,8 +49,8 @@ WRONG_WAY = 0.9
 class GlideLegs:
     """Rows of all legs, the settled glides by leg, stroke of the drive [m^3].
 
-    `leg_of_glide`: leg of each glide, numbered over all legs. `stuck`: glides that are
-    left out because the drive stands on the other side, in words.
+    `leg_of_glide`: leg of each glide, numbered over all legs. `pitch_zero`: what speaks
+    for a zero of the pitch or a wrong speed where speed is known one way only, in words.
     """
 
     rows: GlideRows
@@ -55,6 +59,7 @@ class GlideLegs:
     stroke_m3: float
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default_factory=tuple)
+    pitch_zero: str = ""
 
     @property
     def directions(self) -> list[str]:
@@ -115,9 +120,13 @@ def legs_of(
     if count < LEAST_GLIDES:
         head = f"{count} settled glide{'s' * (count > 1)} of at least {LEAST_GLIDES}"
         raise _unsettled(head, settled, rules, warnings)
-    _check_speed(result.rows, result.leg_of_glide)
+    pitch_zero = _check_speed(result.rows, result.leg_of_glide)
     _check_units(result, glider)
-    return replace(result, warnings=tuple(warnings))
+    if pitch_zero and len(set(result.directions)) == 1:
+        # Nothing else tells the zero of the pitch: such a speed would run the lift away.
+        result = replace(result, rows=result.rows.without_speed())
+        pitch_zero += " Lift is that of the vehicle file, without the speed."
+    return replace(result, warnings=tuple(warnings), pitch_zero=pitch_zero)
 
 
 def _stroke(drive_m3: Array) -> float:
@@ -335,15 +344,16 @@ def _span(t_s: Array) -> tuple[float, float]:
     return float(t_s[0]), float(t_s[-1])
 
 
-def _check_speed(rows: GlideRows, legs: Sequence[str]) -> None:
-    """Raise `DataError` for speeds that are not those through the water along the path.
+def _check_speed(rows: GlideRows, legs: Sequence[str]) -> str:
+    """Return what is odd of pitch and speed where speed is measured one way only.
 
-    No glider sinks faster than it moves, glides flatter than its pitch, or has one speed.
+    Raises `DataError` for speeds that are not those through the water along the path: no
+    glider sinks faster than it moves, glides flatter than its pitch, or has one speed.
     """
     speed, sink = rows.speed_m_s, np.abs(rows.depth_rate_m_s)
     finite = np.isfinite(speed)
     if not finite.any():
-        return
+        return ""
     faster: Mask = finite & (sink > speed)
     at = int(np.flatnonzero(faster if faster.any() else finite)[0])
     where = f"leg '{legs[rows.glide[at]]}' at {rows.t_s[at]:.0f} s"
@@ -368,7 +378,8 @@ def _check_speed(rows: GlideRows, legs: Sequence[str]) -> None:
     ways = [way & finite for way in (up, ~up) if (way & finite).any()]
     steep = [float(np.median(pitch[way])) for way in ways]
     flat = [float(np.median(path[way])) for way in ways]
-    if np.mean(steep) - np.mean(flat) > FLATTER_RAD:
+    steeper = float(np.mean(flat) - np.mean(steep))
+    if -steeper > (FLATTER_RAD if len(ways) == 2 else FLATTER_ONE_WAY_RAD):
         raise DataError(
             "the speed is more than pitch and depth rate allow: its path is flatter than the pitch",
             field="speed_m_s",
@@ -381,6 +392,14 @@ def _check_speed(rows: GlideRows, legs: Sequence[str]) -> None:
                 " out of the map: drag is told without it."
             ),
         )
+    if len(ways) == 2 or STEEPER_RAD[0] <= steeper <= STEEPER_RAD[1]:
+        return ""
+    one, other = ("climbs", "dives") if (up & finite).any() else ("dives", "climbs")
+    return (
+        f"By its speed the path of {one} is {np.degrees(steeper):.2g} deg steeper than their"
+        " pitch. The zero of the pitch sensor, or a speed that is not through the water, moves it"
+        f" so; speed on {other} as well would tell which."
+    )
 
 
 def _check_units(glides: GlideLegs, glider: Glider) -> None:

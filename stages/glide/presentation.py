@@ -9,6 +9,7 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison, trim_step
+from auvid.hydro.identification.glide.drive_gap import DriveGap
 from auvid.hydro.identification.glide.fit import UNKNOWNS
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
 from auvid.stages.glide.glider import Glider
@@ -31,11 +32,19 @@ PRINTED = {"C_L_alpha": "the lift slope C_L_alpha", "C_D1": "the induced drag C_
 
 
 def glide_section(
-    comparison: GlideComparison, glides: GlideLegs, glider: Glider, results: dict[str, Any]
+    comparison: GlideComparison,
+    glides: GlideLegs,
+    glider: Glider,
+    results: dict[str, Any],
+    gap: DriveGap | None,
 ) -> dict[str, Any]:
     """Return the section: what the glides tell and what not, figures, glides, plots."""
     estimate = comparison.estimate
     blocks = _findings(comparison, glides)
+    if gap is not None:
+        blocks.append(_drive_remark(gap, glides.stroke_m3))
+    if glides.pitch_zero:
+        blocks.append(remark(glides.pitch_zero, "warning"))
     blocks += [remark(words, "warning") for words in (*glides.warnings, *glides.notes)]
     body = glider.body
     blocks += [
@@ -175,6 +184,33 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
             )
         )
     return words
+
+
+def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
+    """Return whether the drive moves as far as logged, or what would not be seen of it."""
+    size, half = 1e6 * abs(gap.size_m3), 1e6 * NORMAL_95 * gap.error_m3
+    seen = f"{1e6 * abs(gap.seen_m3):.2g} cm³ ({abs(gap.seen_m3) / stroke_m3:.0%} of its stroke)"
+    drag = ""
+    if np.isfinite(gap.drag_factor):
+        drag = f" {abs(gap.drag_factor - 1.0):.0%} {'less' if gap.drag_factor < 1.0 else 'more'}"
+    if not gap.named:
+        drag = f", and C_D would be{drag}" if drag else ""
+        return remark(
+            "Dives and climbs agree in how their depth rates follow layers of the water and"
+            f" pressure. A drive that moves {seen} less between them than the log says would not"
+            f" be seen{drag}.",
+            "note",
+        )
+    less = "less" if gap.size_m3 < 0.0 else "more"
+    return remark(
+        "Dives and climbs disagree: by how their depth rates follow layers of the water and"
+        f" pressure, the drive moves {estimate(size, half)} cm³ {less} between them than the log"
+        f" says ({size / 1e6 / stroke_m3:.0%} of its stroke)."
+        + (f" C_D would then be{drag}; figures are weak." if drag else " Figures are weak.")
+        + " A drive at its stop one way, commands in place of its position, or another"
+        " compressibility of the hull than the vehicle file has?",
+        "warning",
+    )
 
 
 def _with_interval(value: float, error: float) -> str:

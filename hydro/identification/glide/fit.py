@@ -39,6 +39,8 @@ LOWERINGS = 20
 LEAST_GLIDES = 4
 LEAST_SPEEDS = 10
 """So many rows with a speed, in two glides or more, free the lift."""
+FLATTEST = (0.0, 0.15, 0.3, 0.45)
+"""Shares of the rows, the flattest ones, that are left out where no steady glide is so flat."""
 FREED = 0.7
 """The record frees an unknown that it alone knows better than this share of the prior."""
 OF_RECORD = ("alpha_0", "C_D1")
@@ -61,6 +63,7 @@ class GlideEstimate:
     file. `noise_covariance`: without the spread of the fixed ones. `residual_m_s`: RMS of
     depth rate and of speed (nan without). 1.96 standard errors are half of a 95 % interval:
     what the record says counts by Student's t with `degrees`, one less than its yos.
+    `doubted`: figures that are weak whatever their interval is.
     """
 
     values: Array
@@ -73,6 +76,7 @@ class GlideEstimate:
     rows: int
     verdicts: Mapping[str, GlideVerdict]
     body: GliderBody
+    doubted: tuple[str, ...] = ()
 
     @property
     def polar(self) -> Polar:
@@ -121,14 +125,28 @@ def fit_glides(
     s_g = J_g' (I - J_g H^-1 J_g')^-1 r_g of yo g (as if it had been left out:
     MacKinnon and White 1985, HC3, by clusters). Free are drag and, with dives and climbs,
     trim; lift where speed was measured; induced drag and zero-lift angle where the
-    record alone knows them better than FREED of the prior. Raises `DataError` for too few
-    glides and for a record that no balance fits.
+    record alone knows them better than FREED of the prior. Where a search ends at the edge
+    of what glides, the flattest rows are left out. Raises `DataError` for too few glides
+    and for a record that no balance fits.
     """
-    count = np.unique(rows.glide).size
-    if count < LEAST_GLIDES:
-        raise DataError(
-            "too few settled glides", value=int(count), allowed=f"at least {LEAST_GLIDES}"
-        )
+    steepness = np.abs(rows.state.pitch_rad)
+    for share in FLATTEST:
+        kept = rows.where(steepness >= np.quantile(steepness, share))
+        count = np.unique(kept.glide).size
+        if count < LEAST_GLIDES:
+            raise DataError(
+                "too few settled glides", value=int(count), allowed=f"at least {LEAST_GLIDES}"
+            )
+        problem, values, free = _solved(kept, body, prior)
+        if np.isfinite(problem.slopes(values)).all():
+            return _estimate(problem, values, free, prior)
+    raise _no_glide(rows)
+
+
+def _solved(
+    rows: GlideRows, body: GliderBody, prior: Mapping[str, FileFigure]
+) -> tuple[_Problem, Array, list[str]]:
+    """Return the least squares of rows, its values, and what the record frees."""
     measured = np.isfinite(rows.speed_m_s)
     up = rows.state.pitch_rad > 0.0
     free = ["C_D0"]
@@ -136,13 +154,12 @@ def fit_glides(
         free.append("trim")
     if measured.sum() >= LEAST_SPEEDS and np.unique(rows.glide[measured]).size > 1:
         free.append("C_L_alpha")
-    values = np.array([prior[name].mean for name in UNKNOWNS])
     problem = _Problem(rows, body, measured, np.array([0.01, 0.01]))
-    values = _start(problem, values)
+    values = _start(problem, np.array([prior[name].mean for name in UNKNOWNS]))
     values = problem.solve(values, free)
     if "trim" in free:
         values = _freed(problem, values, free, prior)
-    return _estimate(problem, values, free, prior)
+    return problem, values, free
 
 
 def _freed(
@@ -165,6 +182,32 @@ def _freed(
         else:
             problem.noise = noise
     return values
+
+
+def fitted_beside(
+    rows: GlideRows, estimate: GlideEstimate, name: str, part: Mask
+) -> tuple[float, float]:
+    """Return what an unknown is more in a part of the rows, and its standard error.
+
+    To first order beside the free unknowns. The error is infinite where nothing tells it.
+    """
+    measured = np.isfinite(rows.speed_m_s)
+    noise = np.where(np.isfinite(estimate.residual_m_s), estimate.residual_m_s, 1.0)
+    problem = _Problem(rows, estimate.body, measured, noise)
+    slopes = problem.slopes(estimate.values)
+    own = slopes[:, UNKNOWNS.index(name)] * np.concatenate([part, part[measured]])
+    columns = [UNKNOWNS.index(each) for each in estimate.free]
+    design = np.column_stack([slopes[:, columns], own])
+    residual = problem.residuals(estimate.values)
+    scale = np.linalg.norm(design, axis=0)
+    if not (np.isfinite(scale).all() and scale.all() and np.isfinite(residual).all()):
+        return 0.0, float("inf")
+    solved, _, rank, _ = np.linalg.lstsq(design / scale, -residual, rcond=1e-10)
+    if rank < scale.size:
+        return 0.0, float("inf")
+    covariance = _clustered(design, residual + design / scale @ solved, problem.yo)
+    error = float(np.sqrt(covariance[-1, -1])) * widened_by(estimate.degrees)
+    return float(solved[-1] / scale[-1]), error
 
 
 def drag_asked(rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFigure]) -> float:
@@ -269,14 +312,21 @@ def _start(problem: _Problem, values: Array) -> Array:
         if np.isfinite(problem.residuals(values)).all():
             return values
         values[1] *= 0.8
-    drive = problem.rows.state.drive_m3
-    raise DataError(
+    raise _no_glide(problem.rows)
+
+
+def _no_glide(rows: GlideRows) -> DataError:
+    """Return the error of rows that no balance fits."""
+    drive = rows.state.drive_m3
+    return DataError(
         "no drag makes a glide of these rows: net buoyancy and depth rate go against each other",
         field="buoyancy_drive_m3",
         value=f"{1e6 * drive.min():.3g} to {1e6 * drive.max():.3g} cm^3 while it glides",
         remedy=(
             "Was the drive at its stop, or does its column have another zero or unit than the"
-            " vehicle file? Mass and volume there decide at which drive it floats."
+            " vehicle file? Mass and volume there decide at which drive it floats. Or is it pitched"
+            " flatter than any glide by the lift_slope there? stages.glide.least_pitch_deg leaves"
+            " flat ones out."
         ),
     )
 

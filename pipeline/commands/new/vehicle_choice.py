@@ -138,7 +138,7 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
     if log.has("glider"):
         text = _of_glider(_annotated(SHIPPED_VEHICLES / "slocum.yaml", log), log)
         why = "figures of a Slocum: the log names no glider"
-        return VehicleChoice("slocum", why, _as_guess(text, why), guessed=True)
+        return VehicleChoice("slocum", why, _as_guess(_of_any_glider(text), why), guessed=True)
     if log.has("tow"):
         why = "a body under tow: its masses turn drag over mass into newtons"
         return VehicleChoice(OWN_FILE, why, _skeleton(log, ""))
@@ -186,6 +186,27 @@ def _as_moved(text: str, log: CheckedLog) -> str:
         "      source: the motion of the log\n      assumed: true\n"
     )
     return re.sub(r"^    direction:\n(?:      .*\n)+", entry, text, flags=re.MULTILINE)
+
+
+def _of_any_glider(text: str) -> str:
+    """Return the file of a Slocum with the spreads of gliders, where no log names one.
+
+    Gliders weigh 50 to 75 kg, and lift and induced drag go with their wings.
+    """
+    text = re.sub(
+        r"^(  induced_drag: .*\n)",
+        r"\1"
+        "  lift_slope_sd: {value: 1.5, unit: 1/rad, source: wings unknown, assumed: true}\n"
+        "  induced_drag_sd: {value: 4.0, unit: 1/rad^2, source: wings unknown, assumed: true}\n",
+        text,
+        flags=re.MULTILINE,
+    )
+    return re.sub(
+        r"^  mass: \{value: 5.0, .*$",
+        '  mass: {value: 9.0, unit: kg, source: "gliders weigh 50 to 75 kg", assumed: true}',
+        text,
+        flags=re.MULTILINE,
+    )
 
 
 def _of_glider(text: str, log: CheckedLog) -> str:

@@ -137,6 +137,23 @@ def test_dives_without_climbs_do_not_tell_drag_from_trim(ingested: ingest.Output
     assert "Only dives" in words
 
 
+def test_a_pitch_zero_of_some_degrees_one_way_takes_the_lift_from_the_file(
+    ingested: ingest.Outputs,
+) -> None:
+    """With dives alone, and speed, a zero of the pitch looks like a speed over ground."""
+
+    def change(columns: Columns) -> None:
+        up = columns["pitch_rad"] > 0.0
+        columns["pitch_rad"] = np.where(up, np.nan, columns["pitch_rad"] - np.radians(6.0))
+
+    outputs = run(ingested, change)
+    assert figures(outputs)["C_L_alpha"]["verdict"] == "from the prior"
+    assert figures(outputs)["angle of attack"]["verdict"] == "from the prior"
+    words = " ".join(block.get("text", "") for block in outputs.section["blocks"])
+    assert "the path of dives is -3" in words
+    assert "speed on climbs as well would tell which" in words
+
+
 def stuck(columns: Columns) -> None:
     """The drive stays where it is from 4300 s on."""
     t = (columns["time_us"] - columns["time_us"][0]) / 1e6

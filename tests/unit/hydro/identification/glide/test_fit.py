@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.constants import NORMAL_95
+from auvid.hydro.dynamics.gliding.flight import FlightPlan, FlyingBody, Yo, fly_yos
 from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
 from auvid.hydro.identification.glide.comparison import clearest_step, compare
 from auvid.hydro.identification.glide.fit import fit_glides
@@ -17,6 +18,7 @@ from tests.support.glider_twin import (
     BODY,
     POLAR,
     TRIM_M3,
+    WATER,
     file_figures,
     flight,
     record,
@@ -59,6 +61,26 @@ def test_figures_of_the_file_that_are_two_spreads_off_do_not_bind_the_record() -
     truth = POLAR.lift_slope * float(angle_of_attack(-np.radians(17.0), POLAR))
     assert lift == pytest.approx(truth, rel=0.03)
     assert abs(lift - truth) < 2.5 * error
+
+
+def test_glides_too_flat_to_be_steady_are_left_out_of_the_search() -> None:
+    """Climbs at 13 to 16 degrees fly on their momentum; the rest gives the truth."""
+    plan = FlightPlan(
+        tuple(
+            Yo(-float(np.radians(dive)), float(np.radians(climb)), -3.6e-4, 2.6e-4)
+            for dive, climb in ((27, 22), (34, 13), (24, 28), (20, 16), (30, 25))
+        ),
+        top_m=4.0,
+        bottom_m=90.0,
+        drive_m3_s=2e-5,
+        pitch_lag_s=5.0,
+    )
+    polar = Polar(drag=0.19, induced=14.0, lift_slope=7.5, zero_lift_rad=-0.02)
+    flown = fly_yos(FlyingBody(BODY, polar, TRIM_M3, -3.0, -55.0), WATER, plan)
+    estimate = fit_glides(rows_of(record(flown, 2, speed="dives")), body=BODY, prior=file_figures())
+    pitch = -float(np.radians(26.0))
+    truth = float(polar.drag_coefficient(angle_of_attack(pitch, polar)))
+    assert estimate.at_pitch(pitch)["C_D"][0] == pytest.approx(truth, rel=0.03)
 
 
 def test_scipy_finds_the_same_minimum() -> None:

@@ -45,3 +45,11 @@ def test_a_named_glider_is_neutral_in_the_water_of_its_log() -> None:
     assert "water_density: {value: 1027.0, unit: kg/m^3, source: median of the log" in text
     measured = text.replace("source: median of the log, assumed: true", "source: measured")
     assert vehicle_choice._of_glider(measured, log) == measured
+    unnamed = choose_vehicle(log, named=None, normalised=False).text
+    for words in (
+        "lift_slope_sd: {value: 1.5,",
+        "induced_drag_sd: {value: 4.0,",
+        "mass: {value: 9.0,",
+    ):
+        assert words in unnamed
+        assert words not in text
