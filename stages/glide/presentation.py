@@ -189,7 +189,9 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
 def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
     """Return whether the drive moves as far as logged, or what would not be seen of it."""
     size, half = 1e6 * abs(gap.size_m3), 1e6 * NORMAL_95 * gap.error_m3
-    seen = f"{1e6 * abs(gap.seen_m3):.2g} cm³ ({abs(gap.seen_m3) / stroke_m3:.0%} of its stroke)"
+    amount = (
+        f"{1e6 * abs(gap.limit_m3):.2g} cm³ ({abs(gap.limit_m3) / stroke_m3:.0%} of its stroke)"
+    )
     drag = ""
     if np.isfinite(gap.drag_factor):
         drag = f" {abs(gap.drag_factor - 1.0):.0%} {'less' if gap.drag_factor < 1.0 else 'more'}"
@@ -197,7 +199,7 @@ def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
         drag = f", and C_D would be{drag}" if drag else ""
         return remark(
             "Dives and climbs agree in how their depth rates follow layers of the water and"
-            f" pressure. A drive that moves {seen} less between them than the log says would not"
+            f" pressure. A drive that moves {amount} less between them than the log says would not"
             f" be seen{drag}.",
             "note",
         )

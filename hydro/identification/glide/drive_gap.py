@@ -36,15 +36,15 @@ ALL_FIGURES = ("C_D", "C_L", "alpha", *UNKNOWNS[:5])
 class DriveGap:
     """How much more the drive does on climbs than logged, beside the trim [m^3].
 
-    `error_m3`: standard error, of Student's t. `named`: it is clear and large. `seen_m3`: the
-    gap that is looked into, found or just not seen. `drag_factor`: C_D with it over that
+    `error_m3`: standard error, of Student's t. `named`: it is clear and large. `limit_m3`: the
+    gap that is looked into, found, or one that would just not be found. `drag_factor`: C_D with it over that
     without, nan where it is too large to say.
     """
 
     size_m3: float
     error_m3: float
     named: bool
-    seen_m3: float
+    limit_m3: float
     drag_factor: float
 
 
@@ -66,21 +66,21 @@ def drive_gap(
         return None
     least = LEAST_GAP * stroke_m3
     named = abs(size) > max(CLEAR_GAP * error, least)
-    seen = size if named else -max(NORMAL_95 * error, least)
-    if abs(seen) > MOST_GAP * stroke_m3:
-        return DriveGap(size, error, named, seen, float("nan"))
+    limit = size if named else -max(NORMAL_95 * error, least)
+    if abs(limit) > MOST_GAP * stroke_m3:
+        return DriveGap(size, error, named, limit, float("nan"))
     # Half of it each way, as the trim takes what both share.
-    state = replace(rows.state, drive_m3=rows.state.drive_m3 + seen * (up - 0.5))
+    state = replace(rows.state, drive_m3=rows.state.drive_m3 + limit * (up - 0.5))
     try:
         other = fit_glides(replace(rows, state=state), body=body, prior=prior)
     except DataError:
-        return DriveGap(size, error, named, seen, float("nan"))
+        return DriveGap(size, error, named, limit, float("nan"))
     factor = other.at_pitch(pitch_rad)["C_D"][0] / estimate.at_pitch(pitch_rad)["C_D"][0]
-    return DriveGap(size, error, named, seen, factor)
+    return DriveGap(size, error, named, limit, factor)
 
 
 def doubted(estimate: GlideEstimate, *names: str) -> GlideEstimate:
-    """Return an estimate whose figures of these names are weak where they were identified."""
+    """Return an estimate whose identified figures of these names are weak."""
     verdicts = {
         name: "weak" if name in names and verdict == "identified" else verdict
         for name, verdict in estimate.verdicts.items()
