@@ -187,7 +187,7 @@ def _findings(comparison: GlideComparison, glides: GlideLegs) -> list[Block]:
 
 
 def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
-    """Return whether the drive moves as far as logged, or what would not be seen of it."""
+    """Return whether the drive moves as far as logged, or what would not show."""
     size, half = 1e6 * abs(gap.size_m3), 1e6 * NORMAL_95 * gap.error_m3
     amount = (
         f"{1e6 * abs(gap.limit_m3):.2g} cm³ ({abs(gap.limit_m3) / stroke_m3:.0%} of its stroke)"

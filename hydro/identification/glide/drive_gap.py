@@ -36,8 +36,8 @@ ALL_FIGURES = ("C_D", "C_L", "alpha", *UNKNOWNS[:5])
 class DriveGap:
     """How much more the drive does on climbs than logged, beside the trim [m^3].
 
-    `error_m3`: standard error, of Student's t. `named`: it is clear and large. `limit_m3`: the
-    gap that is looked into, found, or one that would just not be found. `drag_factor`: C_D with it over that
+    `error_m3`: standard error, of Student's t. `named`: it is clear and large. `limit_m3`:
+    that gap, or the largest that would not be found. `drag_factor`: C_D with it over that
     without, nan where it is too large to say.
     """
 
