@@ -5,19 +5,32 @@ from __future__ import annotations
 import ctypes
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.long_series.heap import give_back_heap
 from auvid.pipeline.campaigns.campaign import Campaign
 
-PROCESS_BYTES = 400e6
-"""What a process takes with its libraries and compiled loops."""
-SAMPLE_BYTES = 4500.0
-"""What a leg takes per sample of the uniform clock. Measured on legs of 10 and 30 min at
-50 Hz with ten models: stage report 4.1 kB, residual 2.8, validate 2.5, fuse 1.9.
+OF_LEGS: Mapping[str, tuple[float, float]] = {
+    "resample": (317e6, 1150.0),
+    "fuse": (320e6, 1310.0),
+    "residual": (335e6, 1040.0),
+}
+"""Bytes that a process takes in a stage of single legs, whatever their length, and per sample
+of the uniform clock. Measured on legs of 10 min and 1 h at 50 Hz (decision 0122).
 """
+OF_CAMPAIGN: Mapping[str, tuple[float, float]] = {
+    "check_installation": (330e6, 1200.0),
+    "synthesise": (368e6, 1430.0),
+    "validate": (455e6, 610.0),
+    "report": (424e6, 990.0),
+}
+"""The same by the longest leg, in stages of all legs together, with ten models."""
+STARTING_BYTES = 150e6
+"""Of the process that starts others, which run stages of single legs."""
+MARGIN = 1.12
+"""Runs scatter by up to a tenth."""
 MEMORY_INFO = Path("/proc/meminfo")
 LIMIT = Path("/sys/fs/cgroup/memory.max")
 USED = Path("/sys/fs/cgroup/memory.current")
@@ -85,6 +98,23 @@ def _bytes_to_own_limit() -> float:
     return max(0.0, float(limit) - pages * resource.getpagesize())
 
 
+def needed_bytes(samples: Sequence[float]) -> float:
+    """Return what legs of so many samples take, the longest first, side by side.
+
+    Stages of all legs run in one process, and hold one leg at a time.
+    """
+    side_by_side = sum(
+        max(fixed + per_sample * count for fixed, per_sample in OF_LEGS.values())
+        for count in samples
+    )
+    if len(samples) > 1:
+        side_by_side += STARTING_BYTES
+    together = max(
+        fixed + per_sample * max(samples, default=0.0) for fixed, per_sample in OF_CAMPAIGN.values()
+    )
+    return MARGIN * max(side_by_side, together)
+
+
 def shortage(
     campaign: Campaign,
     log_lengths_s: Mapping[str, float],
@@ -94,8 +124,7 @@ def shortage(
 ) -> DataError | None:
     """Return why the longest legs do not fit into memory side by side, or None.
 
-    A leg takes `PROCESS_BYTES` + `SAMPLE_BYTES` per sample, and `workers` legs are under
-    way at a time; `available` in bytes.
+    `workers` legs are under way at a time; `available` in bytes.
     """
     lengths = {
         name: min(leg.get("end_s") or float("inf"), log_lengths_s.get(leg["log"], 0.0))
@@ -103,10 +132,13 @@ def shortage(
         for name, leg in campaign.legs.items()
     }
     longest = sorted(lengths, key=lengths.__getitem__, reverse=True)[:workers]
-    needed = sum(PROCESS_BYTES + SAMPLE_BYTES * rate_hz * lengths[name] for name in longest)
+    needed = needed_bytes([rate_hz * lengths[name] for name in longest])
     if available is None or needed <= available:
         return None
-    fitting_s = (available - PROCESS_BYTES) / (SAMPLE_BYTES * rate_hz)
+    fitting_s = min(
+        (available / MARGIN - fixed) / (per_sample * rate_hz)
+        for fixed, per_sample in (*OF_LEGS.values(), *OF_CAMPAIGN.values())
+    )
     parts = [
         f"cut it into legs of at most {fitting_s:.0f} s (start_s, end_s)"
         if fitting_s > 10.0
