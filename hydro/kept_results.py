@@ -17,6 +17,7 @@ from typing import Any, ParamSpec, TypeGuard, TypeVar
 import numpy as np
 
 from auvid.hydro.arrays import Array
+from auvid.hydro.long_series.long_arrays import let_go
 
 MOST_RESULTS = 1024
 """Results of each comparison; they are small, the records are not kept."""
@@ -40,6 +41,7 @@ def kept(
         if longest is not None and any(len(it) > longest for it in args if _is_array(it)):
             return compare(*args, **named)
         key = contents([*args, *sorted(named.items())])
+        let_go()
         result: Any = results.get(key, missing)
         if result is missing:
             result = results[key] = compare(*args, **named)

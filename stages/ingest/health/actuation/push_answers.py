@@ -21,7 +21,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     response_gains,
 )
 from auvid.hydro.identification.checks.robust_gains import AxisGains
-from auvid.hydro.long_series.long_arrays import laid_down
+from auvid.hydro.long_series.long_arrays import laid_down, let_go
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
@@ -166,6 +166,7 @@ def push_lags(
         if float(motion.std()) < SMALLEST_MOTION:
             continue
         force = pushed[:, [axis]]
+        let_go()
         if axis in RIGHTED and log.has("attitude"):
             # Below its resonance a hull that rights itself goes against a small thrust.
             angle = log.column("attitude", ATTITUDE[axis - 3])
