@@ -25,7 +25,7 @@ from auvid.hydro.identification.checks.robust_gains import (
     stacked,
 )
 from auvid.hydro.kept_results import kept, signs_of
-from auvid.hydro.long_series.long_arrays import let_go
+from auvid.hydro.long_series.long_arrays import laid_down, let_go
 
 LONGEST_STEP_S = 1.0
 """A window across a longer pause of a sensor is left out."""
@@ -612,7 +612,7 @@ def gains_by_motion(
 
 def _turned(columns: Array, signs: Array) -> Array:
     """Return columns (n, k) by signs (k,), themselves where none is turned."""
-    return columns if (signs > 0.0).all() else columns * signs
+    return columns if (signs > 0.0).all() else laid_down(columns * signs)
 
 
 @kept

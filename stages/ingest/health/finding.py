@@ -248,6 +248,13 @@ class CheckedLog:
         )
 
 
+def finite(values: Array, *, nan: float = 0.0) -> Array:
+    """Return values with a number for nan, themselves where all are finite."""
+    if np.isfinite(values).all():
+        return values
+    return laid_down(np.nan_to_num(values, nan=nan))
+
+
 def finding(
     name: str,
     text: str,

@@ -12,7 +12,6 @@ from auvid.hydro.arrays import Mask
 from auvid.hydro.dynamics.actuators.thrusters import Thrusters
 from auvid.hydro.identification.checks.answers import PlanarTurn
 from auvid.hydro.identification.checks.response import Response
-from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import ATTITUDE, GYRO, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.actuation.plausible_forces import borne_weight, tells_shape
 from auvid.stages.ingest.health.actuation.push_answers import (
@@ -23,7 +22,7 @@ from auvid.stages.ingest.health.actuation.push_answers import (
 from auvid.stages.ingest.health.actuation.single_outputs import rest_of
 from auvid.stages.ingest.health.agreement.motion import depth_answers
 from auvid.stages.ingest.health.agreement.velocity.velocity_axes import SURE_ODDS, VelocityEvidence
-from auvid.stages.ingest.health.finding import CheckedLog, limit, listed
+from auvid.stages.ingest.health.finding import CheckedLog, finite, limit, listed
 from auvid.stages.number_format import percent
 
 Unseen = tuple[str, str]
@@ -171,7 +170,7 @@ def _rests_seldom(log: CheckedLog, thrusters: Thrusters) -> bool:
     if float(resting.mean()) >= LEAST_REST:
         return False
     values = log.values("actuators", log.thrusters())
-    return rest_of(laid_down(np.nan_to_num(values, nan=NEUTRAL_US)), thrusters) is None
+    return rest_of(finite(values, nan=NEUTRAL_US), thrusters) is None
 
 
 def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:

@@ -12,10 +12,16 @@ from auvid.hydro.arrays import Mask
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.identification.checks.motion_checks import response_gains
 from auvid.hydro.identification.checks.response import without_drift
-from auvid.hydro.long_series.long_arrays import laid_down
 from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    finding,
+    finite,
+    limit,
+    listed,
+)
 from auvid.stages.number_format import percent, significant
 
 PULSES_US = (800.0, 2200.0)
@@ -120,7 +126,7 @@ def _driven_by(log: CheckedLog, names: list[str]) -> str:
     Lights and a camera that tilts push none.
     """
     t_s = log.t_s("actuators")
-    named = laid_down(np.nan_to_num(log.values("actuators", log.thrusters())))
+    named = finite(log.values("actuators", log.thrusters()))
     both = np.column_stack([named, np.nan_to_num(log.values("actuators", names))])
     best, axis_of_best = 0.0, ""
     for axis, (at, motion, _) in motions(log).items():

@@ -10,8 +10,14 @@ import numpy as np
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.actuators.thrusters import NO_PULSE_US, Thrusters, thrust_from_pwm
-from auvid.hydro.long_series.long_arrays import laid_down
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    finding,
+    finite,
+    limit,
+    listed,
+)
 from auvid.stages.number_format import percent
 
 PARALLEL, FEWEST_PEERS = 0.95, 3
@@ -34,7 +40,7 @@ def single_output_findings(log: CheckedLog) -> Iterator[Finding]:
     names = [f"pwm_{number}_us" for number in vehicle.thrusters.outputs]
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
-    pulses = laid_down(np.nan_to_num(log.values("actuators", names)))
+    pulses = finite(log.values("actuators", names))
     t_s = log.t_s("actuators")
     yield from _resting(pulses, vehicle.thrusters)
     for group in _groups(vehicle.thrusters.allocation[:3]):

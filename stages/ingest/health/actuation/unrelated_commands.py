@@ -15,7 +15,14 @@ from auvid.stages.columns import FINS
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import CLEAR, push_responses
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    finding,
+    finite,
+    limit,
+    listed,
+)
 from auvid.stages.number_format import percent, significant
 
 SLOWEST_HZ = 1.5
@@ -86,11 +93,10 @@ def actuator_commands(log: CheckedLog) -> Array:
     names = [*log.thrusters(), *log.commands(), *others]
 
     def neutral() -> Array:
-        values = np.nan_to_num(log.values("actuators", names))
-        for index, name in enumerate(names):
-            if name.startswith("pwm_"):
-                values[values[:, index] == 0.0, index] = NEUTRAL_US
-        return laid_down(values)
+        values = finite(log.values("actuators", names))
+        pulses = np.array([name.startswith("pwm_") for name in names])
+        off = pulses & (values == 0.0)
+        return laid_down(np.where(off, NEUTRAL_US, values)) if off.any() else values
 
     return log.once("commands", (log.tables["actuators"],), neutral)
 

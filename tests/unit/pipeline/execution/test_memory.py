@@ -37,18 +37,18 @@ def campaign(tmp_path: Path) -> Campaign:
 
 def test_a_leg_of_hours_is_refused_with_the_length_that_fits(campaign: Campaign) -> None:
     assert memory.shortage(campaign, LENGTHS_S, 50.0, 1, 3e9) is None
-    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 1, 1.6e9)
+    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 1, 1.2e9)
     assert fault is not None
     words = str(fault)
     assert "leg 'survey' is too long" in words
-    assert "21600 s at 50 Hz take about 2.1 GB" in words
-    assert "found '1.6 GB left'" in words
-    assert "legs of at most 14833 s" in words
-    assert memory.shortage(campaign, LENGTHS_S, 25.0, 1, 1.6e9) is None
+    assert "21600 s at 50 Hz take about 1.7 GB" in words
+    assert "found '1.2 GB left'" in words
+    assert "legs of at most 13209 s" in words
+    assert memory.shortage(campaign, LENGTHS_S, 25.0, 1, 1.2e9) is None
 
 
 @pytest.mark.parametrize(
-    ("length_s", "measured"), [(600.0, 473e6), (3600.0, 626e6), (7200.0, 800e6)]
+    ("length_s", "measured"), [(600.0, 473e6), (3600.0, 664e6), (7200.0, 712e6)]
 )
 def test_what_a_leg_takes_is_reckoned_a_little_above_what_was_measured(
     length_s: float, measured: float
@@ -58,8 +58,8 @@ def test_what_a_leg_takes_is_reckoned_a_little_above_what_was_measured(
 
 
 def test_legs_side_by_side_count_together(campaign: Campaign) -> None:
-    assert memory.shortage(campaign, LENGTHS_S, 50.0, 1, 2.3e9) is None
-    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 2, 2.3e9)
+    assert memory.shortage(campaign, LENGTHS_S, 50.0, 1, 1.9e9) is None
+    fault = memory.shortage(campaign, LENGTHS_S, 50.0, 2, 1.9e9)
     assert fault is not None
     assert "with 1 more beside it" in str(fault)
     assert "--jobs 1" in str(fault)
