@@ -21,8 +21,8 @@ class OutsidePlace(Protocol):
     def lay_down(self, values: npt.NDArray[Any]) -> npt.NDArray[Any]:
         """Return the values as they lie there, read-only."""
 
-    def copied(self, path: str) -> npt.NDArray[np.uint8]:
-        """Return the bytes of a file as they lie there."""
+    def copied(self, path: str) -> npt.NDArray[np.uint8] | None:
+        """Return the bytes of a file as they lie there; None where they cannot."""
 
     def let_go(self) -> None:
         """Take what was read out of memory; it is read again where needed."""

@@ -98,7 +98,7 @@ def actuator_commands(log: CheckedLog) -> Array:
         off = pulses & (values == 0.0)
         return laid_down(np.where(off, NEUTRAL_US, values)) if off.any() else values
 
-    return log.once("commands", (log.tables["actuators"],), neutral)
+    return log.once(("commands", *names), (log.tables["actuators"],), neutral)
 
 
 def _finding(log: CheckedLog, related: Relation, axes: list[str]) -> Finding:

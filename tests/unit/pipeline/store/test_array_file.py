@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 import gc
 import os
+import resource
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -78,15 +81,62 @@ def test_a_log_that_is_cut_short_while_it_is_read_ends_no_process(tmp_path: Path
     assert copied_file(str(log), 2 * LONG_BYTES) is None
 
 
-def test_a_full_disk_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+def test_a_file_that_may_not_grow_is_named(tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LONG_BYTES // 2, limits[1]))
+    try:
+        with (
+            laid_down_in(ArrayFile(tmp_path)),
+            pytest.raises(PipelineError, match=rf"{tmp_path.name}: .*File too large.*ulimit"),
+        ):
+            laid_down(LONG)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
-    place = ArrayFile(tmp_path)
-    monkeypatch.setattr("auvid.pipeline.store.array_file.mmap.mmap", full)
-    with laid_down_in(place), pytest.raises(PipelineError, match="No space left") as refused:
-        laid_down(LONG)
-    assert "Free some space" in str(refused.value)
+
+def test_arrays_stay_in_memory_where_no_more_files_can_be_open(tmp_path: Path) -> None:
+    """Each has one; of 85 legs with twelve arrays the last could not be opened."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (256, limits[1]))
+    try:
+        with laid_down_in(ArrayFile(tmp_path)):
+            parts = [laid_down(np.full(3, float(number)), 1) for number in range(300)]
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert [is_mapped(part) for part in parts] == [True] * 128 + [False] * 172
+    np.testing.assert_array_equal(np.array(parts)[:, 0], np.arange(300.0))
+
+
+def test_arrays_stay_in_memory_where_no_file_can_be_mapped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none(*_: object, **__: object) -> None:
+        raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+
+    log = tmp_path / "log"
+    LONG.tofile(log)
+    monkeypatch.setattr("auvid.pipeline.store.array_file.mmap.mmap", none)
+    with laid_down_in(ArrayFile(tmp_path)):
+        assert laid_down(LONG) is LONG
+        np.testing.assert_array_equal(contents(log, file=log, what="log"), LONG.view(np.uint8).flat)
+
+
+def test_threads_lay_down_and_let_go_at_once(tmp_path: Path) -> None:
+    """Checks of a long log do; the set of maps changed while it was walked."""
+
+    def work(_: int) -> None:
+        kept = []
+        for _ in range(60):
+            kept.append(laid_down(np.ones(3), 1))
+            let_go()
+
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with laid_down_in(ArrayFile(tmp_path)), ThreadPoolExecutor(3) as pool:
+            list(pool.map(work, range(3)))
+    finally:
+        sys.setswitchinterval(before)
 
 
 def test_a_task_lays_long_arrays_down_beside_its_results(

@@ -13,6 +13,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.columns import LINEAR_VELOCITY
+from auvid.stages.ingest.health.actuation.unrelated_commands import actuator_commands
 from auvid.stages.ingest.health.causes import by_cause, by_mass
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding
 from auvid.stages.ingest.health.vehicle import body_findings
@@ -60,6 +61,15 @@ def test_arrays_of_a_log_are_made_once_and_anew_where_it_is_mended_or_cut(
     rows = (log.t_s("velocity") >= 10.0) & (log.t_s("velocity") < 20.0)
     cut = log.between(10.0, 20.0).values("velocity", LINEAR_VELOCITY)
     np.testing.assert_array_equal(cut, values[rows])
+
+
+def test_commands_are_those_of_the_outputs_that_a_mended_vehicle_names() -> None:
+    log = checked_log()
+    document = shipped_vehicle("bluerov2_heavy").document.model_dump(exclude_none=True)
+    before = actuator_commands(replace(log, vehicle=vehicle_from_document(document)))
+    document["actuators"]["thrusters"]["outputs"].reverse()
+    mended = actuator_commands(replace(log, vehicle=vehicle_from_document(document)))
+    np.testing.assert_array_equal(mended, before[:, ::-1])
 
 
 @pytest.mark.parametrize(
