@@ -249,7 +249,7 @@ class _Reinsch:
         return _slope([_half_log_det(self.cholesky(lam * step)) for step in STEPS[[1, 2, 4, 5]]])
 
     def rough_trace(self, lam: float) -> float:
-        """Return tr(I - A) to some 1e-5 of it, from two points."""
+        """Return tr(I - A) to 2e-3 of it, from two points: that finds the interval to search."""
         above, below = (_half_log_det(self.cholesky(lam * step)) for step in STEPS[[4, 2]])
         return (above - below) / LOG_STEP
 
@@ -278,7 +278,7 @@ class _Reinsch:
 
         def score(log_lam: float, signal: Array) -> float:
             lam = float(np.exp(log_lam))
-            return criterion(signal - self.fit(signal, lam)[0], self.rough_trace(lam))
+            return criterion(signal - self.fit(signal, lam)[0], self.trace_of_residual_maker(lam))
 
         def scores_beside(log_lam: float, signal: Array) -> list[float]:
             """Return the scores a step below, at and above, from seven factors."""
