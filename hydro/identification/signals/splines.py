@@ -249,7 +249,7 @@ class _Reinsch:
         return _slope([_half_log_det(self.cholesky(lam * step)) for step in STEPS[[1, 2, 4, 5]]])
 
     def rough_trace(self, lam: float) -> float:
-        """Return tr(I - A) to 2e-3 of it, from two points: that finds the interval to search."""
+        """Return tr(I - A) to 2e-3 of it, which tells the interval to search."""
         above, below = (_half_log_det(self.cholesky(lam * step)) for step in STEPS[[4, 2]])
         return (above - below) / LOG_STEP
 

@@ -112,6 +112,20 @@ def test_is_not_caught_in_a_local_minimum_of_the_gcv_score() -> None:
     )
 
 
+def test_a_signal_that_is_nearly_interpolated_has_its_least_score() -> None:
+    """The trace is small there: an error of 2e-3 of it moved log lambda by 2."""
+    rng = np.random.default_rng(2)
+    t, y = np.arange(600.0), rng.standard_normal(600)
+    for _ in range(3):
+        y = np.cumsum(y)
+    y = y + 0.36 * rng.standard_normal(600)
+    best = smoothing_spline(t, y)
+    at_best = gcv_score(best.evaluate(t), y, float(best.edf))
+    for factor in (0.3, 3.0):
+        other = smoothing_spline(t, y, lam=float(best.lambda_) * factor)
+        assert gcv_score(other.evaluate(t), y, float(other.edf)) > at_best
+
+
 @pytest.mark.parametrize("lam", [1e-4, 0.1, 30.0])
 def test_degrees_of_freedom_are_the_trace_of_the_hat_matrix(lam: float) -> None:
     t, _ = noisy_sine(40, seed=7)
