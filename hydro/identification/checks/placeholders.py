@@ -13,6 +13,10 @@ LONGEST_S = 2.0
 LEAP = 3.0
 """A placeholder is so many usual steps away from the samples before and after it."""
 MOST_NUMBERS = 3
+FEWEST_OTHERS, PAST_STEP = 3, 1.5
+"""A sensor that rounds goes to the next step and comes back: a number that stands for none
+is so many of the least steps of the other numbers away, of which there are so many.
+"""
 FAR_MORE, AS_FAR = 20.0, 0.7
 """Count over that of the next number, and spread of the samples before it over that of all."""
 
@@ -57,11 +61,14 @@ def _leaping(
     short_first, short_end = first[inside], end[inside]
     if not short_first.size:
         return None
-    number = values[same][0]
+    others = np.unique(values[~same])
+    if others.size < FEWEST_OTHERS:
+        return None
+    number, apart = values[same][0], PAST_STEP * float(np.diff(others).min())
     before, after = (
         _difference(values[rows] - number, angle) for rows in (short_first - 1, short_end)
     )
-    far = max(LEAP * float(np.percentile(steps, 90.0)), least)
+    far = max(LEAP * float(np.percentile(steps, 90.0)), least, apart)
     leaps = (np.minimum(np.abs(before), np.abs(after)) > far) & (before * after > 0.0)
     spread = max(AS_FAR * float(np.std(values[~same])), least)
     anywhere = only and float(np.std(before)) > spread

@@ -33,6 +33,10 @@ and does not count for the rate.
 
 FEWEST_CHANGES, HELD_STEPS = 60, 2.5
 """Fewest changes that tell a period, and how many samples it must be longer than."""
+ROUNDING, LATTICE, FEWEST_STEPS = 1e-5, 0.02, 3
+"""Part of the range of rounded values within which they are one, part of a step by which they
+may lie beside its multiples, and how many steps differ.
+"""
 SURE_OF_PERIOD, LEAST_ANEW = 0.99, 0.6
 """Share of the changes that keep the period, and of its steps that bring a new value."""
 
@@ -332,3 +336,15 @@ def jumps(t_s: ArrayLike, values: ArrayLike, *, least: float, rate: float) -> np
     own = step[large]
     stays = (np.abs(own) > BEYOND_OTHERS * others) & (rise * np.sign(own) > OF_STEP * np.abs(own))
     return np.asarray(fresh[large[stays] + 1] - 1, dtype=np.intp)
+
+
+def rounding_step(values: Array) -> float | None:
+    """Return the step of which all values (n,) are multiples, None without one."""
+    sizes = np.unique(values[np.isfinite(values)])
+    gaps = np.diff(sizes)
+    gaps = gaps[gaps > ROUNDING * np.ptp(sizes)] if sizes.size else gaps
+    if gaps.size < FEWEST_STEPS:
+        return None
+    step = float(gaps.min())
+    places = (sizes - sizes[0]) / step
+    return step if float(np.abs(places - np.round(places)).max()) < LATTICE else None

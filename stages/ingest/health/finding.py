@@ -40,6 +40,8 @@ MOTOR_FUNCTIONS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of Motor1 
 MOTORS = 8
 SWING_US = 40.0
 """Pulses beyond the dead band of a speed controller."""
+MOST_THERE = 0.5
+"""Share of its numbers that a measured column has at least."""
 MOST_KEPT_ROWS = 200_000
 """Of a stream whose arrays are kept from check to check; it bounds the memory."""
 
@@ -161,6 +163,20 @@ class CheckedLog:
         pulses = self.column("actuators", output)
         low, high = np.nanmin(pulses, initial=NEUTRAL_US), np.nanmax(pulses, initial=NEUTRAL_US)
         return bool(low < NEUTRAL_US - SWING_US and high > NEUTRAL_US + SWING_US)
+
+    def without_empty(self, stream: str, names: Sequence[str]) -> CheckedLog:
+        """Return the log without rows of a stream in which one of these numbers is missing.
+
+        A column that lacks most of its numbers is one that is not measured, and takes no
+        other with it.
+        """
+        if not self.has(stream):
+            return self
+        table, there = self.tables[stream], np.isfinite(self.values(stream, names))
+        rows = there[:, there.mean(axis=0) > MOST_THERE].all(axis=1)
+        if rows.all():
+            return self
+        return replace(self, tables={**self.tables, stream: table.filter(rows)}, _times={})
 
     def body_velocity(self) -> Array:
         """Return the velocity (n, 3) without the mounting of the vehicle file."""
@@ -294,6 +310,11 @@ def limit(name: str) -> float:
 def listed(words: Sequence[str]) -> str:
     """Join words with commas, and `and` before the last."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def how_often(count: int) -> str:
+    """Return `once`, `3 times`."""
+    return "once" if count == 1 else f"{count} times"
 
 
 def counted(count: int, word: str) -> str:

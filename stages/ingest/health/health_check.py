@@ -19,6 +19,7 @@ from auvid.hydro.identification.signals.pose.track import PoseTrack
 from auvid.hydro.long_series.heap import give_back_heap
 from auvid.hydro.long_series.long_arrays import let_go
 from auvid.hydro.long_series.threads import at_once
+from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
@@ -136,6 +137,7 @@ def check_health(
     barometer is in the water.
     """
     log = CheckedLog(tables, info, dropped, vehicle, others, track)
+    log = log.without_empty("velocity", LINEAR_VELOCITY)
     rows = max(table.num_rows for table in tables.values())
     if rows > LONG_ROWS:
         give_back_heap()

@@ -17,6 +17,7 @@ from auvid.hydro.identification.checks.signal_checks import (
     flat_top,
     hold_period_s,
     repeats,
+    rounding_step,
     slow_speed,
 )
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
@@ -108,8 +109,6 @@ UNIT_WORDS = {"_rad_s": "rad/s", "_m_s2": "m/s^2", "_m_s": "m/s", "_m": "m"}
 VELOCITY_STEP = limit("velocity_coarse")
 COARSE = {"_rad_s": 0.02, "_m_s2": 0.2, "_m_s": 0.05, "_rad": math.radians(0.45), "_m": 0.09}
 """Steps of values beyond which rounding is most of their noise, by unit."""
-LATTICE, FEWEST_STEPS = 0.02, 3
-"""Part of a step by which rounded values may lie beside its multiples, and how many differ."""
 
 
 def file_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -362,7 +361,7 @@ def coarse_findings(log: CheckedLog) -> Iterator[Finding]:
         if not log.has(stream) or stream == "position":
             continue
         there = [name for name in names if name in log.tables[stream].column_names]
-        steps = {name: _step(log.column(stream, name)) for name in there}
+        steps = {name: rounding_step(log.column(stream, name)) for name in there}
         coarse = {
             name: step
             for name, step in steps.items()
@@ -384,18 +383,6 @@ def _of_unit(limits: Mapping[str, float], name: str) -> float:
     return next(
         limits[unit] for unit in sorted(limits, key=len, reverse=True) if name.endswith(unit)
     )
-
-
-def _step(values: Array) -> float | None:
-    """Return the step of which all values are multiples, None without one."""
-    sizes = np.unique(values[np.isfinite(values)])
-    gaps = np.diff(sizes)
-    gaps = gaps[gaps > ROUNDING * np.ptp(sizes)] if sizes.size else gaps
-    if gaps.size < FEWEST_STEPS:
-        return None
-    step = float(gaps.min())
-    places = (sizes - sizes[0]) / step
-    return step if float(np.abs(places - np.round(places)).max()) < LATTICE else None
 
 
 def _in_words(step: float, name: str) -> str:

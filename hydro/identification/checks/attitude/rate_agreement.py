@@ -10,6 +10,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array, median, unwrapped
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.checks.motion_checks import WINDOW_S, integrals, windows
 from auvid.hydro.identification.checks.response import peak_of_parabola
 from auvid.hydro.identification.checks.robust_gains import fitted_gains
@@ -49,11 +50,12 @@ class RateAgreement:
     read `lag_s` later, `largest` (3, 3) its size at any lag, and `lags_s` (3,) the best
     lag of each axis by itself; `scale` (3,): gyro per attitude rate of the same axis,
     near 1 where noise in either record leaves that open; `std` (3,) of the attitude's
-    body rates and `bias` (3,), the mean of the gyro less theirs [rad/s]; `count` of
-    intervals. A positive lag: the gyro shows a turn after the attitude does; `lag_odds`
-    (3,): logarithm of its likelihood over that of any within .05 s, by each axis. `jumps`
-    intervals in which the attitude turned without the gyro, by `largest_jump` [rad] at
-    most, are left out of the comparison; `jump_at_s` is the time of the largest.
+    body rates, `usual` (3,), that by what 95 % of them stay below, and `bias` (3,), the
+    mean of the gyro less theirs [rad/s]; `count` of intervals. A positive lag: the gyro
+    shows a turn after the attitude does; `lag_odds` (3,): logarithm of its likelihood
+    over that of any within .05 s, by each axis. `jumps` intervals in which the attitude
+    turned without the gyro, by `largest_jump` [rad] at most, are left out of the
+    comparison; `jump_at_s` is the time of the largest.
     """
 
     correlation: Array
@@ -62,6 +64,7 @@ class RateAgreement:
     lags_s: Array
     lag_odds: Array
     std: Array
+    usual: Array
     bias: Array
     count: int
     jumps: int
@@ -151,6 +154,7 @@ def rate_agreement(
         np.array([peak_of_parabola(lags, axis) for axis in own.T]),
         odds,
         energy,
+        np.percentile(np.abs(centred), 95.0, axis=0) / NORMAL_95,
         bias,
         int(rows.size),
         int(np.count_nonzero(jumped)),

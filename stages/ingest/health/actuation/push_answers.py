@@ -61,6 +61,8 @@ explain as the vehicle file joins them where it is right, and where it is not.
 """
 TURNED_SHARE = 0.5
 """Least sum of the shares of surge and sway that a turned velocity must explain."""
+FEWEST_OF_TURNED = 50
+"""Windows of half a second that tell a turn: a sound log cut to 18 s looks turned by 45 degrees."""
 TURNS_GAP = 0.2
 """By how much less it may do so where the forces of turns are taken off."""
 LEAST_PUSH_RATIO, LARGEST_CORRELATION = 0.2, 0.9
@@ -351,6 +353,8 @@ def turned_answers(log: CheckedLog) -> Iterator[Finding]:
     turns |= {f"turned by {sign * 45} degrees": np.radians(-sign * 45) for sign in (-1, 1)}
     candidates = {**turns, "over ground": -heading}
     answers = _turned_gains(t_s, pushed, at, speed, list(candidates.values()))
+    if min((item.count for gains in answers for item in gains), default=0) < FEWEST_OF_TURNED:
+        return
     shares = {
         words: sum(item.explained for item in gains if item.gain[0] > 0.0)
         for words, gains in zip(candidates, answers, strict=True)

@@ -29,8 +29,8 @@ from auvid.stages.columns import ATTITUDE, GYRO, OF_YAW, RATES
 from auvid.stages.ingest.health.finding import (
     CheckedLog,
     Finding,
-    counted,
     finding,
+    how_often,
     limit,
     listed,
 )
@@ -144,7 +144,7 @@ def gyro_findings(log: CheckedLog) -> Iterator[Finding]:
         yield from _deviation(t_s, angles, gyro)
     if agreement.jumps and not any(item["id"] in GYRO_WRONG for item in wrong):
         text = (
-            f"The attitude ({log.source('attitude')}) jumps {counted(agreement.jumps, 'time')}"
+            f"The attitude ({log.source('attitude')}) jumps {how_often(agreement.jumps)}"
             f" without the gyro, by up to {math.degrees(agreement.largest_jump):.0f} degrees (at"
             f" {agreement.jump_at_s:.1f} s).{_all_jumps(attitude_jumps(t_s, angles, *gyro)[0])}"
         )
@@ -508,8 +508,11 @@ def _axes(agreement: RateAgreement, slowly: Callable[[], Array]) -> Iterator[Fin
             yield finding(
                 "gyro_axes", text, stream="imu", value=float(abs(agreement.correlation[axis, best]))
             )
-        elif own < limit("gyro_disagrees") < slowly()[axis]:
-            continue  # quiet, and the angle is noisy
+        elif own < limit("gyro_disagrees") and (
+            agreement.usual[axis] < SMALLEST_COMPARED_RAD_S
+            or slowly()[axis] > limit("gyro_disagrees")
+        ):
+            continue  # quiet, and the angle is noisy, or settles once
         elif own < limit("gyro_disagrees"):
             text = (
                 f"Gyro {XYZ[axis]} and {RATES[axis]} of the attitude hardly agree (correlation"

@@ -52,6 +52,7 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     turned_velocity,
 )
 from auvid.stages.ingest.health.agreement.velocity.velocity_depth import (
+    is_rounded_away,
     level_velocity,
     unrelated_depth,
 )
@@ -476,7 +477,7 @@ def _late(log: CheckedLog) -> Iterator[Finding]:
     lag = velocity_lag(*records, lags_s=NEAR_LAGS_S, enough=ENOUGH)
     if lag is not None and lag[2] < 1.0 - LAG_GAIN:
         lag = velocity_lag(*records, lags_s=LAGS_S)
-    if lag is None:
+    if lag is None or is_rounded_away(log):
         return
     at, there, zero = lag
     count = (min(records[0][-1], records[4][-1]) - max(records[0][0], records[4][0])) / WINDOW_S

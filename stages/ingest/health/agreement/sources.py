@@ -20,8 +20,8 @@ from auvid.stages.ingest.health.finding import (
     ESTIMATED,
     CheckedLog,
     Finding,
-    counted,
     finding,
+    how_often,
     limit,
     listed,
     mounting_remedy,
@@ -114,7 +114,7 @@ def _jumps(log: CheckedLog, t_s: Array, depth: Array) -> Iterator[Finding]:
     largest = int(np.argmax(np.abs(steps)))
     yield finding(
         "depth_jumps",
-        f"Depth ({log.source('depth')}) jumps {counted(int(at.size), 'time')} and goes on at"
+        f"Depth ({log.source('depth')}) jumps {how_often(int(at.size))} and goes on at"
         f" another level, by {steps[largest]:+.2f} m at {t_s[at[largest]]:.1f} s from the start.",
         stream="depth",
         value=float(abs(steps[largest])),

@@ -26,12 +26,18 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
+from auvid.hydro.identification.checks.relation import Relation
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
     quaternion_of_euler,
 )
-from auvid.stages.ingest.health.actuation import force_clocks, plausible_forces
+from auvid.stages.ingest.health.actuation import (
+    force_clocks,
+    plausible_forces,
+    push_answers,
+    unrelated_commands,
+)
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.plausible_forces import MIRRORED, OWN
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
@@ -1715,6 +1721,50 @@ def test_tunnel_thrusters_that_rest_while_fins_steer_are_not_frozen() -> None:
     assert "outputs_frozen" not in log.ids()
 
 
+def test_one_number_that_is_missing_hides_no_mistake() -> None:
+    log = sound()
+    log.streams["velocity"]["u_m_s"][7] = np.nan
+    assert set(log.ids()) == {"command_lag", "heading_unseen"}
+    walk = np.random.default_rng(2).normal(0.0, 0.04, log.t_s("depth").size).cumsum()
+    log.streams["depth"]["depth_m"] = 5.0 + walk
+    assert "depth_unrelated" in log.ids()
+
+
+@pytest.mark.parametrize(("behind", "named"), [(0.05, False), (0.3, True)])
+def test_a_hull_that_is_stopped_at_once_has_hit_something(behind: float, named: bool) -> None:
+    """What goes on at another speed than rest has another velocity log."""
+    log = sound()
+    t_s = log.t_s("velocity")
+    log.streams["velocity"]["u_m_s"] = np.where(t_s < 30.0, 0.8, behind) + 0.02 * np.sin(t_s)
+    assert ("velocity_step" in log.ids()) == named
+
+
+def test_an_attitude_that_settles_at_the_start_disagrees_with_no_gyro() -> None:
+    """Of a vehicle that rests, the start alone decides how its angles turn."""
+    log = sound()
+    attitude, imu = log.streams["attitude"], log.streams["imu"]
+    noise = np.random.default_rng(4).standard_normal
+    settling = 0.6 * np.exp(-2.0 * log.t_s("attitude"))
+    for angle, rate in zip(("phi_rad", "theta_rad", "psi_rad"), RATE_COLUMNS, strict=True):
+        attitude[angle] = settling + 1e-4 * noise(settling.size)
+        imu[rate] = 2e-3 * noise(imu[rate].size)
+    assert "gyro_disagrees" not in log.every_id()
+
+
+def test_without_a_velocity_commands_of_the_log_explain_less(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A vehicle that holds roll and pitch itself shows one motion that its thrusters make."""
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    explained = Relation((0, 1, 2), np.full(3, 0.5), 2.0, 0.0, 1.0, 0.0, 0.0, 2.0)
+    monkeypatch.setattr(unrelated_commands, "relation", lambda *_: explained)
+    monkeypatch.setattr(unrelated_commands, "push_responses", lambda _: iter(()))
+    assert "commands_unrelated" in log.ids()
+    del log.streams["velocity"]
+    assert "commands_unrelated" not in log.ids()
+
+
 def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
     log = sound()
     at("velocity", 0.0, 99.0, v_m_s=0.0)(log)
@@ -1900,3 +1950,15 @@ def test_noise_of_a_level_hull_turns_no_axis_of_the_gyro() -> None:
     for seed in range(3):
         noise = np.random.default_rng(seed).standard_normal((2, len(t_s), 3))
         assert not list(_quiet_axes(t_s, 0.01 * noise[0], (t_s, 0.05 * noise[1])))
+
+
+def test_a_turned_velocity_needs_half_a_minute_of_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    cos, sin = np.cos(np.pi / 4.0), np.sin(np.pi / 4.0)
+    speed = log.streams["velocity"]
+    surge, sway = speed["u_m_s"].copy(), speed["v_m_s"].copy()
+    speed["u_m_s"], speed["v_m_s"] = cos * surge + sin * sway, cos * sway - sin * surge
+    assert "velocity_axes" in log.ids()
+    monkeypatch.setattr(push_answers, "FEWEST_OF_TURNED", 200)
+    assert "velocity_axes" not in log.ids()

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from auvid.hydro.identification.checks.attitude.depth_rate import DepthRates, depth_rates
+from auvid.hydro.identification.checks.signal_checks import rounding_step
 from auvid.stages.columns import ATTITUDE, LINEAR_VELOCITY
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
@@ -32,6 +33,12 @@ def _rates(log: CheckedLog) -> DepthRates | None:
         log.t_s("velocity"),
         log.body_velocity(),
     )
+
+
+def is_rounded_away(log: CheckedLog) -> bool:
+    """Return whether the steps of the depth are larger than what it changes in a second."""
+    rates, step = _rates(log), rounding_step(log.column("depth", "depth_m"))
+    return rates is not None and step is not None and step > float(np.std(rates.rise))
 
 
 def unrelated_depth(log: CheckedLog) -> Iterator[Finding]:

@@ -9,13 +9,23 @@ import numpy as np
 from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.identification.checks.signal_checks import jumps, slow_speed
 from auvid.stages.columns import LINEAR_VELOCITY, OF_FIXES, OF_POSES, SPEEDS
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
+from auvid.stages.ingest.health.finding import (
+    CheckedLog,
+    Finding,
+    counted,
+    finding,
+    how_often,
+    limit,
+    listed,
+)
 from auvid.stages.number_format import significant
 
 LEAP_M_S, LEAP_SPREADS = 1.0, 10.0
 """An outlier is so far from the median of five samples, and so many times what most are."""
 FASTEST_M_S2 = 1.5
 """A step of the velocity that is slower may be an acceleration."""
+STOPPED = 0.25
+"""Speed behind a step, as a part of it, up to which a hull has been stopped."""
 UNDER_WAY_M_S = 0.05
 LONGEST_ZERO_S = 2.0
 """Zeros that last longer are a rest, or a sensor that is stuck, which has its own check."""
@@ -55,7 +65,10 @@ def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def step_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield a velocity that steps to another value and goes on from there."""
+    """Yield a velocity that steps to another value and goes on from there.
+
+    A step to rest is that of a hull that hits something.
+    """
     if not log.has("velocity") or log.source("velocity").startswith((OF_FIXES, OF_POSES)):
         return
     values, t_s = log.values("velocity", LINEAR_VELOCITY), log.t_s("velocity")
@@ -64,13 +77,14 @@ def step_findings(log: CheckedLog) -> Iterator[Finding]:
         there = np.isfinite(values[:, axis])
         t, speed = t_s[there], values[there, axis]
         at = jumps(t, speed, least=limit("velocity_step"), rate=FASTEST_M_S2)
+        at = at[np.abs(speed[at + 1]) > STOPPED * np.abs(speed[at + 1] - speed[at])]
         steps += [(float(speed[row + 1] - speed[row]), float(t[row + 1]), name) for row in at]
     if not steps:
         return
     size, at_s, name = max(steps, key=lambda step: abs(step[0]))
     yield finding(
         "velocity_step",
-        f"The velocity ({log.source('velocity')}) steps {counted(len(steps), 'time')} to another"
+        f"The velocity ({log.source('velocity')}) steps {how_often(len(steps))} to another"
         f" value and goes on from there, {name} by {size:+.2f} m/s at {at_s:.1f} s from the start,"
         " faster than a vehicle is accelerated.",
         stream="velocity",

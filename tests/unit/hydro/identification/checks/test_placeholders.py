@@ -38,8 +38,9 @@ def test_zero_is_found_in_a_speed_that_is_near_zero_itself() -> None:
         np.clip(DEPTH, 4.2, 5.8),
         np.where(T % 20.0 < 6.0, 0.0, DEPTH),
         0.0192 + 0.0002 * np.round(np.random.default_rng(2).standard_normal(T.size)),
+        0.2 * np.round((DEPTH[:100].repeat(10) + 0.02 * np.sin(7.0 * T)) / 0.2),
     ],
-    ids=["noise", "rounded", "zero near zero", "clipped", "long rests", "still and rounded"],
+    ids=["noise", "rounded", "zero near zero", "clipped", "long rests", "still", "coarse"],
 )
 def test_a_sound_column_has_no_such_number(values: np.ndarray) -> None:  # type: ignore[type-arg]
     assert placeholder(T, values, 0.05) is None

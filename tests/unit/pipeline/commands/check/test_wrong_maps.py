@@ -890,7 +890,7 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
     "depth zeroed anew under way": (
         data(lambda z: z - 0.4 * (np.arange(z.size) > 400), "depth_m"),
         "depth_jumps",
-        "1 time and goes on at another level, by -0.4",
+        "jumps once and goes on at another level, by -0.4",
     ),
     "bottom track, then water track": (water_track, "velocity_step", "goes on from there"),
 }
@@ -1195,6 +1195,13 @@ def test_an_axis_that_keeps_its_sign_tells_no_change_of_others(
     monkeypatch.setattr(sign_changes, "sign_change", lambda *_: change)
     monkeypatch.setattr(sign_changes, "with_one_turn", lambda log: (log, []))
     assert "sign_changes" not in weighty(_dive())
+
+
+@pytest.mark.parametrize("step", [0.2, 0.3])
+def test_a_depth_in_coarse_steps_is_neither_late_nor_absent(step: float) -> None:
+    case = copy.deepcopy(_example())
+    data(lambda z: step * np.round(z / step), "depth_m")(case)
+    assert weighty(case) == ["values_coarse"]
 
 
 def test_pulses_of_one_frequency_that_are_turned_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
