@@ -22,6 +22,8 @@ from auvid.hydro.identification.checks.motion_checks import (
 from auvid.hydro.identification.checks.robust_gains import FEWEST_WINDOWS, fitted_gains
 from auvid.hydro.kept_results import kept
 
+NORMAL_FOURTH = 3.0
+"""Fourth moment of a normal distribution over the square of the second."""
 LONGEST_DELAY_S = 0.6
 """Thrusters, their controllers and the record take no longer to act."""
 
@@ -81,13 +83,18 @@ class PlanarTurn:
     """By how much one planar motion is turned against another, clockwise from above.
 
     `angle` and its standard deviation `sd` [rad]; `scale`, the ratio of their sizes;
-    `explained`, the share of the variance that the turned motion explains.
+    `explained`, the share of the variance that the turned motion explains. `bounds` of
+    the scale: noise of either motion lowers or raises it, and few large changes are all
+    that tells it where a vehicle is steady else, so that all windows count there as well;
+    `scale_sd`, its standard deviation in parts of it, is larger the fewer they are.
     """
 
     angle: float
     sd: float
     scale: float
     explained: float
+    bounds: tuple[float, float]
+    scale_sd: float
 
 
 @kept
@@ -126,5 +133,13 @@ def planar_turn(expected: Array, moved: Array) -> PlanarTurn | None:
     if gains is None or not np.isfinite(gains.sd).all():
         return None
     scale = float(np.hypot(*gains.gain))
-    sd = float(np.max(gains.sd)) / scale if scale else np.inf
-    return PlanarTurn(float(np.arctan2(*gains.gain[::-1])), sd, scale, gains.explained)
+    if not scale:
+        return None
+    along = (design @ gains.gain).ravel() / scale
+    shared = max(float(along @ y.ravel()), 1e-12)
+    low = min(scale, shared / max(float(along @ along), 1e-12))
+    high = max(scale / max(gains.explained, 1e-3), float(np.sum(y**2)) / shared)
+    angle, sd = float(np.arctan2(*gains.gain[::-1])), float(np.max(gains.sd)) / scale
+    few = float(np.mean(along**4) / max(np.mean(along**2) ** 2, 1e-12)) / NORMAL_FOURTH
+    scale_sd = sd * max(few, 1.0) ** 0.5
+    return PlanarTurn(angle, sd, scale, gains.explained, (low, high), scale_sd)

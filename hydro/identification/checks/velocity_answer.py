@@ -116,7 +116,7 @@ def velocity_answer(
         return np.asarray(moved - np.median(moved, axis=1)[:, None])
 
     changes = fitting = at_lags(speed)
-    odds = log_odds(changes, pulled)
+    odds = _mean_odds(changes, pulled)
     turn = planar_turn(pulled[:, :2], changes[int(np.argmax(odds)), :, :2])
     if turn is not None and (turn.explained < FITS or abs(turn.angle) > LARGE_TURN_RAD):
         # Of a velocity that is turned far any lag may fit best as it stands.
@@ -124,11 +124,11 @@ def velocity_answer(
         best = max((each for each in turns if each), key=lambda each: each.explained)
         if best.explained > LEAST_OF_TURN:
             back = at_lags(turned_back(speed, best.angle))
-            odds_back = log_odds(back, pulled)
+            odds_back = _mean_odds(back, pulled)
             if odds_back.max() - odds.max() > SURE_OF_TURN:
                 fitting, odds, turn = back, odds_back, turns[int(np.argmax(odds_back))]
     half = at < 0.5 * (at[0] + at[-1])
-    halves = np.stack([log_odds(fitting[:, rows], pulled[rows]) for rows in (half, ~half)])
+    halves = np.stack([_mean_odds(fitting[:, rows], pulled[rows]) for rows in (half, ~half)])
     return VelocityAnswer(lags, odds, halves, turn)
 
 
@@ -191,6 +191,19 @@ def log_odds(changes: Array, pulled: Array) -> Array:
     moving = (own > 0.0) & (left > 0.0)
     ratio = np.divide(own, left, out=np.ones_like(own), where=moving)
     return np.asarray(changes.shape[-2] * np.maximum(np.log(ratio), 0.0).sum(axis=-1))
+
+
+def _mean_odds(changes: Array, pulled: Array) -> Array:
+    """Return the mean of the log likelihood (k,) by medians and by squares.
+
+    Medians pass over the few changes of a vehicle that is steady else, squares follow a
+    few wrong samples.
+    """
+    left, own = (np.std(part, axis=-2) for part in (changes - pulled, changes))
+    moving = (own > 0.0) & (left > 0.0)
+    ratio = np.divide(own, left, out=np.ones_like(own), where=moving)
+    by_squares = changes.shape[-2] * np.maximum(np.log(ratio), 0.0).sum(axis=-1)
+    return np.asarray(0.5 * (log_odds(changes, pulled) + by_squares))
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,19 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
+from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.motion_checks import tilt_gains
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
 """Largest standard deviation of a gain of gravity, and the least share that it explains."""
+CLEAR, MOST_OF_LEVEL, SAME_TILT = 4.0, 0.5, 0.9
+"""Gain of gravity, with four standard deviations, of level axes, where roll and pitch turn as
+the gyro does: sound recordings and twins have .5 to 1.3, the same in axes of the earth 0 to .4.
+"""
 NAMED_UNITS = {
     STANDARD_GRAVITY**-2: "it was turned from m/s^2 to g twice",
     STANDARD_GRAVITY: "it is in m/s^2, declared as g",
@@ -125,6 +130,17 @@ def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     if turned:
         yield _turned_tilt(turned)
         return
+    if _is_level(log, x_own, y_own):
+        yield finding(
+            "accelerometer_axes",
+            "The accelerometer's x and y read no gravity as pitch and roll turn: they are level, in"
+            " axes of the earth or turned by the attitude, and not those of the body.",
+            stream="imu",
+            value=0.0,
+            fields=ACCELEROMETER[:2],
+            remedy="Map the accelerometer as it is mounted, before it is turned by the attitude.",
+        )
+        return
     crossed = all(_is_gravity(item) for item in (x_other, y_other))
     if not crossed or _is_gravity(x_own) or _is_gravity(y_own):
         return
@@ -168,6 +184,21 @@ def _is_gravity(item: AxisGains | None) -> bool:
         and item.sd[0] < SURE_TILT_SD
         and item.explained > LEAST_TILT_SHARE
         and abs(abs(item.gain[0]) - 1.0) < limit("accelerometer_axes")
+    )
+
+
+def _is_level(log: CheckedLog, *own: AxisGains | None) -> bool:
+    """Return whether no tilt that the gyro shows as well is in x and y."""
+    if any(item is None or abs(item.gain[0]) + CLEAR * item.sd[0] > MOST_OF_LEVEL for item in own):
+        return False
+    agreement = rate_agreement(
+        log.t_s("attitude"),
+        log.values("attitude", ATTITUDE),
+        log.t_s("imu"),
+        log.values("imu", GYRO),
+    )
+    return agreement is not None and bool(
+        min(agreement.correlation[axis, axis] for axis in (0, 1)) > SAME_TILT
     )
 
 

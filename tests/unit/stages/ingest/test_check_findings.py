@@ -1765,6 +1765,15 @@ def test_without_a_velocity_commands_of_the_log_explain_less(
     assert "commands_unrelated" not in log.ids()
 
 
+def test_an_accelerometer_in_axes_of_the_earth_is_named() -> None:
+    log = sound()
+    names = [f"accel_{axis}_m_s2" for axis in "xyz"]
+    turn, imu = rotation_body_to_ned(euler(log.t_s("imu"))), log.streams["imu"]
+    level = np.einsum("nij,nj->ni", turn, np.column_stack([imu[name] for name in names]))
+    imu |= dict(zip(names, level.T, strict=True))
+    assert "are level" in log.finding("accelerometer_axes")["text"]
+
+
 def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
     log = sound()
     at("velocity", 0.0, 99.0, v_m_s=0.0)(log)

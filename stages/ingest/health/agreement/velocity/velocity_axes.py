@@ -232,13 +232,12 @@ def scaled_velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Fin
         return
     if evidence.of_accelerometer is not None:
         turn = evidence.of_accelerometer
-        bounds = turn.scale, turn.scale / turn.explained
-        yield from _scale(log, turn, bounds, "the accelerometer adds up to")
+        yield from _scale(log, turn, turn.scale, turn.bounds, "the accelerometer adds up to")
     if evidence.of_track is not None:
         turn = evidence.of_track
         words = f"the track ({log.source('position')}) shows"
-        bounds = 1.0 / turn.scale, turn.explained / turn.scale
-        yield from _scale(log, turn, bounds, words)
+        low, high = turn.bounds
+        yield from _scale(log, turn, 1.0 / turn.scale, (1.0 / high, 1.0 / low), words)
 
 
 def _single_scales(
@@ -268,17 +267,17 @@ def _single_scales(
 
 
 def _scale(
-    log: CheckedLog, turn: PlanarTurn, bounds: tuple[float, float], words: str
+    log: CheckedLog, turn: PlanarTurn, scale: float, bounds: tuple[float, float], words: str
 ) -> Iterator[Finding]:
     """Yield a scale that is off, as fitted and without what noise took off it."""
-    scale, low, high = bounds[0], *sorted(bounds)
-    least, sd = limit("scale_off"), CLEAR * turn.sd * scale
+    low, high = bounds
+    least, sd = limit("scale_off"), CLEAR * turn.scale_sd * scale
     if low - sd < 1.0 + least and high + sd > 1.0 - least:
         return
     yield finding(
         "scale_off",
         f"Surge and sway of the velocity ({log.source('velocity')}) are {scale:.2f} +-"
-        f" {2.0 * turn.sd * scale:.2f} times what {words}{_unit_of(scale)}.",
+        f" {2.0 * turn.scale_sd * scale:.2f} times what {words}{_unit_of(scale)}.",
         stream="velocity",
         value=scale - 1.0,
         fields=LINEAR_VELOCITY[:2],
