@@ -140,6 +140,6 @@ def planar_turn(expected: Array, moved: Array) -> PlanarTurn | None:
     low = min(scale, shared / max(float(along @ along), 1e-12))
     high = max(scale / max(gains.explained, 1e-3), float(np.sum(y**2)) / shared)
     angle, sd = float(np.arctan2(*gains.gain[::-1])), float(np.max(gains.sd)) / scale
-    few = float(np.mean(along**4) / max(np.mean(along**2) ** 2, 1e-12)) / NORMAL_FOURTH
+    few = float(np.mean(along**4)) / max(float(np.mean(along**2)), 1e-6) ** 2 / NORMAL_FOURTH
     scale_sd = sd * max(few, 1.0) ** 0.5
     return PlanarTurn(angle, sd, scale, gains.explained, (low, high), scale_sd)
