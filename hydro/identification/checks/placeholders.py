@@ -64,11 +64,11 @@ def _leaping(
     others = np.unique(values[~same])
     if others.size < FEWEST_OTHERS:
         return None
-    number, apart = values[same][0], PAST_STEP * float(np.diff(others).min())
+    number, other_step = values[same][0], PAST_STEP * float(np.diff(others).min())
     before, after = (
         _difference(values[rows] - number, angle) for rows in (short_first - 1, short_end)
     )
-    far = max(LEAP * float(np.percentile(steps, 90.0)), least, apart)
+    far = max(LEAP * float(np.percentile(steps, 90.0)), least, other_step)
     leaps = (np.minimum(np.abs(before), np.abs(after)) > far) & (before * after > 0.0)
     spread = max(AS_FAR * float(np.std(values[~same])), least)
     anywhere = only and float(np.std(before)) > spread

@@ -165,7 +165,7 @@ class CheckedLog:
         return bool(low < NEUTRAL_US - SWING_US and high > NEUTRAL_US + SWING_US)
 
     def without_empty(self, stream: str, names: Sequence[str]) -> CheckedLog:
-        """Return the log without rows of a stream in which one of these numbers is missing.
+        """Return the log without rows of a stream that lack one of these numbers.
 
         A column that lacks most of its numbers is one that is not measured, and takes no
         other with it.

@@ -36,7 +36,7 @@ def _rates(log: CheckedLog) -> DepthRates | None:
 
 
 def is_rounded_away(log: CheckedLog) -> bool:
-    """Return whether the steps of the depth are larger than what it changes in a second."""
+    """Return whether the depth has steps larger than its change in a second."""
     rates, step = _rates(log), rounding_step(log.column("depth", "depth_m"))
     return rates is not None and step is not None and step > float(np.std(rates.rise))
 

@@ -43,10 +43,10 @@ def test_few_steps_tell_scale_and_lag_of_a_vehicle_that_is_steady_else(seed: int
     """Noise of the steady windows makes no other scale or lag likely."""
     noise = np.random.default_rng(seed)
     t_s = 0.125 * np.arange(960)
-    wanted = np.repeat(noise.uniform(-0.8, 0.8, 16), 60)
+    goals = np.repeat(noise.uniform(-0.8, 0.8, 16), 60)
     surge = np.zeros(t_s.size)
     for row in range(1, t_s.size):
-        surge[row] = surge[row - 1] + 0.1 * (wanted[row] - surge[row - 1])
+        surge[row] = surge[row - 1] + 0.1 * (goals[row] - surge[row - 1])
     still = np.zeros(t_s.size)
     speed = np.column_stack([surge, still, still])
     force = np.gradient(speed, t_s, axis=0) - [0.0, 0.0, 9.81]
