@@ -131,8 +131,10 @@ def fit_glides(
     """
     steepness = np.abs(rows.state.pitch_rad)
     for share in FLATTEST:
-        kept = rows.where(steepness >= np.quantile(steepness, share))
+        kept = rows.where(steepness >= np.quantile(steepness, share)) if share else rows
         count = np.unique(kept.glide).size
+        if count < LEAST_GLIDES and share:
+            break
         if count < LEAST_GLIDES:
             raise DataError(
                 "too few settled glides", value=int(count), allowed=f"at least {LEAST_GLIDES}"

@@ -77,10 +77,14 @@ def test_glides_too_flat_to_be_steady_are_left_out_of_the_search() -> None:
     )
     polar = Polar(drag=0.19, induced=14.0, lift_slope=7.5, zero_lift_rad=-0.02)
     flown = fly_yos(FlyingBody(BODY, polar, TRIM_M3, -3.0, -55.0), WATER, plan)
-    estimate = fit_glides(rows_of(record(flown, 2, speed="dives")), body=BODY, prior=file_figures())
+    rows = rows_of(record(flown, 2, speed="dives"))
+    estimate = fit_glides(rows, body=BODY, prior=file_figures())
     pitch = -float(np.radians(26.0))
     truth = float(polar.drag_coefficient(angle_of_attack(pitch, polar)))
     assert estimate.at_pitch(pitch)["C_D"][0] == pytest.approx(truth, rel=0.03)
+    four = rows.where(np.isin(rows.glide, (0, 1, 3, 6)))
+    with pytest.raises(DataError, match="no drag makes a glide"):  # settled they are
+        fit_glides(four, body=BODY, prior=file_figures())
 
 
 def test_scipy_finds_the_same_minimum() -> None:
@@ -123,6 +127,8 @@ def test_fewer_glides_than_their_spread_needs_are_refused() -> None:
     rows = rows_of(record(flight(), 3))
     with pytest.raises(DataError, match="too few settled glides"):
         fit_glides(rows.where(rows.glide < 3), body=BODY, prior=file_figures())
+    with pytest.raises(DataError, match="too few settled glides; found 0"):
+        fit_glides(rows.where(rows.glide < 0), body=BODY, prior=file_figures())
 
 
 def test_glides_held_out_are_predicted() -> None:
