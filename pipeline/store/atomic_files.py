@@ -203,7 +203,12 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
     FILES_READ.add(path.absolute())
     try:
         if path.is_dir():
-            raise PipelineError(f"{what} is a folder, not a file", file=file, value=str(path))
+            raise PipelineError(
+                f"{what} is a folder, not a file",
+                file=file,
+                value=str(path),
+                remedy="Name one of its files.",
+            )
         if path.exists() and not path.is_file():
             raise PipelineError(
                 f"{what} is no regular file",

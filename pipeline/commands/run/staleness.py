@@ -15,7 +15,8 @@ from auvid.pipeline.terminal import plain
 def stale_stage(run: Run, stages: Sequence[AnyStage]) -> str | None:
     """Return the first of these stages with results that are not up to date."""
     for stage in stages:
-        records = run.manifests[stage.name].records
+        manifest = run.manifests[stage.name]
+        records = manifest.records
         try:
             places = run.places(stage.maps_over) if records else []
             fresh = {*records} <= {place.item for place in places} and all(
@@ -23,7 +24,7 @@ def stale_stage(run: Run, stages: Sequence[AnyStage]) -> str | None:
             )
         except PipelineError:  # an input is gone, or a leg has another name
             fresh = False
-        if not fresh:
+        if manifest.damaged or not fresh:
             return stage.name
     return None
 

@@ -30,6 +30,7 @@ from auvid.pipeline.commands import open_run
 from auvid.pipeline.commands.new.new_example import example_log
 from auvid.pipeline.commands.open_run import show_progress
 from auvid.pipeline.commands.run import run_command, run_summary
+from auvid.pipeline.commands.run.staleness import stale_words
 from auvid.stages.base import ports
 from auvid.stages.registry import KINDS, STAGES
 from tests.support import toy_stages
@@ -160,6 +161,11 @@ def test_results_of_a_leg_that_has_another_name_are_of_an_earlier_run(
     code, out, _ = auvid(monkeypatch, capsys, "run", "toy", "--until", "decode")
     assert code == 0
     assert "not printed: results from stage cut on, of an earlier run" in out
+    auvid(monkeypatch, capsys, "run", "toy")
+    assert stale_words("toy") == ""
+    total = toy_workspace / "runs" / "toy" / "total" / "manifest.json"
+    total.write_text(total.read_text().replace('"code": "', '"code": "1'))
+    assert "results of toy from stage total on are not up to date" in stale_words("toy")
 
 
 def test_quiet_leaves_the_answer(
