@@ -10,6 +10,7 @@ where this floor is entered; so is that memory of freed arrays serves the next o
 import os
 
 from auvid.hydro.long_series.freed_memory import keep_freed_memory
+from auvid.pipeline.store.loop_folder import keep_loops_somewhere
 
 for _name in (
     "OPENBLAS_NUM_THREADS",
@@ -21,3 +22,4 @@ for _name in (
     os.environ[_name] = "1"
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
 keep_freed_memory()
+keep_loops_somewhere()

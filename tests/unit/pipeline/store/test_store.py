@@ -9,6 +9,8 @@ import errno
 import json
 import os
 import stat
+import subprocess
+import sys
 import tempfile
 import time
 from itertools import pairwise
@@ -532,3 +534,27 @@ def test_an_interruption_lets_the_writer_go_that_has_not_opened_yet(
     with pytest.raises(KeyboardInterrupt):
         next(saved_pieces(save))
     assert sum(written) == 2_000_000
+
+
+def test_loops_that_numba_can_keep_nowhere_are_kept_for_this_process(tmp_path: Path) -> None:
+    """As in a container: the packages belong to another user, and there is no home."""
+    program = """
+import os, sys
+from pathlib import Path
+from auvid.pipeline.store import loop_folder
+os.environ.pop(loop_folder.VARIABLE, None)
+loop_folder.PACKAGE = Path("/proc/none")
+loop_folder.keep_loops_somewhere()
+print(os.environ[loop_folder.VARIABLE])
+"""
+    nowhere = {**os.environ, "HOME": "/proc/none", "XDG_CACHE_HOME": "", "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=nowhere, capture_output=True, text=True, check=True
+    )
+    assert Path(done.stdout.strip()).parent == tmp_path
+    assert list(tmp_path.iterdir()) == []  # it goes with the process
+    kept = {**nowhere, "XDG_CACHE_HOME": str(tmp_path)}
+    refused = subprocess.run(
+        [sys.executable, "-c", program], env=kept, capture_output=True, text=True, check=False
+    )
+    assert "KeyError: 'NUMBA_CACHE_DIR'" in refused.stderr
