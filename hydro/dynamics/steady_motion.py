@@ -344,16 +344,6 @@ def _balanced(guess: Guess) -> Search[Guess | None]:
     return None
 
 
-def growths_about(
-    floating: Floating, nu: Array, tilt: Array, *, minimum_speed: float
-) -> tuple[list[float], list[str]]:
-    """Return the fastest growth [1/s] about steady motions, and where each shows.
-
-    nu (n, 6), tilt (n, 2).
-    """
-    return _Together.of([floating]).growths(0, nu, tilt, minimum_speed=minimum_speed)
-
-
 def overturning(
     floating: Floating, axis: str, motion: SteadyMotion, drive: ArrayLike
 ) -> dict[str, float]:

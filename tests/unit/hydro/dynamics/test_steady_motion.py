@@ -19,7 +19,6 @@ from auvid.hydro.dynamics.steady_motion import (
     _batch,
     _newton_steps,
     _Together,
-    growths_about,
     overturning,
     rest_tilts,
     steady_motions,
@@ -103,7 +102,7 @@ def test_growth_is_that_of_a_damped_pendulum() -> None:
     inertia = VEHICLE.mass_matrix[3, 3]
     expected = np.roots([inertia, -0.3, RIGHTING]).real.max()
     still = np.zeros((1, 6)), np.zeros((1, 2))
-    (rate,), (axis,) = growths_about(model, *still, minimum_speed=0.05)
+    (rate,), (axis,) = _Together.of([model]).growths(0, *still, minimum_speed=0.05)
     assert rate == pytest.approx(expected, rel=1e-9)
     assert axis == "K"
 
