@@ -172,20 +172,3 @@ def roles_of(sections: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def is_model(role: str) -> bool:
     """Return whether a role names a viscous model that has a colour of its own."""
     return key(role) in MODELS
-
-
-def contrast(first: str, second: str) -> float:
-    """Return the contrast ratio of two sRGB colours `#rrggbb`, 1 to 21.
-
-    WCAG 2.1, relative luminance.
-    """
-    low, high = sorted((_luminance(first), _luminance(second)))
-    return (high + 0.05) / (low + 0.05)
-
-
-def _luminance(colour: str) -> float:
-    parts = [int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5)]
-    red, green, blue = (
-        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
-    )
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue

@@ -14,7 +14,6 @@ from auvid.stages.page.colours import (
     PAPER,
     ROLES,
     SCREEN,
-    contrast,
     ink,
     inks_of,
     is_model,
@@ -25,6 +24,23 @@ from auvid.stages.page.html import _text, inks
 LEAST_LINE = 3.0  # WCAG 2.1, 1.4.11
 LEAST_TEXT = 4.5  # WCAG 2.1, 1.4.3
 EVERY = {**AXIS_INKS, **ROLES, **COMPONENTS, **MODELS}
+
+
+def contrast(first: str, second: str) -> float:
+    """Return the contrast ratio of two sRGB colours `#rrggbb`, 1 to 21.
+
+    WCAG 2.1, relative luminance.
+    """
+    low, high = sorted((_luminance(first), _luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def _luminance(colour: str) -> float:
+    parts = [int(colour[start : start + 2], 16) / 255 for start in (1, 3, 5)]
+    red, green, blue = (
+        part / 12.92 if part <= 0.04045 else ((part + 0.055) / 1.055) ** 2.4 for part in parts
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
 def test_contrast_of_black_on_white_is_21() -> None:
