@@ -23,6 +23,7 @@ from auvid.hydro.identification.axes.judgement import (
 from auvid.hydro.identification.axes.record import AxisRecord, is_idle
 from auvid.hydro.identification.axes.single_axis import (
     LAG_FLOOR_S,
+    LAG_SD_S,
     SURGE,
     SingleAxisFit,
     fit_axis,
@@ -69,6 +70,8 @@ from auvid.stages.number_format import SIMULATED_PERCENT, fit_in_percent
 from auvid.stages.page.first_screen import AXIS_WORDS
 from auvid.stages.steps import tell
 
+DEPTH_LAG_SD_S = 0.1
+"""How late a depth may be beside the motion: filters of barometers take 0 to .2 s."""
 AS_WELL = 2.0
 """Held-out fit [%] that a lag of other axes may cost."""
 AGAINST = (
@@ -138,7 +141,7 @@ def fit_all(
                 as_strong(as_logged, strengths), vehicle, options,
                 strengths=strengths, clocks=clocks, passes=passes,
             )  # fmt: skip
-    shared = shared_lag(fitted)
+    shared = shared_lag(fitted, options.lag_s)
     if options.fit_lag and shared is not None:
         late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
         hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
@@ -202,18 +205,29 @@ def telling_lag(fitted: Sequence[FittedAxis]) -> list[FittedAxis]:
     return rates or telling
 
 
-def shared_lag(fitted: Sequence[FittedAxis]) -> tuple[float, float] | None:
+def shared_lag(fitted: Sequence[FittedAxis], assumed_s: float) -> tuple[float, float] | None:
     """Return the lag [s] that some axes show, and its deviation; None where none does.
 
-    Nor where all do. Thrusters of one vehicle are late alike.
+    Nor where all do. Thrusters of one vehicle are late alike. A depth is late itself: where
+    nothing else shows a lag, it lies between that and `assumed_s`, by their weights.
     """
     telling = telling_lag(fitted)
     if not telling or all(item in telling or item.axis in TILTS for item in fitted):
         return None
     lags = np.array([item.lag_s for item in telling])
     errors = np.array([item.lag_error_s for item in telling])
-    error = float(np.hypot(errors.min(), lags.std()))
-    return float(np.average(lags, weights=errors**-2.0)), max(error, LAG_FLOOR_S)
+    lag_s = float(np.average(lags, weights=errors**-2.0))
+    error = max(float(np.hypot(errors.min(), lags.std())), LAG_FLOOR_S)
+    if not by_depth(telling):
+        return lag_s, error
+    late = DEPTH_LAG_SD_S**2 + error**2
+    weight = LAG_SD_S**2 / (LAG_SD_S**2 + late)
+    return assumed_s + weight * (lag_s - assumed_s), float(np.sqrt(weight * late))
+
+
+def by_depth(telling: Sequence[FittedAxis]) -> bool:
+    """Return whether only depth shows how late thrusters are."""
+    return all(item.measured_by == "depth" for item in telling)
 
 
 def _with_shared_lag(
@@ -230,16 +244,19 @@ def _with_shared_lag(
     goes with that lag.
     """
     telling = [item.axis for item in telling_lag(fitted)]
-    names = axes_listed(telling)
+    late = by_depth(telling_lag(fitted))
+    whose = f"that of {axes_listed(telling)}"
+    if late:
+        whose = f"between {whose}, whose depth is late itself, and the assumed one"
     out, used = [], legs
     for item in fitted:
-        if item.axis in telling or item.axis in TILTS:
+        if item.axis in telling or item.axis in TILTS or (late and item.lag_verdict == "weak"):
             out.append(item)
             continue
         other = _fit(item.axis, _using(levelled, item.axis), levelled, vehicle, options, hull)
         if (other.held_out_percent or 0.0) >= (item.held_out_percent or 0.0) - AS_WELL:
             word = AXIS_WORDS[item.axis].capitalize()
-            note = f"{word}: the lag is that of {names}, {options.lag_s:.2g} s."
+            note = f"{word}: the lag is {whose}, {options.lag_s:.2g} s."
             item = replace(other, notes=(*other.notes, note))
             used = levelled if item.axis == "Z" else used
         out.append(item)

@@ -89,6 +89,8 @@ least, where the lag that would be fitted is near the assumed one."""
 LEAST_OF_MOTION, AS_WELL = 0.5, 2.0
 """Share of what is known of a lag from which on the motion counts beside the assumed one, and
 held-out fit [%] that the lag between the two may cost."""
+LAG_KNOWN_S = 0.05
+"""Largest deviation of a lag that is not fitted beside which an inertia is determined."""
 LAG_SHARE = 0.1
 """Of a lag that is fitted, its deviation where surge and sway are not measured: of 21 twins it
 came out up to a seventh short (decision 0073)."""
@@ -271,7 +273,7 @@ def fit_axis(
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
     fit = with_doubts(pool, _with_lag_error(pool, fit, lag.deviation_s), doubtful)
-    lag_known = lag.determined or not try_lag
+    lag_known = lag.determined or (not try_lag and lag_sd_s <= LAG_KNOWN_S)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
     width = interval_width(fit.windows)

@@ -400,8 +400,21 @@ def test_an_axis_that_tells_no_lag_has_that_of_the_others() -> None:
     assert heave.lag_verdict == "assumed"
     assert heave.lag_s == yaw.lag_s
     assert any("the lag is that of yaw" in note for note in heave.notes)
-    assert shared_lag([heave, replace(yaw, lag_verdict="assumed")]) is None
-    assert shared_lag([yaw]) is None
+    assert shared_lag([heave, replace(yaw, lag_verdict="assumed")], 0.05) is None
+    assert shared_lag([yaw], 0.05) is None
+
+
+def test_a_late_depth_makes_no_late_thrusters() -> None:
+    """Depth shows .3 s, of which half is the barometer's: yaw is not known to have it all."""
+    late, assumed = {"lag_verdict": "identified"}, {"lag_verdict": "assumed"}
+    heave, yaw = fits(False).fitted
+    heave, yaw = replace(heave, lag_s=0.30, lag_error_s=0.02, **late), replace(yaw, **assumed)
+    shared = shared_lag([heave, yaw], 0.05)
+    assert shared is not None
+    assert shared[0] - 0.15 == pytest.approx(0.0, abs=shared[1])
+    assert shared[1] > 0.05  # what no inertia is determined beside
+    by_log = replace(heave, measured_by="velocity log")
+    assert shared_lag([by_log, yaw], 0.05) == pytest.approx((0.30, 0.02))
 
 
 def test_the_lag_of_a_rate_counts_before_that_of_depth() -> None:
@@ -412,5 +425,5 @@ def test_the_lag_of_a_rate_counts_before_that_of_depth() -> None:
         both.append(replace(item, lag_s=lag_s, lag_error_s=error_s, **late))
     heave, yaw = both
     assert (heave.measured_by, yaw.measured_by) == ("depth", "gyro")
-    assert shared_lag([heave, yaw]) == pytest.approx((0.24, 0.03))
-    assert shared_lag([replace(heave, measured_by="velocity log"), yaw]) is None
+    assert shared_lag([heave, yaw], 0.05) == pytest.approx((0.24, 0.03))
+    assert shared_lag([replace(heave, measured_by="velocity log"), yaw], 0.05) is None
