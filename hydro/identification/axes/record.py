@@ -96,31 +96,40 @@ def unmeasured(records: Sequence[AxisRecord]) -> bool:
     return silent and any(np.nanmax(np.abs(r.force[axis])) > 0.0 for r in records for axis in "XY")
 
 
-def speeds_by_forces(record: AxisRecord, inertia: Array) -> Array:
+def speeds_by_forces(
+    record: AxisRecord, inertia: Array, *, drag: float = 1.0, lag_s: float = 0.0
+) -> Array:
     """Return u and v (n, 2) [m/s] that forces give, with the measured turning.
 
-    inertia (6,): apparent. Where outputs are not logged nothing drives, as in all inputs.
+    inertia (6,): apparent. drag: in parts of `UNMEASURED_DRAG`. lag_s: of the forces. Where
+    outputs are not logged nothing drives, as in all inputs.
     """
-    (m_1, m_2), (linear, squared) = inertia[:2].tolist(), UNMEASURED_DRAG
+    m_1, m_2 = inertia[:2].tolist()
+    linear, squared = (drag * item for item in UNMEASURED_DRAG)
     step = float(record.t_s[1] - record.t_s[0])
     parts = max(1, round(step / HULL_STEP_S))
     h, u, v, out = step / parts, 0.0, 0.0, []
+    pace, push, side = float(-np.expm1(-h / max(lag_s, 1e-9))), 0.0, 0.0
     columns = np.nan_to_num([record.force["X"] / m_1, record.force["Y"] / m_2, record.rate["r"]])
     for ahead, aside, r in zip(*(column.tolist() for column in columns), strict=True):
         out.append((u, v))
         for _ in range(parts):
-            slope = ahead - u * (linear + squared * abs(u)) + m_2 / m_1 * v * r
-            v += h * (aside - v * (linear + squared * abs(v)) - m_1 / m_2 * u * r)
+            push += pace * (ahead - push)
+            side += pace * (aside - side)
+            slope = push - u * (linear + squared * abs(u)) + m_2 / m_1 * v * r
+            v += h * (side - v * (linear + squared * abs(v)) - m_1 / m_2 * u * r)
             u += h * slope
     return np.array(out)
 
 
-def hull_inputs(record: AxisRecord, velocity: str, inertia: Array) -> dict[str, Array]:
+def hull_inputs(
+    record: AxisRecord, velocity: str, inertia: Array, *, drag: float = 1.0, lag_s: float = 0.0
+) -> dict[str, Array]:
     """Return what the hull does, (n,) each, by name of its term.
 
     Yaw: u v [m^2/s^2] and v [m/s]; heave: (m_1 u q - m_2 v p) / m_3 [m/s^2].
     """
-    u, v = speeds_by_forces(record, inertia).T
+    u, v = speeds_by_forces(record, inertia, drag=drag, lag_s=lag_s).T
     if velocity == "r":
         return {HULL: np.asarray(u * v), ASIDE: v}
     p, q = (np.nan_to_num(record.rate[name]) for name in "pq")

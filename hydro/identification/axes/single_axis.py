@@ -89,6 +89,12 @@ least, where the lag that would be fitted is near the assumed one."""
 LEAST_OF_MOTION, AS_WELL = 0.5, 2.0
 """Share of what is known of a lag from which on the motion counts beside the assumed one, and
 held-out fit [%] that the lag between the two may cost."""
+HULL_LAG_SD_S = 0.05
+"""Least deviation of a lag that yaw hardly tells where the hull has a moment by speeds that
+nobody measures (decision 0124)."""
+DRAG_SPREAD, LARGEST_DRAG, DRAG_WITHIN = 2.0, 8.0, 0.15
+"""Standard factor and largest one of the drag of a hull whose speeds nobody measures, and how
+near its logarithm is sought."""
 LAG_KNOWN_S = 0.05
 """Largest deviation of a lag that is not fitted beside which an inertia is determined."""
 LAG_SHARE = 0.1
@@ -256,6 +262,8 @@ def fit_axis(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         surge and velocity == "w", loss, moment, speed_share,
     )  # fmt: skip
+    if velocity == "r" and moment is not None:
+        fitted = replace(fitted, hull_drag=_hull_drag(fitted))
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
     blocks = held_out_blocks(pool, fit.values)
@@ -312,6 +320,7 @@ class _Setup:
     loss: Loss
     hull: Array | None = None
     speed_share: float = 1.0
+    hull_drag: float = 1.0
 
     def pool(
         self,
@@ -351,7 +360,16 @@ class _Setup:
     def hull_columns(self) -> tuple[dict[str, Array], ...]:
         """Return what the hull does by speeds of its forces (n,), of each record."""
         assert self.hull is not None
-        return tuple(hull_inputs(record, self.velocity, self.hull) for record in self.records)
+        return tuple(
+            hull_inputs(
+                record,
+                self.velocity,
+                self.hull,
+                drag=self.hull_drag,
+                lag_s=self.drive.lag_s if self.velocity == "r" else 0.0,
+            )
+            for record in self.records
+        )
 
     @property
     def surge_sd(self) -> float:
@@ -392,6 +410,25 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
     ends = (0.0, LARGEST_SHARE)
     best = minimize_scalar(error, bounds=ends, method="bounded", options={"xatol": SHARE_WITHIN})
     return float(best.x)
+
+
+def _hull_drag(setup: _Setup) -> float:
+    """Return the drag, in parts of `UNMEASURED_DRAG`, whose speeds turn the hull as measured.
+
+    The least of W ln sigma + (ln drag / ln `DRAG_SPREAD`)^2 / 2, W: windows.
+    """
+    from scipy.optimize import minimize_scalar
+
+    start = starting_values(setup.pool())
+
+    def cost(logarithm: float) -> float:
+        pool = replace(setup, hull_drag=float(np.exp(logarithm))).pool()
+        size = float(np.log(fit_pool(pool, start, rounds=2).sigma[0]))
+        return len(pool.windows) * size + 0.5 * (logarithm / np.log(DRAG_SPREAD)) ** 2
+
+    ends = -np.log(LARGEST_DRAG), np.log(LARGEST_DRAG)
+    best = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": DRAG_WITHIN})
+    return float(np.exp(best.x))
 
 
 def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
@@ -442,6 +479,8 @@ def _with_lag(
     if weight < LEAST_OF_MOTION or not _flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
         return pool, fit, blocks, fixed
     deviation = float(np.hypot(np.sqrt(weight) * error, LAG_SHARE * lag_s))
+    if setup.hull is not None:
+        deviation = max(deviation, HULL_LAG_SD_S)
     verdict = LagVerdict(lag_s, float("nan"), False, deviation, (value, error))
     return moved, fit_pool(moved, fit.values), tried, verdict
 
