@@ -413,7 +413,7 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
 
 
 def _hull_drag(setup: _Setup) -> float:
-    """Return the drag, in parts of `UNMEASURED_DRAG`, whose speeds turn the hull as measured.
+    """Return the share of `UNMEASURED_DRAG` whose speeds turn the hull as measured.
 
     The least of W ln sigma + (ln drag / ln `DRAG_SPREAD`)^2 / 2, W: windows.
     """
