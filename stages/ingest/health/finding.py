@@ -174,7 +174,7 @@ class CheckedLog:
             return self
         table, there = self.tables[stream], np.isfinite(self.values(stream, names))
         rows = there[:, there.mean(axis=0) > MOST_THERE].all(axis=1)
-        if rows.all():
+        if rows.all() or not rows.any():
             return self
         return replace(self, tables={**self.tables, stream: table.filter(rows)}, _times={})
 

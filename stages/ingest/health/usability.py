@@ -69,7 +69,7 @@ def excitation(
         empty = {"rms": None, "low": None, "high": None, "share_beyond": None}
         about = {"threshold": THRESHOLDS[axis], "unit": UNITS[axis]}
         at, values, source = by_axis.get(axis, (np.zeros(0), np.zeros(0), "not measured"))
-        values = values[(at >= window[0]) & (at <= window[1])]
+        values = values[(at >= window[0]) & (at <= window[1]) & np.isfinite(values)]
         if not values.size:
             result[axis] = {**empty, **about, "source": source, "excited": False}
             continue

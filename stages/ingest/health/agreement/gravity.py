@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agree
 from auvid.hydro.identification.checks.motion_checks import tilt_gains
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, OF_FIXES, OF_POSES
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
@@ -188,17 +188,36 @@ def _is_gravity(item: AxisGains | None) -> bool:
 
 
 def _is_level(log: CheckedLog, *own: AxisGains | None) -> bool:
-    """Return whether no tilt that the gyro shows as well is in x and y."""
-    if any(item is None or abs(item.gain[0]) + CLEAR * item.sd[0] > MOST_OF_LEVEL for item in own):
+    """Return whether no tilt that the gyro shows as well is in x and y.
+
+    A hull in waves, or one that swings on a rope, is accelerated against its tilt and reads
+    none of it either: a measured velocity has to show that it is not.
+    """
+    velocity = "velocity" if log.has("velocity") else ""
+    if not velocity or log.source("velocity").startswith((OF_FIXES, OF_POSES)) or _tilts(own):
         return False
-    agreement = rate_agreement(
-        log.t_s("attitude"),
-        log.values("attitude", ATTITUDE),
-        log.t_s("imu"),
-        log.values("imu", GYRO),
-    )
+    t_s, gyro = log.t_s("imu"), log.values("imu", GYRO)
+    t_velocity, t_attitude = log.t_s("velocity"), log.t_s("attitude")
+    attitude = log.values("attitude", ATTITUDE)
+    speed = np.column_stack([np.interp(t_s, t_velocity, part) for part in log.body_velocity().T])
+    force = log.values("imu", ACCELEROMETER) - np.gradient(speed, t_s, axis=0)
+    force -= np.cross(gyro, speed)
+    good = np.isfinite(force).all(axis=1) & (t_s >= t_velocity[0]) & (t_s <= t_velocity[-1])
+    if not good.any():
+        return False
+    gains = tilt_gains(t_s[good], force[good], t_attitude, attitude, gravity=STANDARD_GRAVITY)
+    if gains is None or _tilts((gains[0][0], gains[1][1])):
+        return False
+    agreement = rate_agreement(t_attitude, attitude, t_s, gyro)
     return agreement is not None and bool(
         min(agreement.correlation[axis, axis] for axis in (0, 1)) > SAME_TILT
+    )
+
+
+def _tilts(own: Iterable[AxisGains | None]) -> bool:
+    """Return whether x or y may read gravity as the hull tilts."""
+    return any(
+        item is None or abs(item.gain[0]) + CLEAR * item.sd[0] > MOST_OF_LEVEL for item in own
     )
 
 

@@ -1774,6 +1774,25 @@ def test_an_accelerometer_in_axes_of_the_earth_is_named() -> None:
     assert "are level" in log.finding("accelerometer_axes")["text"]
 
 
+def test_a_hull_that_waves_tilt_is_no_accelerometer_in_axes_of_the_earth() -> None:
+    """Across the slope of a wave, or on a rope, nothing of gravity is read: no tilt tells."""
+    log = sound()
+    without("velocity")(log)
+    tilt = rotation_body_to_ned(euler(log.t_s("imu")))[:, 2]
+    for index, axis in enumerate("xy"):
+        log.streams["imu"][f"accel_{axis}_m_s2"] += 9.81 * tilt[:, index]
+    assert "accelerometer_axes" not in log.every_id()
+
+
+@pytest.mark.parametrize("axes", ["uvw", "ww"])
+def test_numbers_that_are_missing_in_turn_end_no_check(axes: str) -> None:
+    log = sound()
+    row = np.arange(log.t_s("velocity").size)
+    for turn, axis in enumerate(axes):
+        log.streams["velocity"][f"{axis}_m_s"][row % 3 == turn] = np.nan
+    assert set(log.ids()) == {"command_lag", "heading_unseen"}
+
+
 def test_an_axis_that_is_not_measured_is_not_frozen() -> None:
     log = sound()
     at("velocity", 0.0, 99.0, v_m_s=0.0)(log)
