@@ -180,12 +180,15 @@ class Score:
     runs: tuple[FreeRuns, ...] = ()
 
     def row(self) -> dict[str, Any]:
-        """Return the columns of `shelf_scores` that hold figures."""
+        """Return the columns of `shelf_scores` that hold figures.
+
+        The RMS is nan where a run was lost: those of that set that have not diverged yet are
+        about to, and rounding decides how far they are.
+        """
         errors = [run.errors[0, :, -1, :6][run.reached[:, -1]] for run in self.runs]
         lost = [run.diverged_s[0][run.reached[:, -1]] for run in self.runs]
         stacked = np.concatenate(errors) if errors else np.zeros((0, 6))
-        kept = stacked[np.isfinite(stacked).all(axis=1)]
-        rms = np.sqrt(np.mean(kept**2, axis=0)) if len(kept) else np.full(6, np.nan)
+        rms = np.sqrt(np.mean(stacked**2, axis=0)) if len(stacked) else np.full(6, np.nan)
         return {
             **{RATIOS[axis]: value for axis, value in self.ratios.items()},
             "starts": len(stacked),
@@ -289,25 +292,20 @@ def _own_rows(inputs: Inputs) -> Iterator[dict[str, Any]]:
             if row["use"] == use
         }
         own = flights if use == "validation" else []
-        kept = [row["starts"] - row["diverged"] for row in own]
-        rms = {
-            name: float(
-                np.sqrt(
-                    sum(n * row[name] ** 2 for n, row in zip(kept, own, strict=True) if n)
-                    / sum(kept)
-                )
-            )
-            if sum(kept)
-            else np.nan
-            for name in RMS
-        }
+        starts, lost = (sum(row[name] for row in own) for name in ("starts", "diverged"))
+        rms = dict.fromkeys(RMS, np.nan)
+        if starts and not lost:
+            flown = [row for row in own if row["starts"]]
+            for name in RMS:
+                squares = sum(row["starts"] * row[name] ** 2 for row in flown)
+                rms[name] = float(np.sqrt(squares / starts))
         yield {
             "set": OWN,
             "title": f"{choice}, identified from {OWN}",
             "use": use,
             **{RATIOS[axis]: value for axis, value in ratios.items()},
-            "starts": sum(row["starts"] for row in own),
-            "diverged": sum(row["diverged"] for row in own),
+            "starts": starts,
+            "diverged": lost,
             **rms,
         }
 
@@ -381,7 +379,8 @@ def shelf_section(rows: Sequence[Mapping[str, Any]], horizon_s: float) -> dict[s
             for row in flown
         ]
         title = f"RMS error of free runs after {horizon_s:g} s"
-        blocks.append(table(title, heads_of_runs, runs))
+        reason = "A set that loses a run has no RMS." if any(row["diverged"] for row in flown) else ""
+        blocks.append(table(title, heads_of_runs, runs, note=reason))
     return section(
         "Published sets on this dive",
         blocks,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.rigid_body import coriolis_force
+from auvid.hydro.dynamics.simulation.free_run import FreeRuns
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.model_file import viscous_model
 from auvid.hydro.published_model import published_model
@@ -20,6 +22,7 @@ from auvid.stages.columns import ACCELERATION, POSE, POSE_RATE, VELOCITY, force_
 from auvid.stages.score_shelf import (
     OWN,
     PublishedSet,
+    Score,
     nearest_set,
     shelf_section,
     worse_than_nothing,
@@ -231,3 +234,26 @@ def test_without_validation_training_decides() -> None:
     best = nearest_set([row("a", "training", 0.3, 0.2), row("b", "training", 0.2, 0.2)])
     assert best is not None
     assert best["set"] == "b"
+
+
+def test_a_set_of_which_one_run_is_lost_has_no_rms() -> None:
+    """What is left of it is a number that rounding moved by a tenth."""
+
+    def score(lost_s: float) -> dict[str, Any]:
+        errors = np.full((1, 2, 1, 12), 0.3)
+        errors[0, 1] = np.nan if np.isfinite(lost_s) else 0.4
+        runs = FreeRuns(
+            horizons_s=np.array([10.0]),
+            errors=errors,
+            diverged_s=np.array([[np.nan, lost_s]]),
+            reached=np.ones((2, 1), dtype=bool),
+            persistence=np.zeros((2, 1, 12)),
+            starts=np.zeros((2, 12)),
+            lost_motion={},
+        )
+        return Score({}, (runs,)).row()
+
+    bounded, diverging = score(np.nan), score(4.0)
+    assert bounded["u_rms_m_s"] == pytest.approx(np.sqrt((0.3**2 + 0.4**2) / 2.0))
+    assert (diverging["starts"], diverging["diverged"]) == (2, 1)
+    assert np.isnan(diverging["u_rms_m_s"])
