@@ -379,8 +379,9 @@ def shelf_section(rows: Sequence[Mapping[str, Any]], horizon_s: float) -> dict[s
             for row in flown
         ]
         title = f"RMS error of free runs after {horizon_s:g} s"
-        reason = "A set that loses a run has no RMS." if any(row["diverged"] for row in flown) else ""
-        blocks.append(table(title, heads_of_runs, runs, note=reason))
+        lost = any(row["diverged"] for row in flown)
+        note = "A set that loses a run has no RMS." if lost else ""
+        blocks.append(table(title, heads_of_runs, runs, note=note))
     return section(
         "Published sets on this dive",
         blocks,
