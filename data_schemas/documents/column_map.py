@@ -39,7 +39,7 @@ class ColumnEntry(Model):
     """Unit of the values in the file."""
     sign: Literal[1, -1] | None = None
     """Factor for a flipped axis."""
-    frame: Literal["frd", "flu", "ned", "enu"] | None = None
+    frame: Literal["frd", "flu", "ned", "enu", "y_up"] | None = None
     """Frame of the file; the sign follows from it."""
 
 

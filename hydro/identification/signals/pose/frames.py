@@ -10,23 +10,25 @@ from numpy.typing import ArrayLike
 
 from auvid.hydro.arrays import Array
 
-World = Literal["ned", "enu", "nwu"]
-Body = Literal["frd", "flu"]
+World = Literal["ned", "enu", "nwu", "nue"]
+Body = Literal["frd", "flu", "fur"]
 HALF = float(np.sqrt(0.5))
 TO_NED: Mapping[World, tuple[float, float, float, float]] = {
     "ned": (1.0, 0.0, 0.0, 0.0),
     "enu": (0.0, HALF, HALF, 0.0),
     "nwu": (0.0, 1.0, 0.0, 0.0),
+    "nue": (HALF, -HALF, 0.0, 0.0),
 }
 """Quaternion (w, x, y, z) that turns vectors of a world frame into north-east-down.
 
-nwu is any frame with z up whose x counts as north.
+nwu is any frame with z up whose x counts as north, nue any with y up.
 """
-TO_FRD: Mapping[Body, tuple[float, float, float, float]] = {
+FROM_FRD: Mapping[Body, tuple[float, float, float, float]] = {
     "frd": (1.0, 0.0, 0.0, 0.0),
     "flu": (0.0, 1.0, 0.0, 0.0),
+    "fur": (HALF, HALF, 0.0, 0.0),
 }
-"""Quaternion (w, x, y, z) between body axes; that of flu is its own inverse."""
+"""Quaternion (w, x, y, z) that turns vectors of forward-right-down into body axes."""
 
 
 def quaternion_product(a: ArrayLike, b: ArrayLike) -> Array:
@@ -98,7 +100,7 @@ def ned_from_frd(quaternion: ArrayLike, world: World, body: Body) -> Array:
     world w.
     """
     return quaternion_product(
-        quaternion_product(TO_NED[world], np.asarray(quaternion, dtype=np.float64)), TO_FRD[body]
+        quaternion_product(TO_NED[world], np.asarray(quaternion, dtype=np.float64)), FROM_FRD[body]
     )
 
 

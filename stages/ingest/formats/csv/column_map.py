@@ -77,7 +77,10 @@ FRAMES: Mapping[str, Mapping[str, tuple[float, float]]] = {
         "z_m": (-1.0, 0.0),
         "depth_m": (-1.0, 0.0),
     },
+    "y_up": dict.fromkeys(("psi_rad", "z_m", "depth_m"), (-1.0, 0.0)),
 }
+OF_WORLD = ("enu", "y_up")
+"""Frames that only a place and an attitude have."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +248,7 @@ def _mapped(
         )
         return None
     frame = entry.get("frame")
-    if frame == "enu" and name.startswith(BODY):
+    if frame in OF_WORLD and name.startswith(BODY):
         faults.add(
             "is a body axis",
             field=f"{path}.frame",

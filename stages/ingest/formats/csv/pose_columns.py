@@ -49,6 +49,7 @@ FRAMES: Mapping[str, tuple[World, Body]] = {
     "frd": ("ned", "frd"),
     "enu": ("enu", "flu"),
     "flu": ("nwu", "flu"),
+    "y_up": ("nue", "fur"),
 }
 """Word of a column map -> world and body axes of a pose or a quaternion."""
 
@@ -102,14 +103,18 @@ def in_own_axes(stream: str, fields: Fields, frame: str) -> Fields:
         return fields
     rest = {key: values for key, values in fields.items() if key not in QUATERNION}
     angles = _columns(fields, QUATERNION if has_quaternion else ATTITUDE)
-    q = angles if has_quaternion else quaternion_of_euler(angles)
-    rest |= named(ATTITUDE, euler_of_quaternion(ned_from_frd(q, world, body)))
+    if has_quaternion or world != "nue":
+        q = angles if has_quaternion else quaternion_of_euler(angles)
+        angles = euler_of_quaternion(ned_from_frd(q, world, body))
+    else:  # with y up: roll about x, then pitch about z, then yaw about y
+        angles = angles * [1.0, 1.0, -1.0]
+    rest |= named(ATTITUDE, angles)
     if stream == "pose":
         rest |= named(POSITION, in_ned(_columns(fields, POSITION), world))
     return rest
 
 
-def right_order(fields: Fields) -> str:
+def right_order(fields: Fields, frame: str) -> str:
     """Return in which order a quaternion keeps the vehicle upright; empty if as it is.
 
     Another order is right where this one has the vehicle on its back.
@@ -117,16 +122,16 @@ def right_order(fields: Fields) -> str:
     if not set(QUATERNION) <= set(fields):
         return ""
     q = _columns(fields, QUATERNION)
-    if np.mean(_upright(q) < 0.0) > ON_ITS_BACK:
+    if np.mean(_upright(q, frame) < 0.0) > ON_ITS_BACK:
         for words, order in ORDERS.items():
-            if np.mean(_upright(q[:, order]) > UPRIGHT) > MOSTLY:
+            if np.mean(_upright(q[:, order], frame) > UPRIGHT) > MOSTLY:
                 return words
     return ""
 
 
-def _upright(quaternion: Array) -> Array:
+def _upright(quaternion: Array, frame: str) -> Array:
     """Return the cosine (n,) of the angle between down of the body and of the world."""
-    square = quaternion * quaternion
+    square = ned_from_frd(quaternion, *FRAMES[frame or "ned"]) ** 2
     return np.asarray(1.0 - 2.0 * (square[:, 1] + square[:, 2]) / square.sum(axis=1))
 
 

@@ -398,9 +398,9 @@ def _of_day(values: pa.ChunkedArray | pa.Array) -> pa.ChunkedArray:
     )
 
 
-def _check_order(stream: str, fields: Fields) -> None:
+def _check_order(stream: str, fields: Fields, frame: str) -> None:
     """Raise `CampaignError` where the parts of a quaternion stand in another order."""
-    order = right_order(fields)
+    order = right_order(fields, frame)
     if order:
         raise CampaignError(
             f"with the quaternion as it is mapped the vehicle lies on its back; taken for {order},"
@@ -452,7 +452,7 @@ def _streams(
         if not kept.all():
             chosen = {name: values[kept] for name, values in chosen.items()}
         if not any(item.stream == "imu" for item in columns):  # else the gyro tells
-            _check_order(stream, chosen)
+            _check_order(stream, chosen, frame)
         chosen = in_own_axes(stream, chosen, frame)
         messages[stream] = Messages(stream, chosen, rows if kept.all() else rows[kept])
     velocity = messages.get("velocity")

@@ -212,7 +212,7 @@ def _with_columns(
         if stream == "velocity" and WORLD_OR_BODY.search(item.words):
             check = "; ".join(filter(None, (check, "body axes assumed, forward right down")))
         if stream == "pose":
-            words = UPWARD_WORDS.get(item.frame, "ned, z down: else frame flu or enu")
+            words = UPWARD_WORDS.get(item.frame, "ned, z down: else frame flu, enu or y_up")
             check = "; ".join(filter(None, (check, f"frame {words}")))
         if is_numbered(item):
             first = "w first of the four assumed"

@@ -15,9 +15,14 @@ from auvid.stages.ingest.formats.csv.reader import read_csv
 from tests.support.pose_runs import PoseRun, pose_run
 
 RUN = pose_run(np.arange(0.0, 20.0, 0.1), 1)
-TURNED = {"ned": np.eye(3), "enu": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])}
+UPWARD_Y = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
+TURNED = {
+    "ned": np.eye(3),
+    "enu": np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]]),
+    "y_up": UPWARD_Y,
+}
 """Vectors of north-east-down in the world of the file."""
-BACK = np.diag([1.0, -1.0, -1.0])
+BACK = {"ned": np.eye(3), "enu": np.diag([1.0, -1.0, -1.0]), "y_up": UPWARD_Y.T}
 
 
 def read(columns: dict[str, Array], entries: list[tuple[str, ...]], **more: Any) -> Any:
@@ -36,18 +41,18 @@ def read(columns: dict[str, Array], entries: list[tuple[str, ...]], **more: Any)
 
 def body_to_world(run: PoseRun, world: str) -> Rotation:
     """Return the rotations from the body axes of a file to its world."""
-    body = BACK if world == "enu" else np.eye(3)
-    return Rotation.from_matrix(TURNED[world] @ run.rotation @ body)
+    return Rotation.from_matrix(TURNED[world] @ run.rotation @ BACK[world])
 
 
 def columns_of(world: str) -> dict[str, Array]:
     """Return a file in a world frame: position, angles, quaternion, world velocity."""
     turn = body_to_world(RUN, world)
+    names, order = ("yaw", "pitch", "roll"), "YZX" if world == "y_up" else "ZYX"
     velocity = np.einsum("nij,nj->ni", RUN.rotation, RUN.velocity) @ TURNED[world].T
     return {
         "t": RUN.t_s,
         **dict(zip("xyz", (RUN.position @ TURNED[world].T).T, strict=True)),
-        **dict(zip(("yaw", "pitch", "roll"), turn.as_euler("ZYX").T, strict=True)),
+        **dict(zip(names, turn.as_euler(order).T, strict=True)),
         **dict(zip(("qx", "qy", "qz", "qw"), turn.as_quat().T, strict=True)),
         **dict(zip(("v1", "v2", "v3"), velocity.T, strict=True)),
     }
@@ -61,7 +66,7 @@ ANGLES = [
 QUATERNION = [(f"q{part}", "pose", f"q_{part}", "1") for part in "wxyz"]
 
 
-@pytest.mark.parametrize("world", ["ned", "enu"])
+@pytest.mark.parametrize("world", TURNED)
 @pytest.mark.parametrize("attitude", [ANGLES, QUATERNION])
 def test_a_pose_in_its_frame(world: str, attitude: list[tuple[str, ...]]) -> None:
     entries = [(*entry, world) for entry in PLACE + attitude]
@@ -73,7 +78,7 @@ def test_a_pose_in_its_frame(world: str, attitude: list[tuple[str, ...]]) -> Non
     assert off.magnitude().max() < 1e-6
 
 
-@pytest.mark.parametrize("world", ["ned", "enu"])
+@pytest.mark.parametrize("world", TURNED)
 def test_a_velocity_of_the_world_and_a_quaternion(world: str) -> None:
     entries = [(f"q{part}", "attitude", f"q_{part}", "1", world) for part in "wxyz"]
     fields = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
@@ -86,6 +91,21 @@ def test_a_velocity_of_the_world_and_a_quaternion(world: str) -> None:
     body = np.column_stack([velocity.columns[name] for name in ("u_m_s", "v_m_s", "w_m_s")])
     np.testing.assert_allclose(body, RUN.velocity, atol=1e-5)
     assert not any("cannot be turned" in note for note in log.notes)
+
+
+def test_angles_places_and_depths_with_y_up() -> None:
+    columns = columns_of("y_up")
+    entries = [(name, "attitude", field, unit, "y_up") for name, _, field, unit in ANGLES]
+    entries += [("y", "depth", "depth_m", "m", "y_up")]
+    messages = read(columns, entries).messages
+    np.testing.assert_allclose(messages["depth"].columns["depth_m"], RUN.position[:, 2], atol=1e-6)
+    angles = np.column_stack(
+        [messages["attitude"].columns[name] for name in ("phi_rad", "theta_rad", "psi_rad")]
+    )
+    off = Rotation.from_euler("ZYX", angles[:, ::-1]).inv() * Rotation.from_matrix(RUN.rotation)
+    assert off.magnitude().max() < 1e-6
+    with pytest.raises(PipelineError, match="is a body axis"):
+        read(columns, [("x", "velocity", "u_m_s", "m/s", "y_up")])
 
 
 def test_a_velocity_of_the_world_without_attitude_is_said() -> None:
@@ -113,6 +133,9 @@ def test_parts_of_a_quaternion_in_another_order_are_named(stream: str, order: st
         read(columns_of("ned"), [*place, *wrong])
     gyro = [("roll", "imu", f"gyro_{axis}_rad_s", "rad/s") for axis in "xyz"]
     assert stream in read(columns_of("ned"), [*place, *wrong, *gyro]).messages  # the check tells
+    if order == "xyzw":  # with y up, x and z are tilts
+        with pytest.raises(PipelineError, match="on its back; taken for x, y, z, w"):
+            read(columns_of("y_up"), [(*entry, "y_up") for entry in [*place, *wrong]])
     upside_down = columns_of("ned") | {"qx": RUN.t_s**0, "qw": 0.1 * np.sin(RUN.t_s)}
     right = [(f"q{part}", stream, f"q_{part}", "1") for part in "wxyz"]
     assert stream in read(upside_down, [*place, *right]).messages

@@ -33,20 +33,32 @@ def test_quaternions_are_those_of_scipy() -> None:
         ("enu", "flu", [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
         ("nwu", "flu", [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]),
         ("ned", "frd", [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]),
+        ("nue", "fur", [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]),
     ],
 )
 def test_a_body_that_looks_north_has_no_attitude(
     world: World, body: Body, down: list[float], forward: list[float]
 ) -> None:
     # Columns of the matrix: body axes in the world of the file, looking north, upright.
-    sign = 1.0 if body == "frd" else -1.0
-    side = np.cross(np.array(down) * sign, forward)
-    matrix = np.column_stack([forward, side, np.array(down) * sign])
+    right = np.cross(down, forward)
+    axes = {"f": np.array(forward), "r": right, "d": np.array(down), "l": -right}
+    matrix = np.column_stack([(axes | {"u": -axes["d"]})[letter] for letter in body])
     q = Rotation.from_matrix(matrix).as_quat()[[3, 0, 1, 2]]
     np.testing.assert_allclose(
         euler_of_quaternion(ned_from_frd(q[None], world, body)), np.zeros((1, 3)), atol=1e-12
     )
     np.testing.assert_allclose(in_ned([down], world), [[0.0, 0.0, 1.0]], atol=1e-12)
+
+
+def test_a_pose_with_y_up_is_that_of_scipy() -> None:
+    to_ned = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # x, z, -y
+    there = Rotation.from_euler("ZYX", ANGLES[:, ::-1])
+    file = Rotation.from_matrix(to_ned.T @ there.as_matrix() @ to_ned)
+    q = file.as_quat(canonical=False)[:, [3, 0, 1, 2]]
+    np.testing.assert_allclose(
+        euler_of_quaternion(ned_from_frd(q, "nue", "fur")), ANGLES, atol=1e-9
+    )
+    np.testing.assert_allclose(in_ned([[1.0, 2.0, 3.0]], "nue"), [[1.0, 3.0, -2.0]], atol=1e-12)
 
 
 def test_an_outlier_does_not_turn_the_signs_behind_it() -> None:
