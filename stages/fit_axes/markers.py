@@ -26,6 +26,12 @@ LIMITS_M = (0.02, 0.02, 0.05)
 centre of the added mass is no better known."""
 LEAST_ASSUMED_M = 0.02
 """The same from an assumed arm, in every direction; an estimated one has no limit."""
+LARGEST_ERROR_M = 0.1
+"""Standard error up to which an arm is determined."""
+LARGEST_M = 2.0
+"""Size of a departure that no vehicle has, where the vehicle file has no length of its hull."""
+DOUBT_M = 0.5
+"""Largest deviation of an arm that nothing shows: sensors sit on the hull."""
 NAMES = ("arm forward", "arm right", "arm down")
 POSE_MOTION_SD = 0.01
 """Relative deviation of what motion by poses gives, beside its noise: the smoother passes
@@ -60,11 +66,16 @@ def markers_of(
     limits = np.array(LIMITS_M)
     if used:
         limits = np.full(3, 0.0 if place == "estimated" else LEAST_ASSUMED_M)
+    shape = vehicle.geometry
+    largest = LARGEST_M if shape is None else shape.hull.length_m
     figures = []
     for at, name in enumerate(NAMES):
         value, sd = float(arm.departure[at]), float(arm.standard_error[at])
-        departs = np.isfinite(sd) and abs(value) > max(CERTAIN * sd, limits[at])
+        determined = sd <= LARGEST_ERROR_M and abs(value) <= largest
+        departs = determined and abs(value) > max(CERTAIN * sd, limits[at])
         verdict = "departs" if departs else departure_verdict(value, sd, LIMITS_M[at])
+        if not determined:
+            verdict = "not observable"
         in_axis = float(in_file[at])
         figures.append(
             InstallationFigure(
@@ -100,8 +111,8 @@ def arm_doubts(
 ) -> dict[str, dict[str, AxisRecord]]:
     """Return legs with each component of an arm that they show one deviation off.
 
-    Of one that departs it is the standard error; what is not applied counts in full. A
-    component that nothing turns about moves nothing.
+    Of one that departs it is the standard error; what is not applied counts in full, up to
+    `DOUBT_M`. A component that nothing turns about moves nothing.
     """
     if markers is None or not markers.used:
         return {}
@@ -110,7 +121,9 @@ def arm_doubts(
         if item.standard_error is None:
             continue
         applied = item.verdict == "departs"
-        sd = item.standard_error if applied else np.hypot(item.standard_error, item.departure)
+        sd = item.standard_error
+        if not applied:
+            sd = min(float(np.hypot(sd, item.departure)), DOUBT_M)
         moved = at_origin(legs, markers.sensor, sd * np.eye(3)[place])
         out[item.name] = {key: leg.record for key, leg in moved.items()}
     return out
@@ -166,16 +179,17 @@ def _widened(quantity: FitQuantity) -> FitQuantity:
 def markers_words(markers: Markers) -> str:
     """Return what the legs say of the place of the sensor, in sentences."""
     name = "Markers sit" if markers.sensor == POSES else "The velocity log sits"
-    if not markers.departs:
-        unseen = [item.name for item in markers.figures if item.verdict == "not observable"]
-        if not unseen:
-            return f"{name} where the vehicle file says, as far as these legs tell."
+    where = "the markers sit" if markers.sensor == POSES else "the velocity log sits"
+    unseen = [item.name for item in markers.figures if item.verdict == "not observable"]
+    open_words = ""
+    if unseen:
         file = "" if markers.stated else "; the vehicle file states none (0 is taken)"
-        thing = "the markers sit" if markers.sensor == POSES else "the velocity log sits"
-        return (
-            f"Where {thing} ({', '.join(unseen)}) is not observable: the vehicle turns too"
+        open_words = (
+            f"Where {where} ({', '.join(unseen)}) is not determined: the vehicle turns too"
             f" little{file}."
         )
+    if not markers.departs:
+        return open_words or f"{name} where the vehicle file says, as far as these legs tell."
     parts = [
         f"{item.name.removeprefix('arm ')} {item.corrected:.3f} m (vehicle file"
         f" {item.file_value:.3f}, standard error {item.standard_error:.3f})"
@@ -185,15 +199,17 @@ def markers_words(markers: Markers) -> str:
     states = "states" if markers.stated else "states (none: 0)"
     head = f"{name} off the place that the vehicle file {states}: {', '.join(parts)}."
     if markers.used:
-        return (
-            f"{head} Velocities are corrected by that: they, and the model, are of the point about"
-            " which the hull turns."
+        words = (
+            "Velocities are corrected by that: they, and the model, are of the point about which"
+            " the hull turns."
         )
-    return (
-        f"{head} Turning is taken for motion ahead and aside, and what follows from that is weak at"
-        f" best. Write it as sensors.{SENSORS[markers.sensor]}.arm of the vehicle file, or set"
-        " stages.fit_axes.marker_arm: estimated."
-    )
+    else:
+        words = (
+            "Turning is taken for motion ahead and aside, and what follows from that is weak at"
+            f" best. Write it as sensors.{SENSORS[markers.sensor]}.arm of the vehicle file, or set"
+            " stages.fit_axes.marker_arm: estimated."
+        )
+    return " ".join(part for part in (head, words, open_words) if part)
 
 
 def _of(leg: LegData, sensor: str | None) -> bool:

@@ -11,6 +11,7 @@ from auvid.data_schemas.documents.vehicle.quantities import Vector
 from auvid.data_schemas.documents.vehicle.sensors import MountedEntry
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.signals.pose.marker_arm import MarkerArm
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
@@ -121,6 +122,30 @@ def test_a_small_departure_from_an_assumed_arm_is_not_applied() -> None:
     assert assumed.used
     assert not assumed.departure.any()
     assert estimated.departure[0] == pytest.approx(0.012, abs=0.005)
+
+
+@pytest.mark.parametrize(("arm", "error"), [((0.15, 0.0, -58.5), 0.3), ((0.15, 0.0, -3.0), 0.05)])
+def test_an_arm_that_no_vehicle_has_or_a_vague_one_is_not_determined(
+    monkeypatch: pytest.MonkeyPatch, arm: tuple[float, ...], error: float
+) -> None:
+    estimate = MarkerArm(np.array(arm), np.array([0.005, 0.005, error]))
+    monkeypatch.setattr("auvid.stages.fit_axes.markers.marker_arm", lambda *_: estimate)
+    legs = off_origin(np.zeros(3))
+    markers = markers_of(legs, body(), place="where_assumed")
+    assert markers is not None
+    assert markers.departure.tolist() == [0.15, 0.0, 0.0]
+    assert "(arm down) is not determined" in markers_words(markers)
+    assert f"{arm[2]:.3f}" not in markers_words(markers)
+    # What it may be is that of a sensor on a hull.
+    pitching = {
+        key: LegData(
+            replace(leg.record, rate={**leg.record.rate, "q": np.ones(len(leg.record.t_s))}),
+            leg.windows,
+        )
+        for key, leg in legs.items()
+    }
+    doubtful = arm_doubts(pitching, markers)["arm down"]["leg_1"].rate["u"]
+    assert doubtful == pytest.approx(legs["leg_1"].record.rate["u"] - 0.5)
 
 
 def test_a_measured_arm_of_the_file_stays() -> None:
