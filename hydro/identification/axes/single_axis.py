@@ -8,7 +8,7 @@ z' = w cos theta cos phi against depth. 1 / c is the apparent inertia.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -94,7 +94,7 @@ HULL_LAG_SD_S = 0.05
 nobody measures (decision 0124)."""
 DRAG_SPREAD, LARGEST_DRAG, DRAG_WITHIN = 2.0, 8.0, 0.15
 """Standard factor and largest one of the drag of a hull whose speeds nobody measures, and how
-near its logarithm is sought."""
+near its logarithm is sought; twice that to each side is the parabola that tells its deviation."""
 LAG_KNOWN_S = 0.05
 """Largest deviation of a lag that is not fitted beside which an inertia is determined."""
 LAG_SHARE = 0.1
@@ -257,15 +257,17 @@ def fit_axis(
     velocity = VELOCITIES[AXES.index(axis)]
     by_depth = velocity == "w" and any(depth_measures(record, "w") for record in records)
     acts = (velocity == "r" or by_depth) and not records[0].normalised and unmeasured(records)
-    moment = hull if acts else None
+    moment, drag_sd = hull if acts else None, 0.0
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         surge and velocity == "w", loss, moment, speed_share,
     )  # fmt: skip
     if velocity == "r" and moment is not None:
-        fitted = replace(fitted, hull_drag=_hull_drag(fitted))
+        hull_drag, drag_sd = _hull_drag(fitted)
+        fitted = replace(fitted, hull_drag=hull_drag)
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
+    by_drag = _moved_by_drag(fitted, fit, drag_sd)
     blocks = held_out_blocks(pool, fit.values)
     lag = LagVerdict(pool.drive.lag_s, float("nan"), False, lag_sd_s)
     if try_lag:
@@ -280,7 +282,8 @@ def fit_axis(
             if legs_flown_better(*legs_apart):
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
-    fit = with_doubts(pool, _with_lag_error(pool, fit, lag.deviation_s), doubtful)
+    fit = _with_change(_with_lag_error(pool, fit, lag.deviation_s), by_drag)
+    fit = with_doubts(pool, fit, doubtful)
     lag_known = lag.determined or (not try_lag and lag_sd_s <= LAG_KNOWN_S)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
     values, covariance = coefficient_block(fit, axis, names)
@@ -412,10 +415,11 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
     return float(best.x)
 
 
-def _hull_drag(setup: _Setup) -> float:
+def _hull_drag(setup: _Setup) -> tuple[float, float]:
     """Return the share of `UNMEASURED_DRAG` whose speeds turn the hull as measured.
 
-    The least of W ln sigma + (ln drag / ln `DRAG_SPREAD`)^2 / 2, W: windows.
+    And the deviation of its logarithm. The least of W ln sigma + (ln drag / ln
+    `DRAG_SPREAD`)^2 / 2, W: windows.
     """
     from scipy.optimize import minimize_scalar
 
@@ -428,7 +432,25 @@ def _hull_drag(setup: _Setup) -> float:
 
     ends = -np.log(LARGEST_DRAG), np.log(LARGEST_DRAG)
     best = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": DRAG_WITHIN})
-    return float(np.exp(best.x))
+    wide = 2.0 * DRAG_WITHIN
+    bend = (cost(best.x - wide) - 2.0 * float(best.fun) + cost(best.x + wide)) / wide**2
+    least = np.log(DRAG_SPREAD) ** -2.0
+    return float(np.exp(best.x)), float(max(bend, least) ** -0.5)
+
+
+def _moved_by_drag(setup: _Setup, fit: PoolFit, deviation: float) -> dict[str, float]:
+    """Return by how much unknowns move where the hull has one deviation more drag."""
+    if deviation <= 0.0:
+        return {}
+    pool = replace(setup, hull_drag=setup.hull_drag * float(np.exp(deviation))).pool()
+    moved = fit_pool(pool, fit.values)
+    return dict(zip(moved.names, (moved.values - fit.values).tolist(), strict=True))
+
+
+def _with_change(fit: PoolFit, by_name: Mapping[str, float]) -> PoolFit:
+    """Return a fit with one deviation in its covariance that moves unknowns so."""
+    change = np.array([by_name.get(name, 0.0) for name in fit.names])
+    return replace(fit, covariance=fit.covariance + np.outer(change, change))
 
 
 def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
