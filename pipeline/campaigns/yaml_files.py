@@ -81,6 +81,12 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
 
 def yaml_of(path: Path, content: bytes) -> YamlFile:
     """Return what the content of a file says. Raises `CampaignError` as `load_yaml`."""
+    if not content.strip(b"\0") and content:
+        raise CampaignError(
+            "nothing but zero bytes, as of a file that a power cut left empty",
+            file=path,
+            remedy="Write it again, or take a copy.",
+        )
     if b"\0" in content[:4]:
         raise CampaignError("UTF-16 text", file=path, allowed="UTF-8", remedy=SAVE_AS_UTF_8)
     try:

@@ -47,3 +47,10 @@ def test_text_of_another_encoding_is_refused_with_the_remedy(encoding: str, tmp_
     path.write_text("kind: x\ntitle: Föhr\n", encoding=encoding)
     with pytest.raises(CampaignError, match=r"a\.yaml.*UTF-\d.* Save the file as UTF-8"):
         load_yaml(path)
+
+
+def test_a_file_of_zeros_is_no_text_of_another_encoding(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_bytes(bytes(300))
+    with pytest.raises(CampaignError, match=r"zero bytes.*Write it again"):
+        load_yaml(path)
