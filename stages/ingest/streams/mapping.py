@@ -120,10 +120,11 @@ def map_streams(log: DecodedLog, rules: Rules, sources: Mapping[str, str]) -> di
             for item in logged
             if sources.get(name) in (item.label, item.source.name) and item.refused != NO_CLOCK
         ]
-        for chosen in (named or [item for item in logged if item.usable])[:1]:
+        for chosen in named or [item for item in logged if item.usable]:
             stream = _stream(name, chosen, candidates, log, rules)
             if set(stream.columns) != {"time_us"}:  # outputs without any pulse are none
                 streams[name] = stream
+                break
     return streams
 
 

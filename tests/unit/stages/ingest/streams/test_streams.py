@@ -248,6 +248,9 @@ def test_outputs_that_never_have_a_pulse_are_no_stream() -> None:
     names = {"time_unix_us": unix_us, "time_usec": unix_us, "port": 1, "servo1_raw": 1600}
     second = message("SERVO_OUTPUT_RAW", **names)
     assert "actuators" not in map_streams(log(second), streams_tlog.RULES, {})
+    fins = dict.fromkeys(("FinS", "FinP", "FinB", "FinT"), 0.1)
+    both = log(message("RCOU", C1=0, C2=0), message("ACTU", RevS=12.0, **fins))
+    assert "propeller_rev_s" in dataflash(both)["actuators"].columns
 
 
 def test_early_battery_records_are_whole_hundredths() -> None:
