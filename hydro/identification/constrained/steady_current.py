@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from auvid.hydro.arrays import AXES, VELOCITIES, Array, Mask
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints, Mask
 from auvid.hydro.dynamics.equations_of_motion import residual_force
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import basis_rows
@@ -200,12 +200,15 @@ def current_scatter(
 class _Equations:
     """Normal equations of the currents (first c columns) and of drag, block by block.
 
-    grams (b, k, k) and products (b, k) of columns of unit length; sizes (c,): what those
-    of the currents were divided by; per_block: samples of a block.
+    A block has the one current of its leg: grams (b, 2 + k, 2 + k) and products (b, 2 + k)
+    of that and of the drag on all axes, columns of unit length; logs (b,): whose current it
+    is, by number; sizes (c,): what the columns of currents were divided by; per_block:
+    samples of a block.
     """
 
     grams: Array
     products: Array
+    logs: Ints
     sizes: Array
     per_block: float
 
@@ -230,39 +233,40 @@ class _Equations:
         axes = [_Axis.of(of_axis, c, first) for of_axis in legs_of_axis]
         sizes = np.sqrt(sum((axis.lengths[:c] / axis.rms) ** 2 for axis in axes))
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        width, start = c + sum(len(axis.lengths) - c for axis in axes), c
-        grams = np.zeros((len(blocks.starts), width, width))
-        products = np.zeros((len(blocks.starts), width))
+        log = np.concatenate([np.full(len(own.products), own.log) for own in legs_of_axis[0]])
+        width, start = 2 + sum(len(axis.lengths) - c for axis in axes), 2
+        grams = np.zeros((len(log), width, width))
+        products = np.zeros((len(log), width))
         for axis in axes:
-            own = np.r_[0:c, start : start + len(axis.lengths) - c]
-            start = int(own[-1]) + 1
-            scale = np.r_[
-                axis.rms * sizes, np.where(axis.lengths[c:] > 0.0, axis.lengths[c:], 1.0), axis.rms
-            ]
-            scaled = axis.products / np.outer(scale, scale)
+            drag = np.where(axis.lengths[c:] > 0.0, axis.lengths[c:], 1.0)
+            own = np.r_[0:2, start : start + len(drag)]
+            start += len(drag)
+            scale = np.column_stack(
+                [
+                    axis.rms * sizes.reshape(-1, 2)[log],
+                    np.tile(np.append(drag, axis.rms), (len(log), 1)),
+                ]
+            )
+            scaled = axis.products / (scale[:, :, None] * scale[:, None, :])
             grams[:, own[:, None], own] += scaled[:, :-1, :-1]
             products[:, own] += scaled[:, :-1, -1]
-        return cls(grams, products, sizes, first / len(grams))
+        return cls(grams, products, log, sizes, first / len(log))
 
     def step(self, usual: Array, at: Array, kept: Mask | None = None) -> Array:
         """Return the step (l, 2) towards the likeliest currents, with what is usual.
 
         A block counts as one sample against it.
         """
-        grams, products = (
-            (part if kept is None else part[kept]).sum(axis=0)
-            for part in (self.grams, self.products)
-        )
+        gram, product = self._sums(kept)
         pull = self.per_block * np.linalg.inv(usual) / np.outer(self.sizes, self.sizes)
         c = len(pull)
-        grams[:c, :c] += pull
-        products[:c] -= pull @ (at.ravel() * self.sizes)
-        return np.reshape(self._solved(grams[None], products[None])[0], at.shape)
+        gram[:c, :c] += pull
+        product[:c] -= pull @ (at.ravel() * self.sizes)
+        return np.reshape(self._solved(gram, product), at.shape)
 
     def free_step(self) -> Array:
         """Return the step (c,) without what is usual."""
-        free = self._solved(self.grams.sum(axis=0)[None], self.products.sum(axis=0)[None])
-        return np.asarray(free[0])
+        return self._solved(*self._sums())
 
     def covariance(self, early: Mask, usual: Array, at: Array) -> Array:
         """Return the covariance (c, c) of `free_step`.
@@ -270,8 +274,8 @@ class _Equations:
         Of blocks left out in turn, half of what the halves of the legs differ by, and
         what white noise alone leaves of a current that nothing shows.
         """
-        gram, product, count = self.grams.sum(axis=0), self.products.sum(axis=0), len(early)
-        steps = self._solved(gram - self.grams, product - self.products)
+        (gram, product), count = self._sums(), len(early)
+        steps = np.array([self._without(block, gram, product) for block in range(count)])
         away = steps - steps.mean(axis=0)
         halves = self.step(usual, at, early) - self.step(usual, at, ~early)
         half = 0.5 * halves.ravel()
@@ -284,11 +288,33 @@ class _Equations:
             + LEAST_SD_M_S**2 * np.eye(c)
         )
 
-    def _solved(self, grams: Array, products: Array) -> Array:
-        """Return the currents (s, c) of several systems."""
-        left = grams + RIDGE * np.eye(grams.shape[-1])
-        solved = np.linalg.solve(left, products[..., None])[:, : len(self.sizes), 0]
-        return np.asarray(solved / self.sizes)
+    def _columns(self, block: int) -> Ints:
+        """Return where what a block says lies among all currents and drag."""
+        own, c = 2 * self.logs[block], len(self.sizes)
+        return np.asarray(np.r_[own : own + 2, c : c + self.grams.shape[1] - 2])
+
+    def _sums(self, kept: Mask | None = None) -> tuple[Array, Array]:
+        """Return the sums (c + k, c + k), (c + k,) over all blocks, or some."""
+        width = len(self.sizes) + self.grams.shape[1] - 2
+        gram, product = np.zeros((width, width)), np.zeros(width)
+        blocks = np.ones(len(self.logs), bool) if kept is None else kept
+        for block in np.flatnonzero(blocks).tolist():
+            own = self._columns(block)
+            gram[own[:, None], own] += self.grams[block]
+            product[own] += self.products[block]
+        return gram, product
+
+    def _without(self, block: int, gram: Array, product: Array) -> Array:
+        """Return the step (c,) of the sums less one block."""
+        own, left, force = self._columns(block), gram.copy(), product.copy()
+        left[own[:, None], own] -= self.grams[block]
+        force[own] -= self.products[block]
+        return self._solved(left, force)
+
+    def _solved(self, gram: Array, product: Array) -> Array:
+        """Return the currents (c,) of a system."""
+        left = gram + RIDGE * np.eye(len(gram))
+        return np.asarray(np.linalg.solve(left, product)[: len(self.sizes)] / self.sizes)
 
 
 def _limited(vectors: Array, longest: float) -> Array:
@@ -309,14 +335,13 @@ class _OfLeg:
     products: Array
     log: int
 
-    def onto(self, drag: Array, c: int) -> Array:
-        """Return what makes c currents, columns and force (m, c + k + 1) of its own."""
+    def onto(self, drag: Array) -> Array:
+        """Return what makes current, columns and force (m, 2 + k + 1) of its own."""
         size = len(drag) + 1
-        matrix = np.zeros((3 * size, c + size))
-        matrix[:size, c:] = np.eye(size)
+        matrix = np.zeros((3 * size, 2 + size))
+        matrix[:size, 2:] = np.eye(size)
         for i in range(2):
-            place = slice((i + 1) * size, (i + 2) * size)
-            matrix[place, 2 * self.log + i] = np.append(drag, -1.0) / (2.0 * SLOPE_M_S)
+            matrix[(i + 1) * size : (i + 2) * size, i] = np.append(drag, -1.0) / (2.0 * SLOPE_M_S)
         return matrix
 
 
@@ -325,7 +350,7 @@ class _Axis:
     """Currents (c), drag (k) and force of an axis over all legs.
 
     lengths (c + k,): of the columns; rms: what they leave of the force; products
-    (b, c + k + 1, c + k + 1): block by block.
+    (b, 2 + k + 1, 2 + k + 1): block by block, of the one current of the block.
     """
 
     lengths: Array
@@ -337,14 +362,18 @@ class _Axis:
         """Return it of legs with c currents, and so many samples."""
         size = legs[0].triangle.shape[1] // 3
         drag, _ = _least_squares(np.vstack([leg.triangle[:, :size] for leg in legs]))
-        onto = [leg.onto(drag, c) for leg in legs]
-        rows = np.vstack([leg.triangle @ each for leg, each in zip(legs, onto, strict=True)])
+        rows, products = [], []
+        for leg in legs:
+            onto = leg.onto(drag)
+            own = np.zeros((len(leg.triangle), c + size))
+            own[:, np.r_[2 * leg.log : 2 * leg.log + 2, c : c + size]] = leg.triangle @ onto
+            rows.append(own)
+            products.append(onto.T @ leg.products @ onto)
+        stacked = np.vstack(rows)
         return cls(
-            np.linalg.norm(rows[:, :-1], axis=0),
-            _least_squares(rows)[1] / float(np.sqrt(samples)),
-            np.concatenate(
-                [each.T @ leg.products @ each for leg, each in zip(legs, onto, strict=True)]
-            ),
+            np.linalg.norm(stacked[:, :-1], axis=0),
+            _least_squares(stacked)[1] / float(np.sqrt(samples)),
+            np.concatenate(products),
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.equations_of_motion import Control, residual_force
 from auvid.hydro.identification.constrained.steady_current import (
     LegOverGround,
+    SteadyCurrent,
     current_scatter,
     measured_currents,
 )
@@ -80,6 +82,26 @@ def test_neighbouring_pieces_show_a_current_that_changes(wander: float) -> None:
     currents = measured_currents(legs, VEHICLE, usual_m_s=USUAL)
     scatter = current_scatter(legs, VEHICLE, currents, usual_m_s=USUAL)
     assert scatter == pytest.approx(wander, abs=0.012)
+
+
+def test_the_scatter_of_many_legs_takes_little_memory() -> None:
+    """Each block has one current: not every block keeps those of all others (92 MB here)."""
+    leg = leg_over_ground(np.array([0.1, 0.0]))
+    short = replace(
+        leg,
+        measured=leg.measured.rows(slice(0, 200)),
+        tau_bar=leg.tau_bar[:200],
+        actuators=leg.actuators[:200],
+    )
+    legs = [short] * 30
+    currents = {"dive": SteadyCurrent(np.array([0.1, 0.0]), 1e-4 * np.eye(2))}
+    tracemalloc.start()
+    try:
+        current_scatter(legs, VEHICLE, currents, usual_m_s=USUAL)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 20e6
 
 
 def test_each_dive_has_its_own_whatever_the_order_of_legs() -> None:
