@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from auvid.hydro.arrays import Array
+from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.motion_checks import response_gains
-from auvid.stages.columns import GYRO, LINEAR_VELOCITY, RATES, SPEEDS
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, body_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 LEAST_GAIN_SD, MIXED_AXES = 6.0, 2
 """A push of a command counts from so many standard deviations on; a thing of two axes."""
+MOTIONS = dict(zip((*SPEEDS, RATES[2]), (*LINEAR_VELOCITY, GYRO[2]), strict=True))
+WITH_Y_UP = {SPEEDS[1]: LINEAR_VELOCITY[2], SPEEDS[2]: LINEAR_VELOCITY[1], RATES[2]: GYRO[1]}
+"""Where sway, heave and yaw go if poses with y up are read with z up or down."""
+STEADY_SIDE, LEVEL_SIDE, TILTED = 0.9, 0.3, 0.5
+"""Length of the mean direction of the body's y axis in such poses, its part up or down, and
+the cosine of a tilt.
+"""
 
 
 def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
-    """Yield axes that the commands of others push as much as their own do."""
+    """Yield axes that the commands of others push as much as their own do.
+
+    Poses whose y is up are named as such.
+    """
     names = log.commands()
     if not log.has("actuators") or len(names) < MIXED_AXES:
         return
-    t_s, commands = log.t_s("actuators"), np.nan_to_num(log.values("actuators", names))
+    commands = np.nan_to_num(log.values("actuators", names))
     moving = np.ptp(commands, axis=0) > 0.0
     commands = commands[:, moving]  # gains are per unit: a coupled hull is no mixed command
     driven = [
@@ -28,23 +40,25 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
     ]
     if len(driven) < MIXED_AXES:
         return
-    columns = dict(zip((*SPEEDS, RATES[2]), (*LINEAR_VELOCITY, GYRO[2]), strict=True))
-    words = []
-    for number, axis in enumerate(driven):
-        stream = "imu" if axis == RATES[2] else "velocity"
-        if axis not in columns or not log.has(stream):
-            continue
-        gains = response_gains(
-            t_s, commands, log.t_s(stream), body_motion(log, stream, columns[axis])
-        )
-        if gains is None or gains.explained < DRIVEN:
-            continue
-        sure = np.abs(gains.gain) > LEAST_GAIN_SD * gains.sd
-        size = np.where(sure, np.abs(gains.gain), 0.0)
-        others = np.delete(size, number)
-        if others.max() > limit("commands_mixed") * size[number]:
-            pushing = [driven[n] for n in np.argsort(-size) if size[n] > 0.5 * size.max()]
-            words.append(f"{axis} the commands of {listed(pushing)}")
+    tilted = _turns_about_y(log)
+    if tilted > limit("pose_up"):
+        answers = _answers(log, driven, commands, WITH_Y_UP)
+        own = [axis for axis, pushing in answers.items() if pushing == [axis]]
+        if 2 * len(own) > len(answers):
+            yield finding(
+                "pose_up",
+                "The poses look as if y were up: read as they are, the vehicle is tilted by more"
+                f" than 60 degrees for {tilted:.0%} of the time about a y axis that keeps its"
+                f" direction; with y up {listed(own)} answer their own commands.",
+                stream="pose",
+                value=tilted,
+            )
+            return
+    words = [
+        f"{axis} the commands of {listed(pushing)}"
+        for axis, pushing in _answers(log, driven, commands, MOTIONS).items()
+        if pushing != [axis]
+    ]
     if len(words) >= MIXED_AXES:
         yield finding(
             "commands_mixed",
@@ -52,3 +66,45 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
             stream="actuators",
             value=float(len(words)),
         )
+
+
+def _answers(
+    log: CheckedLog, driven: list[str], commands: Array, motions: Mapping[str, str]
+) -> dict[str, list[str]]:
+    """Return the axes whose commands push the motion of each axis; its own where that is most.
+
+    motions: column of the motion of each axis; only of axes that commands explain.
+    """
+    pushing = {}
+    for number, axis in enumerate(driven):
+        stream = "imu" if axis == RATES[2] else "velocity"
+        if axis not in motions or not log.has(stream):
+            continue
+        gains = response_gains(
+            log.t_s("actuators"),
+            commands,
+            log.t_s(stream),
+            body_motion(log, stream, motions[axis]),
+        )
+        if gains is None or gains.explained < DRIVEN:
+            continue
+        sure = np.abs(gains.gain) > LEAST_GAIN_SD * gains.sd
+        size = np.where(sure, np.abs(gains.gain), 0.0)
+        mixed = np.delete(size, number).max() > limit("commands_mixed") * size[number]
+        most = [driven[n] for n in np.argsort(-size) if size[n] > 0.5 * size.max()]
+        pushing[axis] = most if mixed else [axis]
+    return pushing
+
+
+def _turns_about_y(log: CheckedLog) -> float:
+    """Return how often poses are tilted about a level y axis that keeps its direction.
+
+    Zero where y moves: poses with y up have their heading there.
+    """
+    if not log.has("attitude") or not log.source("attitude").startswith(OF_POSES):
+        return 0.0
+    rotation = rotation_body_to_ned(log.values("attitude", ATTITUDE))
+    side = np.asarray(rotation[:, :, 1].mean(axis=0))
+    if np.linalg.norm(side) < STEADY_SIDE or abs(side[2]) > LEVEL_SIDE:
+        return 0.0
+    return float(np.mean(rotation[:, 2, 2] < TILTED))

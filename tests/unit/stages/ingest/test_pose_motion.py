@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.checks import checks
 from auvid.data_schemas.errors import PipelineError
@@ -283,6 +284,55 @@ def test_commands_that_a_frame_mixed_are_named(seed: int) -> None:
     (item,) = of(ingested(*tank_poses(run)), "commands_mixed")
     assert item["value"] >= 2.0
     assert "--commands" in item["remedy"]
+
+
+def with_y_up(run: dict[str, Array], frame: str) -> tuple[dict[str, Array], list[dict[str, Any]]]:
+    """Return poses of a run as a tracking system with y up writes them, in a declared frame."""
+    columns, entries = tank_poses(run)
+    to_file = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    angles = np.column_stack([run[name] for name in ("yaw_rad", "pitch_rad", "roll_rad")])
+    body = Rotation.from_euler("ZYX", angles).as_matrix()
+    q = Rotation.from_matrix(to_file @ body @ to_file.T).as_quat()
+    place = np.column_stack([run[name] for name in POSITION]) @ to_file.T
+    columns = {name: values for name, values in columns.items() if not name.endswith("_rad")}
+    columns |= dict(
+        zip((*POSITION, "q_x", "q_y", "q_z", "q_w"), np.hstack([place, q]).T, strict=True)
+    )
+    entries = [entry for entry in entries if entry["stream"] != "pose"]
+    return columns, entries + [{**entry, "frame": frame} for entry in POSE]
+
+
+@pytest.mark.parametrize(("frame", "seed"), [("ned", 1), ("enu", 2), ("flu", 3)])
+def test_poses_with_y_up_are_named(frame: str, seed: int) -> None:
+    outputs = ingested(*with_y_up(noisy(tank_run(seed), seed), frame))
+    (item,) = of(outputs, "pose_up")
+    assert "sway, heave and yaw answer their own commands" in item["text"]
+    assert "frame: y_up" in item["remedy"]
+    assert not of(outputs, "commands_mixed")
+
+
+def test_poses_with_y_up_that_are_declared_so_are_sound() -> None:
+    run = noisy(tank_run(2), 2)
+    outputs = ingested(*with_y_up(run, "y_up"))
+    assert not [item for item in outputs.health["findings"] if item["severity"] == "error"]
+    assert outputs.velocity is not None
+    at = np.searchsorted(run["t_s"], np.asarray(outputs.velocity["time_us"]) / 1e6 - 1e-4)
+    speeds = np.column_stack([run[name] for name in ("u_mps", "v_mps", "w_mps")])[at]
+    assert np.sqrt(np.mean((matrix(outputs.velocity, LINEAR_VELOCITY) - speeds) ** 2)) < 0.03
+
+
+def test_a_vehicle_that_loops_has_no_y_up() -> None:
+    """Its poses look the same, but the commands of its axes as they are move it."""
+    columns, entries = with_y_up(noisy(tank_run(2), 2), "ned")
+    other = {"command_sway": "heave", "command_heave": "sway", "command_yaw": "pitch"}
+    entries = [
+        {**entry, "field": f"command_{other[entry['field']]}"} if entry["field"] in other else entry
+        for entry in entries
+    ]
+    columns["cmd1"], columns["cmd0"] = -columns["cmd1"], -columns["cmd0"]
+    outputs = ingested(columns, entries)
+    assert not of(outputs, "pose_up")
+    assert not of(outputs, "commands_mixed")
 
 
 def test_yaw_that_was_averaged_across_its_wrap_is_named() -> None:
