@@ -71,7 +71,7 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
 def _answers(
     log: CheckedLog, driven: list[str], commands: Array, motions: Mapping[str, str]
 ) -> dict[str, list[str]]:
-    """Return the axes whose commands push the motion of each axis; its own where that is most.
+    """Return the axes whose commands push each axis; itself where its own push most.
 
     motions: column of the motion of each axis; only of axes that commands explain.
     """
