@@ -45,11 +45,12 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
         answers = _answers(log, driven, commands, WITH_Y_UP)
         own = [axis for axis, pushing in answers.items() if pushing == [axis]]
         if 2 * len(own) > len(answers):
+            answer = "answer their own commands" if len(own) > 1 else "answers its own command"
             yield finding(
                 "pose_up",
                 "The poses look as if y were up: read as they are, the vehicle is tilted by more"
                 f" than 60 degrees for {tilted:.0%} of the time about a y axis that keeps its"
-                f" direction; with y up {listed(own)} answer their own commands.",
+                f" direction; with y up {listed(own)} {answer}.",
                 stream="pose",
                 value=tilted,
             )

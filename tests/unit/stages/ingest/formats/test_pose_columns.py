@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ TURNED = {
 BACK = {"ned": np.eye(3), "enu": np.diag([1.0, -1.0, -1.0]), "y_up": UPWARD_Y.T}
 
 
-def read(columns: dict[str, Array], entries: list[tuple[str, ...]], **more: Any) -> Any:
+def read(columns: dict[str, Array], entries: Sequence[tuple[str, ...]], **more: Any) -> Any:
     """Return a decoded CSV file; entries: column, stream, field, unit, frame."""
     rows = [",".join(columns)]
     for row in zip(*columns.values(), strict=True):
