@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from auvid.data_schemas.errors import PipelineError
-from auvid.data_schemas.schemas import schema
 from auvid.pipeline.graph import ONCE, AnyStage, Graph, stages_of_kind
-from auvid.stages.base import make_params, ports
+from auvid.stages.base import make_params
 
 COMMENT_AT = 44
 CODE = "runs/.code"
@@ -26,6 +25,7 @@ HEADER = """\
 # imports and schemas) stands in a small file that `code` brings up to date each time: an
 # edited equation reruns what uses it. `inputs` does the same for what each stage reads of
 # manifest, logs, vehicle and parameters: a changed key reruns the stages that read it.
+# A stage leaves its folder, for some of what lies in it depends on settings and logs.
 stages:
   code:
     desc: Hash of the code of each stage
@@ -147,6 +147,10 @@ def dvc_yaml(
             names = [name for name, kind in campaigns.items() if kind in of]
             each = "${campaigns}" if len(names) == len(campaigns) else f"[{', '.join(names)}]"
             lines += ["", f"  {stage.name}{suffix}:", f"    foreach: {each}", *body]
+    metrics = [
+        f"  - {path}" for name, kind in campaigns.items() for path in _metrics(graphs[kind], name)
+    ]
+    lines += ["", "metrics:", *metrics] if metrics else []
     return "\n".join(lines) + "\n"
 
 
@@ -157,9 +161,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
     if stage.maps_over == "segment":
         producers |= {other.name for other in graph.stages if other.yields == "segment"}
     deps = [f"{CODE}/{stage.name}.txt", f"{INPUTS}/{stage.name}.txt"]
-    deps += [path for other in graph.stages if other.name in producers for path, _ in _outs(other)]
-    plain = [(path, notes) for path, notes in _outs(stage) if "metrics" not in notes]
-    metrics = [path for path, notes in _outs(stage) if "metrics" in notes]
+    deps += [_folder(other) for other in graph.stages if other.name in producers]
     keys = [f"{stage.name}.{item.name}" for item in fields(stage.params)]
     lines = [
         "    do:",
@@ -169,38 +171,22 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
         *(f"        - {path}" for path in deps),
     ]
     lines += ["      params:", *(f"        - {key}" for key in keys)] if keys else []
-    lines += ["      outs:", *(f"        - {path}: {{persist: true}}" for path, _ in plain)]
-    lines += (
-        ["      metrics:", *(f"        - {path}: {{persist: true}}" for path in metrics)]
-        if metrics
-        else []
-    )
+    lines += ["      outs:", f"        - {_folder(stage)}: {{persist: true}}"]
     return lines
 
 
-def _outs(stage: AnyStage) -> list[tuple[str, str]]:
-    """Return the paths that a stage leaves: its folder, or artefacts with a metric."""
-    folder = f"runs/${{item}}/{stage.name}"
-    specs = ports(stage.outputs)
-    if (
-        not any(spec["port"].endswith("_metrics") for spec in specs.values())
-        or stage.maps_over != ONCE
-    ):
-        return [(folder, "")]
-    outputs = [(f"{folder}/manifest.json", "")]
-    for name, spec in specs.items():
-        note = "metrics" if spec["port"].endswith("_metrics") else ""
-        outputs.append(
-            (
-                (
-                    f"{folder}/{name}"
-                    if spec["many"]
-                    else f"{folder}/{name}{schema(spec['port']).suffix}"
-                ),
-                note,
-            )
-        )
-    return outputs
+def _folder(stage: AnyStage) -> str:
+    """Return the folder of a stage: the one path that it leaves whatever its settings."""
+    return f"runs/${{item}}/{stage.name}"
+
+
+def _metrics(graph: Graph, campaign: str) -> list[str]:
+    """Return files of figures of a campaign, which `dvc metrics` shows."""
+    return [
+        f"runs/{campaign}/{port.stage.name}/{port.path(ONCE)}"
+        for port in graph.outputs
+        if port.schema.endswith("_metrics") and port.level == ONCE
+    ]
 
 
 def campaign_kinds(root: Path, campaigns: Sequence[str]) -> dict[str, str]:

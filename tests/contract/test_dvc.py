@@ -15,7 +15,8 @@ from auvid.stages.base import Stage
 from auvid.stages.registry import KINDS, STAGES
 
 ROOT = Path(__file__).resolve().parents[2]
-DVC: dict[str, Any] = read_yaml((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+DECLARED: dict[str, Any] = read_yaml((ROOT / "dvc.yaml").read_text(encoding="utf-8"))
+DVC: dict[str, Any] = DECLARED["stages"]
 PARAMS: dict[str, Any] = read_yaml((ROOT / "params.yaml").read_text(encoding="utf-8"))
 CAMPAIGNS = campaign_kinds(ROOT, PARAMS["campaigns"])
 TWINS = [name for name, kind in CAMPAIGNS.items() if "simulate" in KINDS[kind]]
@@ -92,7 +93,7 @@ def test_entry_depends_on_what_feeds_the_stage(stage: AnyStage) -> None:
                         for other in entries_of(port.stage.name).values()
                         if set(campaigns_of(other)) & set(campaigns_of(entry))
                     )["do"]
-                    assert paths([*do["outs"], *do.get("metrics", [])]) <= deps
+                    assert paths(do["outs"]) <= deps
         assert f"runs/.code/${{item}}/{stage.name}.txt" in deps
         assert all(path.startswith("runs/") for path in deps)
 
@@ -103,16 +104,20 @@ def test_logs_of_a_twin_are_those_it_writes() -> None:
             assert ("runs/${item}/simulate" in entry["do"]["deps"]) == (name in TWINS)
 
 
-def test_outs_persist_and_error_tables_are_metrics() -> None:
+def test_a_stage_leaves_its_folder_whatever_its_settings() -> None:
+    """What lies in it may be absent, as free runs are where the campaign flies none; DVC
+    refuses a stage that leaves a declared output out.
+    """
     for stage in USED:
-        for item in entries_of(stage.name).values():
-            do = item["do"]
-            for entry in (*do["outs"], *do.get("metrics", [])):
-                path, options = next(iter(entry.items()))
-                assert options["persist"] is True
-                assert path.startswith(f"runs/${{item}}/{stage.name}")
-    assert DVC["validate"]["do"]["metrics"] == [
-        {"runs/${item}/validate/error_metrics.json": {"persist": True}}
+        for entry in entries_of(stage.name).values():
+            assert entry["do"]["outs"] == [{f"runs/${{item}}/{stage.name}": {"persist": True}}]
+            assert "metrics" not in entry["do"]
+
+
+def test_error_tables_are_metrics() -> None:
+    validated = [name for name, kind in CAMPAIGNS.items() if "validate" in KINDS[kind]]
+    assert DECLARED["metrics"] == [
+        f"runs/{name}/validate/error_metrics.json" for name in sorted(validated)
     ]
 
 
@@ -134,15 +139,11 @@ def test_every_dependency_of_every_campaign_is_made() -> None:
         for campaign in campaigns_of(entry) if each else []:
             filled = {
                 part: {text.replace("${item}", campaign) for text in named_paths}
-                for part in ("deps", "outs", "metrics")
+                for part in ("deps", "outs")
                 if (named_paths := paths(entry["do"].get(part, [])))
             }
             resolved[f"{name}@{campaign}"] = filled
-    outputs = {
-        path
-        for parts in resolved.values()
-        for path in (*parts.get("outs", ()), *parts.get("metrics", ()))
-    }
+    outputs = {path for parts in resolved.values() for path in parts.get("outs", ())}
     outputs |= paths(DVC["code"]["outs"])
     needed = {path for parts in resolved.values() for path in parts.get("deps", ())}
     assert {path for path in needed if not {path, str(Path(path).parent)} & outputs} == set()

@@ -134,6 +134,9 @@ def test_dvc_and_auvid_mix_in_any_order(
     assert changed == hashes(other)
     assert changed != hashes(short_workspace, *SHORT_CHAIN)
 
+    call("dvc", "repro", "validate@example", folder=folder)  # no free runs, no motion of them
+    assert not (folder / "runs" / "example" / "validate" / "simulated_motion").exists()
+
 
 @pytest.mark.release
 @pytest.mark.timeout(600)
