@@ -26,7 +26,7 @@ def main() -> None:
     output.start(sys.argv[1:])
     try:
         try:
-            app(standalone_mode=True)
+            app(prog_name="auvid", standalone_mode=True)
         except SystemExit as end:
             if end.code == WRONG_USE:
                 output.print_envelope(WRONG_USE, "wrong use: standard error says which word")
