@@ -92,6 +92,7 @@ def test_picture_is_not_empty(recording: Path) -> None:
         ((str(SMALL), "--screenshot", "x.jpg"), "does not end in .png"),
         ((str(SMALL), "--tab", "Foo", "--save", "x.rrd"), "no such tab"),
         ((str(SMALL),), "--save FILE.rrd"),
+        ((str(SMALL.parent),), "Name one of its files."),
     ],
 )
 def test_refusals_say_what_to_do(words: tuple[str, ...], message: str) -> None:

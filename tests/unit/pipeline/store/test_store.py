@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Generator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,20 @@ def test_table_comes_back_with_unit_frame_and_meaning(tmp_path: Path) -> None:
         b"meaning": b"depth of the pressure sensor",
     }
     assert pq.ParquetFile(path).metadata.row_group(0).column(0).compression == "ZSTD"
+
+
+@pytest.mark.parametrize(
+    ("number", "remedy"), [(errno.EFBIG, "see ulimit -f"), (errno.ENOSPC, "Free some space")]
+)
+def test_a_limit_of_file_size_is_no_full_disk(number: int, remedy: str, tmp_path: Path) -> None:
+    def pieces() -> Generator[bytes]:
+        yield b"begun"
+        raise OSError(number, os.strerror(number))
+
+    with pytest.raises(PipelineError, match=rf"x: cannot be written.*{remedy}"):
+        write_atomically(tmp_path / "x", pieces())
+    assert list(tmp_path.iterdir()) == []
+    assert SYSTEM_REFUSALS.pop().errno == number
 
 
 def test_same_content_is_the_same_bytes_however_it_is_chunked() -> None:
