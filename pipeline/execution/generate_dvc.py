@@ -176,7 +176,7 @@ def _entry(graph: Graph, stage: AnyStage) -> list[str]:
 
 
 def _folder(stage: AnyStage) -> str:
-    """Return the folder of a stage: the one path that it leaves whatever its settings."""
+    """Return the folder of a stage, which it leaves whatever its settings."""
     return f"runs/${{item}}/{stage.name}"
 
 

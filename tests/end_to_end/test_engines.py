@@ -134,8 +134,16 @@ def test_dvc_and_auvid_mix_in_any_order(
     assert changed == hashes(other)
     assert changed != hashes(short_workspace, *SHORT_CHAIN)
 
-    call("dvc", "repro", "validate@example", folder=folder)  # no free runs, no motion of them
-    assert not (folder / "runs" / "example" / "validate" / "simulated_motion").exists()
+
+@pytest.mark.release
+def test_dvc_takes_a_stage_that_leaves_an_output_out(short_workspace: Path, tmp_path: Path) -> None:
+    folder = copy_workspace(short_workspace, tmp_path / "workspace")
+    (folder / ".dvc" / "config.local").write_text("[core]\n    no_scm = true\n")
+    assert not (folder / "runs/example/validate/simulated_motion").exists(), "it flies no free runs"
+    for words in (["code"], ["code", "example"]):
+        campaign_runs.auvid(*words, folder=folder)
+    printed = call("dvc", "repro", "--single-item", "validate@example", folder=folder)
+    assert "Running stage 'validate@example'" in printed
 
 
 @pytest.mark.release
