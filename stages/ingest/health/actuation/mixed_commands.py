@@ -8,7 +8,7 @@ import numpy as np
 
 from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
-from auvid.hydro.identification.checks.motion_checks import response_gains
+from auvid.hydro.identification.checks.motion_checks import angles_at, response_gains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
 from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, body_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
@@ -21,6 +21,10 @@ WITH_Y_UP = {SPEEDS[1]: LINEAR_VELOCITY[2], SPEEDS[2]: LINEAR_VELOCITY[1], RATES
 STEADY_SIDE, LEVEL_SIDE, TILTED = 0.9, 0.3, 0.5
 """Length of the mean direction of the body's y axis in such poses, its part up or down, and
 the cosine of a tilt.
+"""
+LEAST_TILTED, STEADY_HEADING = 0.02, 0.9
+"""Share of the time for which an upright vehicle is tilted, and length of the mean heading of
+one that does not turn.
 """
 
 
@@ -55,6 +59,15 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
                 value=tilted,
             )
             return
+    if _level_heave(log, driven, commands):
+        yield finding(
+            "pose_up",
+            "The poses look as if y were up: the vehicle is upright and turns, but heave moves"
+            " it to one side of the tank and not down.",
+            stream="pose",
+            value=1.0,
+        )
+        return
     words = [
         f"{axis} the commands of {listed(pushing)}"
         for axis, pushing in _answers(log, driven, commands, MOTIONS).items()
@@ -77,24 +90,52 @@ def _answers(
     motions: column of the motion of each axis; only of axes that commands explain.
     """
     pushing = {}
-    for number, axis in enumerate(driven):
+    for axis in driven:
         stream = "imu" if axis == RATES[2] else "velocity"
-        if axis not in motions or not log.has(stream):
-            continue
-        gains = response_gains(
-            log.t_s("actuators"),
-            commands,
-            log.t_s(stream),
-            body_motion(log, stream, motions[axis]),
-        )
-        if gains is None or gains.explained < DRIVEN:
-            continue
-        sure = np.abs(gains.gain) > LEAST_GAIN_SD * gains.sd
-        size = np.where(sure, np.abs(gains.gain), 0.0)
-        mixed = np.delete(size, number).max() > limit("commands_mixed") * size[number]
-        most = [driven[n] for n in np.argsort(-size) if size[n] > 0.5 * size.max()]
-        pushing[axis] = most if mixed else [axis]
-    return pushing
+        if axis in motions and log.has(stream):
+            motion = body_motion(log, stream, motions[axis])
+            pushing[axis] = _pushing(log, driven, commands, axis, stream, motion)
+    return {axis: axes for axis, axes in pushing.items() if axes}
+
+
+def _pushing(
+    log: CheckedLog, driven: list[str], commands: Array, axis: str, stream: str, motion: Array
+) -> list[str]:
+    """Return axes whose commands push a motion (n,); `axis` where its own push most.
+
+    None where they explain too little.
+    """
+    gains = response_gains(log.t_s("actuators"), commands, log.t_s(stream), motion)
+    if gains is None or gains.explained < DRIVEN:
+        return []
+    number = driven.index(axis)
+    sure = np.abs(gains.gain) > LEAST_GAIN_SD * gains.sd
+    size = np.where(sure, np.abs(gains.gain), 0.0)
+    if np.delete(size, number).max() <= limit("commands_mixed") * size[number]:
+        return [axis]
+    return [driven[n] for n in np.argsort(-size) if size[n] > 0.5 * size.max()]
+
+
+def _level_heave(log: CheckedLog, driven: list[str], commands: Array) -> bool:
+    """Return whether heave moves poses of an upright vehicle level, at any heading."""
+    heave = SPEEDS[2]
+    if heave not in driven or not log.has("attitude", "velocity"):
+        return False
+    if not log.source("velocity").startswith(OF_POSES):
+        return False
+    angles = log.values("attitude", ATTITUDE)
+    rotation = rotation_body_to_ned(angles)
+    if np.mean(rotation[:, 2, 2] < TILTED) > LEAST_TILTED:
+        return False
+    if np.hypot(*rotation[:, :2, 0].mean(axis=0)) > STEADY_HEADING:
+        return False
+    at = angles_at(log.t_s("velocity"), log.t_s("attitude"), angles)
+    world = np.einsum("nij,nj->ni", rotation_body_to_ned(at), log.body_velocity())
+    pushing = [
+        _pushing(log, driven, commands, heave, "velocity", np.ascontiguousarray(motion)) == [heave]
+        for motion in world.T
+    ]
+    return any(pushing[:2]) and not pushing[2]
 
 
 def _turns_about_y(log: CheckedLog) -> float:

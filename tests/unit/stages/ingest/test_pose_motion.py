@@ -311,6 +311,30 @@ def test_poses_with_y_up_are_named(frame: str, seed: int) -> None:
     assert not of(outputs, "commands_mixed")
 
 
+@pytest.mark.parametrize(("frame", "seed"), [("ned", 2), ("enu", 3)])
+def test_upright_angles_with_y_up_are_named(frame: str, seed: int) -> None:
+    """Of roll, pitch and yaw by their meaning only the place has another axis up."""
+    columns, entries = with_y_up(noisy(tank_run(seed), seed), frame)
+    q = np.column_stack([columns.pop(name) for name in ("q_x", "q_y", "q_z", "q_w")])
+    yaw_pitch_roll = Rotation.from_quat(q).as_euler("YZX").T
+    columns |= dict(zip(ATTITUDE[::-1], yaw_pitch_roll, strict=True))
+    entries = [entry for entry in entries if not entry["field"].startswith("q_")]
+
+    def findings(frame: str) -> list[dict[str, Any]]:
+        angles = [
+            {"column": name, "stream": "pose", "field": name, "unit": "rad"} for name in ATTITUDE
+        ]
+        declared = [
+            {**entry, "frame": frame} if entry["stream"] == "pose" else entry
+            for entry in [*entries, *angles]
+        ]
+        return of(ingested(columns, declared), "pose_up")
+
+    (item,) = findings(frame)
+    assert "heave moves it to one side" in item["text"]
+    assert not findings("y_up")
+
+
 def test_poses_with_y_up_that_are_declared_so_are_sound() -> None:
     run = noisy(tank_run(2), 2)
     outputs = ingested(*with_y_up(run, "y_up"))
