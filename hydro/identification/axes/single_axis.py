@@ -428,7 +428,7 @@ def _hull_drag(setup: _Setup) -> tuple[float, float]:
     def cost(logarithm: float) -> float:
         pool = replace(setup, hull_drag=float(np.exp(logarithm))).pool()
         size = float(np.log(fit_pool(pool, start).sigma[0]))
-        return len(pool.windows) * size + 0.5 * (logarithm / np.log(DRAG_SPREAD)) ** 2
+        return len(pool.windows) * size + 0.5 * (logarithm / float(np.log(DRAG_SPREAD))) ** 2
 
     ends = -np.log(LARGEST_DRAG), np.log(LARGEST_DRAG)
     best = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": DRAG_WITHIN})
