@@ -1,4 +1,4 @@
-"""Commands of a leg on another clock than its motion, against the other legs."""
+"""Commands on another clock than the motion: of a leg, or of all legs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from typing import NamedTuple
 import numpy as np
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.axes.pooled_fit import loop_rows, make_pool, motion
+from auvid.hydro.axis_figures import FORCE
+from auvid.hydro.identification.axes.drive import DELAY, LAG
+from auvid.hydro.identification.axes.pooled_fit import fit_pool, loop_rows, make_pool, motion
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.windows import windows_of
+from auvid.hydro.identification.regression.verdicts import T_LIMIT
 from auvid.stages.fit_axes.fitted import FittedAxis, FlownAxis, LegClock
 from auvid.stages.fit_axes.flight import LegData, idle
 
@@ -25,6 +28,8 @@ PARABOLA_S = 0.01
 """Deviation of the least error between shifts: of made-up legs it was .012 s off (rms)."""
 MOST_PASSES = 3
 """Fits that moved commands give tell the rest of a shift better."""
+AXIS_DELAY_S = 0.03
+"""What delays of axes differ by beside their errors: thrusters of one vehicle, one frame."""
 
 
 class ShiftErrors(NamedTuple):
@@ -81,6 +86,41 @@ def corrected(
         key: LegClock(clock.late_s + rest[key].late_s, rest[key].error_s) if key in rest else clock
         for key, clock in clocks.items()
     }
+
+
+def clock_of_all(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> LegClock | None:
+    """Return how late commands of all legs are stamped, None where they are not.
+
+    A delay beside a free lag: below 0 of a clock, above 0 (late_s below 0) also of a link.
+    It counts from `LEAST_LATE_S` on, where axes agree and the errors fall to `WORTH` of those
+    by the free lag alone. Newtons have checks of their own, and a depth is late itself.
+    """
+    if not all(leg.windows.normalised for leg in legs.values()):
+        return None
+    delays, errors, ratios = [], [], []
+    for item in tried:
+        flown = item.flown
+        if flown is None or item.measured_by == "depth" or item.equation.value(FORCE) <= 0.0:
+            continue
+        begin = flown.fit.values[: len(flown.pool.structure.terms)]
+        free = tuple(name for name in flown.pool.free if name != LAG)
+        by_lag = fit_pool(replace(flown.pool, free=(*free, LAG)), begin)
+        late = fit_pool(replace(flown.pool, free=(*free, LAG, DELAY)), begin)
+        error = float(np.sqrt(late.covariance[-1, -1]))
+        if late.at_bound[-1] or not 0.0 < error < np.inf:
+            continue
+        delays.append(float(late.values[-1]))
+        errors.append(float(np.hypot(error, AXIS_DELAY_S)))
+        moved = np.isfinite(flown.pool.prepared[0].channels).any(axis=0)
+        ratios.append(float(np.mean(np.log(late.sigma[moved] / by_lag.sigma[moved]))))
+    if not delays:
+        return None
+    weights = np.array(errors) ** -2.0
+    delay_s = float(np.average(delays, weights=weights))
+    off = np.abs(np.array(delays) - delay_s) / np.array(errors)
+    if abs(delay_s) < LEAST_LATE_S or np.any(off > T_LIMIT) or np.mean(ratios) > np.log(WORTH):
+        return None
+    return LegClock(-delay_s, float(weights.sum() ** -0.5))
 
 
 def _shifts(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, LegShift]:
@@ -143,29 +183,46 @@ def _least(axes: Sequence[ShiftErrors]) -> LegShift:
 
 
 def on_one_clock(
-    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock]
+    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock], common: LegClock | None
 ) -> Mapping[str, LegData]:
     """Return legs whose commands are moved to the clock of their motion."""
+    late = {key: clock.late_s for key, clock in clocks.items()}
+    if common is not None:
+        late = {key: late.get(key, 0.0) + common.late_s for key in legs}
     return {
-        key: replace(leg, record=_moved(leg.record, clocks[key].late_s)) if key in clocks else leg
+        key: replace(leg, record=_moved(leg.record, late[key])) if key in late else leg
         for key, leg in legs.items()
     }
 
 
 def clock_doubts(
-    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock]
+    legs: Mapping[str, LegData], clocks: Mapping[str, LegClock], common: LegClock | None
 ) -> dict[str, dict[str, AxisRecord]]:
-    """Return legs on one clock with that of each moved by one deviation."""
-    return {
+    """Return legs with the clock of each, and of all, moved by one deviation."""
+    every = {}
+    if common is not None:
+        moved = {key: _moved(leg.record, common.error_s) for key, leg in legs.items()}
+        every = {"clock of all legs": moved}
+    return every | {
         f"clock of {key}": {key: _moved(legs[key].record, clock.error_s)}
         for key, clock in clocks.items()
         if np.isfinite(clock.error_s)
     }
 
 
-def clock_words(clocks: Mapping[str, LegClock]) -> list[str]:
-    """Return a sentence on each leg whose commands are on another clock."""
-    return [
+def clock_words(clocks: Mapping[str, LegClock], common: LegClock | None = None) -> list[str]:
+    """Return a sentence on each leg whose commands are on another clock, and on all."""
+    every = []
+    if common is not None:
+        early = common.late_s < 0.0
+        every = [
+            f"The motion answers the commands {abs(common.late_s):.2f} s (standard error"
+            f" {common.error_s:.2g}) {'late' if early else 'early'} in all legs, beside the lag of"
+            f" the actuators: two clocks{', or a link that delays' if early else ''}. The fits have"
+            " the commands moved by that, and its error is in the intervals; the model is without"
+            " it."
+        ]
+    return every + [
         f"Leg {leg}: its commands are stamped {abs(clock.late_s):.2f} s"
         + (f" (standard error {clock.error_s:.2g})" if np.isfinite(clock.error_s) else "")
         + f" too {'late' if clock.late_s > 0.0 else 'early'} for its motion, as against the other"

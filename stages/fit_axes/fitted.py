@@ -293,6 +293,7 @@ class AxisFits:
     thrusters: tuple[ThrusterRatio, ...] = ()
     """How strong each is against those like it."""
     clocks: Mapping[str, LegClock] = field(default_factory=dict)
+    common_clock: LegClock | None = None
     """Leg -> how late its commands were stamped, which the fits have moved."""
 
     @property

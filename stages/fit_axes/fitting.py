@@ -37,6 +37,7 @@ from auvid.stages.columns import TOO_COARSE
 from auvid.stages.fit_axes.clocks import (
     MOST_PASSES,
     clock_doubts,
+    clock_of_all,
     corrected,
     late_commands,
     on_one_clock,
@@ -87,6 +88,7 @@ def fit_all(
     *,
     strengths: tuple[ThrusterRatio, ...] | None = None,
     clocks: Mapping[str, LegClock] | None = None,
+    common: LegClock | None = None,
     passes: int = 1,
 ) -> AxisFits:
     """Return the fits of all axes that the training legs give, with held-out fits.
@@ -94,16 +96,17 @@ def fit_all(
     Validation legs, where there are any, are flown by a fit that does not use them; then
     windows and legs are left out in turn too. strengths: of thrusters, where forces have
     them already; None to find them, and to fit once more where one is weak. clocks: of
-    commands that are moved; None to find those on another clock. passes: fits so far.
+    commands that are moved; None to find those on another clock. common: of all legs, beside
+    their own. passes: fits so far.
     """
     as_logged, first = legs, next(iter(legs.values())).windows
     _check_units(legs)
-    legs = on_one_clock(legs, clocks or {})
+    legs = on_one_clock(legs, clocks or {}, common)
     markers = markers_of(legs, vehicle, place=options.marker_arm)
     if markers is not None and markers.used and markers.departs:
         legs = at_origin(legs, markers.sensor, markers.departure)
     hull, moved = hull_speeds(legs, vehicle, lag_s=options.lag_s), legs
-    legs = _with_doubts(hull.levelled(moved), hull, markers, clocks)
+    legs = _with_doubts(hull.levelled(moved), hull, markers, clocks, common)
     ties = first.full_thrust
     if any(leg.windows.full_thrust != ties for leg in legs.values()):
         ties = {}  # what a full command means differs between the legs
@@ -133,19 +136,28 @@ def fit_all(
     elif clocks and strengths is None and passes < MOST_PASSES:
         better = corrected(clocks, tried, legs)
         if better:
-            return fit_all(as_logged, vehicle, options, clocks=better, passes=passes + 1)
+            return fit_all(
+                as_logged, vehicle, options, clocks=better, common=common, passes=passes + 1
+            )
+    if common is None:
+        common = clock_of_all(tried, legs)
+        if common is not None:
+            return fit_all(
+                as_logged, vehicle, options,
+                strengths=strengths, clocks=clocks, common=common, passes=passes,
+            )  # fmt: skip
     if strengths is None:
         strengths = ratios_of(tried, legs, vehicle, options)
         if any(item.is_weak for item in strengths):
             return fit_all(
                 as_strong(as_logged, strengths), vehicle, options,
-                strengths=strengths, clocks=clocks, passes=passes,
+                strengths=strengths, clocks=clocks, common=common, passes=passes,
             )  # fmt: skip
     shared = shared_lag(fitted, options.lag_s)
     if options.fit_lag and shared is not None:
         late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
         hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
-        levelled = _with_doubts(hull.levelled(moved), hull, markers, clocks)
+        levelled = _with_doubts(hull.levelled(moved), hull, markers, clocks, common)
         fitted, legs = _with_shared_lag(fitted, legs, levelled, vehicle, late, hull)
     commands = CommandForces(first.normalised, dict(first.full_force.items()), dict(ties.items()))
     every, together = fitted_together(fitted, legs, vehicle, options, commands)
@@ -166,6 +178,7 @@ def fit_all(
         together=together,
         thrusters=strengths,
         clocks=clocks,
+        common_clock=common,
     )
 
 
@@ -174,11 +187,11 @@ def _with_doubts(
     hull: HullSpeeds,
     markers: Markers | None,
     clocks: Mapping[str, LegClock] | None,
+    common: LegClock | None,
 ) -> dict[str, LegData]:
     """Return legs with what their records rest on one deviation off."""
-    doubts = {
-        **hull.doubts(legs), **arm_doubts(legs, markers), **clock_doubts(legs, clocks or {})
-    }  # fmt: skip
+    late = clock_doubts(legs, clocks or {}, common)
+    doubts = {**hull.doubts(legs), **arm_doubts(legs, markers), **late}
     return {
         key: replace(leg, doubts={name: own[key] for name, own in doubts.items() if key in own})
         for key, leg in legs.items()

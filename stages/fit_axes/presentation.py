@@ -74,7 +74,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     warnings = [words for item in fits.fitted for words in item.warnings]
     blocks += [remark(words, "warning") for words in dict.fromkeys(warnings)]
     blocks += [remark(words, "warning") for words in weak_words(fits.thrusters)]
-    blocks += [remark(words, "warning") for words in clock_words(fits.clocks)]
+    blocks += [remark(words, "warning") for words in clock_words(fits.clocks, fits.common_clock)]
     blocks += _fit_tables(fits)
     if fits.lacking:
         rows = [

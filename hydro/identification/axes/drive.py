@@ -10,11 +10,11 @@ import numpy as np
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.identification.axes.record import AxisRecord
 
-LAG, DEAD_BAND, CURVE = "lag", "dead_band", "curve"
-BOUNDS = {LAG: (0.01, 2.0), DEAD_BAND: (0.0, 0.3), CURVE: (0.5, 2.5)}
-"""Lag [s]; dead band in full commands; exponent of the curve."""
-STEPS = {LAG: 0.1, DEAD_BAND: 0.1, CURVE: 0.05}
-"""Half widths of differences, relative; of a dead band relative to `BOUNDS`."""
+LAG, DEAD_BAND, CURVE, DELAY = "lag", "dead_band", "curve", "delay"
+BOUNDS = {LAG: (0.01, 2.0), DEAD_BAND: (0.0, 0.3), CURVE: (0.5, 2.5), DELAY: (-0.6, 0.6)}
+"""Lag [s]; dead band in full commands; exponent of the curve; delay [s]."""
+STEPS = {LAG: 0.1, DEAD_BAND: 0.1, CURVE: 0.05, DELAY: 0.05}
+"""Half widths of differences, relative; of dead band and delay relative to `BOUNDS`."""
 GAIN, GAIN_BOUNDS, GAIN_SD, GAIN_STEP = "gain of thruster", (-1.0, 3.0), 0.3, 0.1
 """Name before the number of a thruster, bounds of the share of its force that it gives,
 deviation of that from 1 as thrusters of one vehicle have it, and half width of differences."""
@@ -25,7 +25,8 @@ class ForceDrive:
     """How force follows its command.
 
     y = sign(f) (max(|f| - dead_band, 0) / (1 - dead_band))^curve, then lag_s F_dot + F = y.
-    Dead band and curve are for commands of -1 .. 1; a force in newtons has neither. `gains`
+    Dead band and curve are for commands of -1 .. 1; a force in newtons has neither. f is that
+    of `delay_s` before: below 0 of commands that are stamped after they acted. `gains`
     (m,): what share of its force each thruster of the record gives; none: all of it.
     """
 
@@ -33,6 +34,7 @@ class ForceDrive:
     dead_band: float = 0.0
     curve: float = 1.0
     gains: tuple[float, ...] = ()
+    delay_s: float = 0.0
 
 
 def lagged_columns(step_s: float, force: Array, lag_s: float) -> Array:
@@ -80,8 +82,9 @@ def inputs_of(
     lagged value is not; a command between two nodes acted at neither, so that dead band
     and curve are those of the nodes.
     """
-    step = float((record.t_s[1] - record.t_s[0]) * (fine[1] - fine[0]))
-    node = np.arange(len(record.t_s), dtype=np.float64)
+    node_s = float(record.t_s[1] - record.t_s[0])
+    step = node_s * float(fine[1] - fine[0])
+    node = np.arange(len(record.t_s), dtype=np.float64) + drive.delay_s / node_s
     forces = [
         np.interp(fine, node, shaped(np.nan_to_num(force_of(record, name, drive)), drive))
         for name in names
@@ -107,7 +110,7 @@ def input_derivatives(
         low, high = bounds_of(parameter)
         half = GAIN_STEP
         if parameter in STEPS:
-            half = STEPS[parameter] * (high if parameter == DEAD_BAND else value)
+            half = STEPS[parameter] * (high if parameter in (DEAD_BAND, DELAY) else value)
         ends = (max(value - half, low), min(value + half, high))
         here, there = (
             inputs_of(record, [names[i] for i in driven], changed(drive, {parameter: end}), fine)
@@ -135,11 +138,14 @@ def prior_of(parameter: str) -> tuple[float, float] | None:
 def values_of(drive: ForceDrive) -> dict[str, float]:
     """Return the parameters of a drive by name."""
     gains = {gain_name(number): gain for number, gain in enumerate(drive.gains)}
-    return {LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve} | gains
+    own = {
+        LAG: drive.lag_s, DEAD_BAND: drive.dead_band, CURVE: drive.curve, DELAY: drive.delay_s
+    }  # fmt: skip
+    return own | gains
 
 
 def changed(drive: ForceDrive, values: Mapping[str, float]) -> ForceDrive:
     """Return a drive with some parameters changed."""
     every = values_of(drive) | dict(values)
     gains = tuple(every[gain_name(number)] for number in range(len(drive.gains)))
-    return ForceDrive(every[LAG], every[DEAD_BAND], every[CURVE], gains)
+    return ForceDrive(every[LAG], every[DEAD_BAND], every[CURVE], gains, every[DELAY])

@@ -255,7 +255,7 @@ def test_together_and_one_by_one_are_judged_on_the_same_windows() -> None:
 
 def test_commands_of_a_leg_on_another_clock_are_moved_and_named() -> None:
     legs = dict(legs_of(file_inertia(), coriolis=False))
-    assert fits(False).clocks == {}
+    assert (fits(False).clocks, fits(False).common_clock) == ({}, None)
     record = legs["leg_1"].record
     late = {axis: np.interp(record.t_s - 0.4, record.t_s, f) for axis, f in record.force.items()}
     legs["leg_1"] = replace(legs["leg_1"], record=replace(record, force=late))
@@ -269,6 +269,23 @@ def test_commands_of_a_leg_on_another_clock_are_moved_and_named() -> None:
     unsure = {"leg_1": replace(clock, error_s=0.1)}
     doubtful = fit_all(legs, body(), options, clocks=unsure, passes=MOST_PASSES).fitted[0]
     assert doubtful.equation.error("force") > 1.2 * fitted.fitted[0].equation.error("force")
+
+
+def test_commands_of_all_legs_on_another_clock_are_moved_and_named() -> None:
+    """A free lag takes a delay for damping: quadratic was a seventh low."""
+    legs = dict(legs_of(file_inertia(), coriolis=False))
+    del legs["leg_2"]
+    for key, item in legs.items():
+        t_s = item.record.t_s
+        force = {axis: np.interp(t_s + 0.3, t_s, own) for axis, own in item.record.force.items()}
+        legs[key] = replace(item, record=replace(item.record, force=force))
+    fitted = fit_all(legs, body(), replace(ONE_BY_ONE, axes=("X",), fit_lag=True))
+    clock = fitted.common_clock
+    assert clock is not None
+    assert clock.late_s == pytest.approx(-0.3, abs=0.03)
+    assert fitted.clocks == {}
+    assert fitted.fitted[0].equation.value("u*|u|") == pytest.approx(TRUTH["u"][1], rel=0.05)
+    assert clock_words({}, clock)[0] in str(fit_section(fitted, card_of(fitted)))
 
 
 def test_a_pull_on_an_axis_that_does_not_join_gives_the_others_their_inertia() -> None:

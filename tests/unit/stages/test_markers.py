@@ -124,7 +124,7 @@ def test_a_small_departure_from_an_assumed_arm_is_not_applied() -> None:
     assert estimated.departure[0] == pytest.approx(0.012, abs=0.005)
 
 
-@pytest.mark.parametrize(("arm", "error"), [((0.15, 0.0, -58.5), 0.3), ((0.15, 0.0, -3.0), 0.05)])
+@pytest.mark.parametrize(("arm", "error"), [((0.15, 0.0, -1.2), 0.3), ((0.15, 0.0, -3.0), 0.05)])
 def test_an_arm_that_no_vehicle_has_or_a_vague_one_is_not_determined(
     monkeypatch: pytest.MonkeyPatch, arm: tuple[float, ...], error: float
 ) -> None:
