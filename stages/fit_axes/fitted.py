@@ -293,8 +293,9 @@ class AxisFits:
     thrusters: tuple[ThrusterRatio, ...] = ()
     """How strong each is against those like it."""
     clocks: Mapping[str, LegClock] = field(default_factory=dict)
-    common_clock: LegClock | None = None
     """Leg -> how late its commands were stamped, which the fits have moved."""
+    common_clock: LegClock | None = None
+    """How late commands of all legs were stamped beside that, if so."""
 
     @property
     def inertia_shares(self) -> dict[str, tuple[float, float]]:

@@ -35,8 +35,10 @@ def strict_json(text: str) -> list[dict[str, Any]]:
 
 
 def printed_rows(text: str) -> dict[str, list[float]]:
-    rows = re.findall(r"^ *(this dive|bluerov2_\w+) +([\d. e-]+)$", text, re.MULTILINE)
-    return {name: [float(cell) for cell in cells.split()] for name, cells in rows}
+    """Return the figures of each set by its name; inf where a free run is lost."""
+    cell = r"(?:[\d.e-]+|lost)"
+    rows = re.findall(rf"^ *(this dive|bluerov2_\w+) +({cell}(?: +{cell})*)$", text, re.MULTILINE)
+    return {name: [float(x.replace("lost", "inf")) for x in cells.split()] for name, cells in rows}
 
 
 def test_document_has_what_the_command_prints(dive: Path) -> None:
