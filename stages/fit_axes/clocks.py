@@ -11,7 +11,13 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.axis_figures import FORCE
 from auvid.hydro.identification.axes.drive import DELAY, LAG
-from auvid.hydro.identification.axes.pooled_fit import fit_pool, loop_rows, make_pool, motion
+from auvid.hydro.identification.axes.pooled_fit import (
+    PoolFit,
+    fit_pool,
+    loop_rows,
+    make_pool,
+    motion,
+)
 from auvid.hydro.identification.axes.record import AxisRecord
 from auvid.hydro.identification.axes.windows import windows_of
 from auvid.hydro.identification.regression.verdicts import T_LIMIT
@@ -97,30 +103,42 @@ def clock_of_all(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> Le
     """
     if not all(leg.windows.normalised for leg in legs.values()):
         return None
-    delays, errors, ratios = [], [], []
+    delays, errors, fits = [], [], []
     for item in tried:
         flown = item.flown
         if flown is None or item.measured_by == "depth" or item.equation.value(FORCE) <= 0.0:
             continue
-        begin = flown.fit.values[: len(flown.pool.structure.terms)]
-        free = tuple(name for name in flown.pool.free if name != LAG)
-        by_lag = fit_pool(replace(flown.pool, free=(*free, LAG)), begin)
-        late = fit_pool(replace(flown.pool, free=(*free, LAG, DELAY)), begin)
+        late = _lagged(flown, LAG, DELAY)
         error = float(np.sqrt(late.covariance[-1, -1]))
         if late.at_bound[-1] or not 0.0 < error < np.inf:
             continue
         delays.append(float(late.values[-1]))
         errors.append(float(np.hypot(error, AXIS_DELAY_S)))
-        moved = np.isfinite(flown.pool.prepared[0].channels).any(axis=0)
-        ratios.append(float(np.mean(np.log(late.sigma[moved] / by_lag.sigma[moved]))))
+        fits.append((flown, late))
     if not delays:
         return None
     weights = np.array(errors) ** -2.0
     delay_s = float(np.average(delays, weights=weights))
     off = np.abs(np.array(delays) - delay_s) / np.array(errors)
-    if abs(delay_s) < LEAST_LATE_S or np.any(off > T_LIMIT) or np.mean(ratios) > np.log(WORTH):
+    if abs(delay_s) < LEAST_LATE_S or np.any(off > T_LIMIT):
+        return None
+    ratios = [_logarithm_of_errors(flown, late, _lagged(flown, LAG)) for flown, late in fits]
+    if np.mean(ratios) > np.log(WORTH):
         return None
     return LegClock(-delay_s, float(weights.sum() ** -0.5))
+
+
+def _lagged(flown: FlownAxis, *parameters: str) -> PoolFit:
+    """Return the fit of an axis with parameters of its drive free beside its own."""
+    begin = flown.fit.values[: len(flown.pool.structure.terms)]
+    free = tuple(name for name in flown.pool.free if name != LAG)
+    return fit_pool(replace(flown.pool, free=(*free, *parameters)), begin)
+
+
+def _logarithm_of_errors(flown: FlownAxis, one: PoolFit, other: PoolFit) -> float:
+    """Return the mean logarithm of the errors of a fit over those of another."""
+    measured = np.isfinite(flown.pool.prepared[0].channels).any(axis=0)
+    return float(np.mean(np.log(one.sigma[measured] / other.sigma[measured])))
 
 
 def _shifts(tried: Sequence[FittedAxis], legs: Mapping[str, LegData]) -> dict[str, LegShift]:
