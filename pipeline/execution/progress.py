@@ -9,7 +9,9 @@ from types import TracebackType
 from typing import Protocol, Self
 
 EVERY_S = 5.0
-"""Between two lines of a stage that is at work."""
+"""Between two lines of a stage that is at work, at its beginning."""
+EVERY_SHARE = 0.1
+"""Share of its time so far between two lines of a stage that takes long."""
 
 
 class Progress(Protocol):
@@ -85,8 +87,17 @@ def duration(seconds: float) -> str:
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
+def wait_s(elapsed_s: float, least_s: float) -> float:
+    """Return the time to the next line of a stage that has worked for some time.
+
+    >>> wait_s(20.0, 5.0), wait_s(400.0, 5.0)
+    (5.0, 40.0)
+    """
+    return max(least_s, EVERY_SHARE * elapsed_s)
+
+
 class ProgressLines:
-    """A line when a stage ends, and meanwhile one every few seconds.
+    """A line when a stage ends, and meanwhile one every few seconds, later more seldom.
 
     These say how much is left. `verbose`: one per item as well, with its seconds.
     """
@@ -127,8 +138,8 @@ class ProgressLines:
         self._over.set()
 
     def _tell(self, work: StageWork, over: threading.Event) -> None:
-        """Print how far a stage is, every few seconds until it is over."""
-        while not over.wait(self._every_s):
+        """Print how far a stage is until it is over, ever more seldom."""
+        while not over.wait(wait_s(work.elapsed_s, self._every_s)):
             items = (
                 "" if self._level == "campaign" else f"{self._level} {work.done + 1} of {work.todo}"
             )

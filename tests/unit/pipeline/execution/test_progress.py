@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from auvid.pipeline.execution.progress import Bars, ProgressLines, StageWork, duration
+from auvid.pipeline.execution.progress import Bars, ProgressLines, StageWork, duration, wait_s
 from auvid.stages.steps import counted, listening, tell
 
 LINE = r"validate: leg 1 of 2, model 3 of 4, \d+ s so far, about \d+ s left"
@@ -72,6 +72,13 @@ def test_lines_come_every_few_seconds_and_say_what_is_left(
     assert re.fullmatch(r"validate: done \(\d+\.\d s\)\n", last)
     time.sleep(0.15)
     assert capsys.readouterr().err == ""
+
+
+def test_lines_of_a_long_stage_come_the_more_seldom_the_longer_it_takes() -> None:
+    now, count = 0.0, 0
+    while now < 3600.0:
+        now, count = now + wait_s(now, 5.0), count + 1
+    assert count < 60
 
 
 def test_a_stage_that_is_interrupted_says_no_more(capsys: pytest.CaptureFixture[str]) -> None:
