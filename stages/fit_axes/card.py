@@ -245,8 +245,6 @@ def _term(
     if name == CONSTANT:
         value -= _net_weight(axis, scaled, vehicle)
     error = float(np.sqrt(forces.covariance[place, place]))
-    spread = vehicle.spreads.get("thrust")
-    in_newtons = scaled.unit_of_mass is None and scaled.scale is None
     ratio_sd = scaled.ratio_sd.get(axis, 0.0)
     return TermCard(
         term=name,
@@ -257,11 +255,20 @@ def _term(
         assumed_shifts=(
             {INERTIA_RATIO: ratio_sd * abs(value)}
             if ratio_sd
-            else {"thrust": spread * abs(value)}
-            if spread is not None and in_newtons
-            else {}
+            else _thrust_shift(value, scaled, vehicle)
         ),
     )
+
+
+def _thrust_shift(value: float, scaled: ScaledAxes, vehicle: Vehicle) -> dict[str, float]:
+    """Return what one deviation of the thrust curve moves a force or an inertia by.
+
+    All of them scale with it: in newtons the motion tells their ratio to the thrust. Where a
+    pull or a mass gives newtons, its own error is in them.
+    """
+    spread = vehicle.spreads.get("thrust")
+    in_newtons = scaled.unit_of_mass is None and scaled.scale is None
+    return {"thrust": spread * abs(value)} if spread is not None and in_newtons else {}
 
 
 def _net_weight(axis: str, scaled: ScaledAxes, vehicle: Vehicle) -> float:
@@ -300,6 +307,7 @@ def _inertias(
                     "lag_error_s": item.lag_error_s,
                     "correlation": 0.0,
                     "verdict": _inertia_verdict(item),
+                    "assumed_shifts": _thrust_shift(forces.inertia, scaled, vehicle),
                 }
             )
         )

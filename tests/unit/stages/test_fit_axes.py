@@ -13,8 +13,9 @@ import auvid
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import ModelCard
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
+from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO, total_error
 from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.pipeline.campaigns.vehicle_files import load_published, shelf_files
@@ -94,6 +95,22 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
     assert min(filter(None, percent.values())) > 90.0
     assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)
     assert all(item.whole_legs["check"] > 85.0 for item in fitted.fitted)
+
+
+def test_a_thrust_curve_that_gives_too_much_is_in_the_errors_of_inertia_and_damping() -> None:
+    body, twin = vehicle("bluerov2_heavy"), leg()
+    force = {axis: 1.1 * values for axis, values in twin.record.force.items()}
+    legs = {"one": replace(twin, record=replace(twin.record, force=force))}
+    card = card_of(fit_all(legs, body, replace(FREE, axes=("N",))), body)
+    linear, _, inertia = TRUTH["N"]
+    entries = [(card.inertia[0], inertia), (card.axes["N"].terms[0], linear)]
+    for item, truth in entries:
+        assert item.verdict == "identified"
+        assert item.standard_error is not None
+        assert item.value is not None
+        off = abs(item.value - truth)
+        assert off > NORMAL_95 * item.standard_error
+        assert off < NORMAL_95 * total_error(item.standard_error, item.assumed_shifts)
 
 
 def test_what_is_lacking_has_its_reason() -> None:
