@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +12,7 @@ from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.campaigns.stage_settings import load_defaults, stage_params
 from auvid.pipeline.campaigns.workspace import Workspace, find_workspace, workspace_of
 from auvid.pipeline.execution.dvc_inputs import write_inputs
+from auvid.pipeline.execution.kept_output import Beginning
 from auvid.pipeline.execution.progress import Bars, Progress, ProgressLines, Silent
 from auvid.pipeline.execution.runner import Run, write_code_files
 from auvid.pipeline.graph import AnyStage, Graph, names_of, stages_of_kind
@@ -75,6 +75,6 @@ def write_codes() -> None:
 
 def write_inputs_of(campaign: str) -> None:
     """Write the hashes of what a campaign's stages read, on which DVC depends."""
-    start = time.time()
+    start = Beginning()
     workspace = find_workspace(Path.cwd())
     write_inputs(open_run(campaign, workspace), workspace, start=start)

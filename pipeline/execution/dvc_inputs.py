@@ -21,9 +21,8 @@ from auvid.pipeline.execution.code_stamp import (
     source_files,
     source_stamp,
 )
-from auvid.pipeline.execution.kept_output import changed_at, files_in, folders_of_vehicles
+from auvid.pipeline.execution.kept_output import Beginning, files_in, folders_of_vehicles
 from auvid.pipeline.store.atomic_files import FILES_READ, remove_temporary_files, write_atomically
-from auvid.pipeline.store.file_hashes import SETTLED_S
 from auvid.pipeline.store.package_versions import package_versions
 
 if TYPE_CHECKING:
@@ -48,10 +47,10 @@ def inputs_unchanged(workspace: Workspace, campaign: str) -> bool:
         return False
 
 
-def write_inputs(run: Run, workspace: Workspace, *, start: float) -> None:
+def write_inputs(run: Run, workspace: Workspace, *, start: Beginning) -> None:
     """Write a small file per stage with the hash of what it takes from files.
 
-    Unchanged ones are left as they are. `start`: the time before the first file was read.
+    Unchanged ones are left as they are. `start`: before the first file was read.
     """
     folder = workspace.code / run.campaign.name
     remove_temporary_files(folder, shared=True)
@@ -63,8 +62,7 @@ def write_inputs(run: Run, workspace: Workspace, *, start: float) -> None:
             write_atomically(path, line)
     folders = [str(path) for path in folders_of_vehicles(workspace.root, run.campaign.vehicle_file)]
     read = _with_new([*map(str, FILES_READ), str(workspace.root / PARAMS_FILE)], folders)
-    newest = max(map(changed_at, (*map(Path, read), *source_files(PRINTING))))
-    if newest > start - SETTLED_S:  # it could change again within one tick of the clock
+    if start.may_precede_change_of((*map(Path, read), *source_files(PRINTING))):
         return
     document = {
         "setting": setting,

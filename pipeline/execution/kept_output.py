@@ -10,6 +10,7 @@ import json
 import os
 import shutil
 import sys
+import time
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,7 +30,28 @@ if TYPE_CHECKING:
 FILE = ".printed.json"
 ABSENT = "absent"
 """In place of the hash of a file that is not there."""
+SET_BACK_S = 1.0
+"""A clock set back by less makes no file look older than the settling time allows."""
 TERMINAL = ("TERM", "COLUMNS", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE")
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """When a command began, by the clock that dates files and by one that nobody sets."""
+
+    time_s: float = field(default_factory=time.time)
+    steady_s: float = field(default_factory=time.monotonic)
+
+    def may_precede_change_of(self, paths: Iterable[Path]) -> bool:
+        """Return whether one of the files may have changed since.
+
+        It could change again within a tick of the clock, and once the clock was set back
+        a file that changes looks old.
+        """
+        passed_s = time.monotonic() - self.steady_s
+        if time.time() < self.time_s + passed_s - SET_BACK_S:
+            return True
+        return any(changed_at(path) > self.time_s - SETTLED_S for path in paths)
 
 
 @dataclass
@@ -90,11 +112,11 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
         return None  # the run says what is wrong
 
 
-def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> None:
+def keep_printed(printed: Printed, run: Run, *, start: Beginning, strict: bool) -> None:
     """Keep what a run printed, unless a file that it read, or a source, changed since.
 
     Nothing is kept of a run that read a pipe or a device.
-    `start`: the time when it began, before the first file was read.
+    `start`: when it began, before the first file was read.
     """
     root = run.folder.parents[1]
     outside = folders_of_vehicles(root, run.campaign.vehicle_file)
@@ -105,7 +127,7 @@ def keep_printed(printed: Printed, run: Run, *, start: float, strict: bool) -> N
         for *_, artefact in run.artefacts(stage)
     }
     read = {*files_in(outside), *FILES_READ, root / PARAMS_FILE} - set(written)
-    if any(changed_at(path) > start - SETTLED_S for path in (*read, *source_files(PRINTING))):
+    if start.may_precede_change_of((*read, *source_files(PRINTING))):
         return
     hashes = FileHashes(run.folder / HASHES)
     others = read | files_in(folders) - set(written)

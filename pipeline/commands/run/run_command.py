@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import replace
@@ -22,7 +21,7 @@ from auvid.pipeline.commands.run.run_summary import (
 )
 from auvid.pipeline.commands.run.staleness import stale_stage
 from auvid.pipeline.execution.engines import Engine, make_engine
-from auvid.pipeline.execution.kept_output import Printed, Recorder, keep_printed
+from auvid.pipeline.execution.kept_output import Beginning, Printed, Recorder, keep_printed
 from auvid.pipeline.execution.memory import available_bytes, shortage
 from auvid.pipeline.execution.runner import Place, Run
 from auvid.pipeline.graph import ONCE, AnyStage, Graph, select
@@ -46,7 +45,7 @@ def run_campaign(
     The code is 0 for fine, 1 for a bound that is missed, 3 for losses under `strict`;
     findings that stop the run raise `DataError`, which ends with 1.
     """
-    start = time.time()
+    start = Beginning()
     run = open_run(campaign)
     stages = select(run.graph, only=only, until=until)
     count = execute(run, stages, engine=engine, force=force)

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from auvid.pipeline import cli
 from auvid.pipeline.campaigns.workspace import find_workspace
-from auvid.pipeline.execution import dvc_inputs
+from auvid.pipeline.execution import kept_output
 from auvid.pipeline.execution.code_stamp import FILE
 from auvid.pipeline.execution.dvc_inputs import inputs_unchanged
 from tests.support.toy_stages import MANIFEST, STAGES
@@ -41,7 +41,7 @@ def code(folder: Path) -> dict[str, str]:
 def test_a_change_concerns_the_stages_that_read_it(
     toy_workspace: Path, monkeypatch: pytest.MonkeyPatch, change: str
 ) -> None:
-    monkeypatch.setattr(dvc_inputs, "SETTLED_S", 0.0)
+    monkeypatch.setattr(kept_output, "SETTLED_S", 0.0)
     before = code(toy_workspace)
     assert inputs_unchanged(find_workspace(toy_workspace), "toy")
     file, text, stages = CHANGES[change]

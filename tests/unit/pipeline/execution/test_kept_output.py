@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,8 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from auvid.pipeline import cli
+from auvid.pipeline.commands.run import run_command
 from auvid.pipeline.execution import code_stamp, kept_output
-from auvid.pipeline.execution.kept_output import printed_before
+from auvid.pipeline.execution.kept_output import Beginning, printed_before
 
 NOTHING = "nothing to do: everything is up to date"
 
@@ -106,6 +108,20 @@ def test_file_changed_while_a_run_went_on_keeps_nothing(
 ) -> None:
     monkeypatch.setattr(kept_output, "SETTLED_S", 3600.0)
     (finished / "runs/toy" / kept_output.FILE).unlink()
+    run("toy")
+    assert printed_before("toy", strict=False) is None
+
+
+def test_a_clock_set_back_while_a_run_goes_on_keeps_nothing(
+    finished: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file edited after that looks older than the run."""
+    (finished / "runs/toy" / kept_output.FILE).unlink()
+
+    def an_hour_ahead() -> Beginning:
+        return Beginning(time.time() + 3600.0, time.monotonic())
+
+    monkeypatch.setattr(run_command, "Beginning", an_hour_ahead)
     run("toy")
     assert printed_before("toy", strict=False) is None
 
