@@ -12,8 +12,8 @@ at it, steady speed of a full command. Rows that the file has are not made again
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from benchmarks import coverage_axes
 from benchmarks.coverage_axes import INERTIA, TRUTH, leg
 
 WITHIN = 0.02
+KINDS = ("single", "together", "bent")
 PLANE = ("u", "v", "w", "r")
 BAND, POWER = 0.08, 1.7
 
@@ -70,7 +71,7 @@ def bent(record: AxisRecord) -> AxisRecord:
     return replace(record, force=force)
 
 
-def main(kind: str, seeds: int, path: Path, legs: int = 3, seconds: float = 120.0) -> None:
+def study(kind: str, seeds: int, path: Path, legs: int, seconds: float) -> None:
     """Make the rows that are missing, and print how far they are off."""
     rows = json.loads(path.read_text()) if path.exists() else {}
     for seed in range(seeds):
@@ -83,6 +84,16 @@ def main(kind: str, seeds: int, path: Path, legs: int = 3, seconds: float = 120.
               f"{100 * np.quantile(off, 0.95):.1f} %")  # fmt: skip
 
 
+def main() -> None:
+    """Run the study of the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.commands_twin")
+    parser.add_argument("kind", choices=KINDS)
+    parser.add_argument("seeds", type=int)
+    parser.add_argument("path", type=Path, metavar="ROWS.json")
+    parser.add_argument("legs", type=int, nargs="?", default=3)
+    parser.add_argument("seconds", type=float, nargs="?", default=120.0)
+    study(**vars(parser.parse_args()))
+
+
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]), *map(int, sys.argv[4:5]),
-         *map(float, sys.argv[5:6]))  # fmt: skip
+    main()

@@ -8,8 +8,8 @@ noise of .01 rad/s, 5 mm of depth, .01 m/s. Rows that the file has are not made 
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +113,7 @@ def row(kind: str, seed: int) -> dict[str, list[float]]:
     return {name: [float(x) for x in values] for name, values in out.items()}
 
 
-def main(kind: str, seeds: int, path: Path) -> None:
+def study(kind: str, seeds: int, path: Path) -> None:
     """Make the rows that are missing, and print coverage and errors."""
     rows = json.loads(path.read_text()) if path.exists() else {}
     for seed in range(seeds):
@@ -132,5 +132,14 @@ def main(kind: str, seeds: int, path: Path) -> None:
     print(f"all        {np.mean(every):.3f} of {len(every)}")
 
 
+def main() -> None:
+    """Run the study of the command line."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.coverage_axes")
+    parser.add_argument("kind", choices=("yaw", "heave", "coupled"))
+    parser.add_argument("seeds", type=int)
+    parser.add_argument("path", type=Path, metavar="ROWS.json")
+    study(**vars(parser.parse_args()))
+
+
 if __name__ == "__main__":
-    main(sys.argv[1], int(sys.argv[2]), Path(sys.argv[3]))
+    main()

@@ -225,7 +225,7 @@ def record_file(full_length: bool) -> Path:
     digest = hashlib.sha256()
     for folder in CODE:
         for path in sorted((ROOT / folder).rglob("*.*")):
-            if path.suffix != ".pyc":
+            if "__pycache__" not in path.parts:
                 digest.update(path.read_bytes())
     return ROOT / "build" / "fuzz" / f"{digest.hexdigest()[:12]}{'_whole' * full_length}.jsonl"
 

@@ -11,6 +11,7 @@ import pytest
 
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.registry import READERS, reader_of
+from tests.faults import fuzz
 from tests.faults.fuzz import closing_words
 from tests.support import damage_cases
 from tests.support.damage_cases import (
@@ -71,6 +72,21 @@ def test_a_campaign_cut_short_says_what_it_leaves() -> None:
         "PARTIAL: 30 of 42 cases tried, 12 left; memory was not"
     )
     assert closing_words(42, 0) == "all 42 cases tried, memory checked"
+
+
+def test_the_record_goes_on_when_loops_are_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fuzz, "ROOT", tmp_path)
+    folder = tmp_path / fuzz.CODE[0]
+    (folder / "__pycache__").mkdir(parents=True)
+    (folder / "reader.py").write_text("READ = 1")
+    names = [fuzz.record_file(full_length=False)]
+    (folder / "__pycache__" / "reader.loop-1.py311.nbi").write_bytes(b"machine code")
+    names.append(fuzz.record_file(full_length=False))
+    (folder / "reader.py").write_text("READ = 2")
+    names.append(fuzz.record_file(full_length=False))
+    assert names[0] == names[1] != names[2]
 
 
 def test_every_reader_has_a_small_log() -> None:
