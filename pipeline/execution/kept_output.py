@@ -37,7 +37,7 @@ TERMINAL = ("TERM", "COLUMNS", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE")
 
 @dataclass(frozen=True)
 class Beginning:
-    """When a command began, by the clock that dates files and by one that nobody sets."""
+    """When a command began, by the clock of files and by one that nobody sets."""
 
     time_s: float = field(default_factory=time.time)
     steady_s: float = field(default_factory=time.monotonic)
