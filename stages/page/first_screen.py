@@ -169,6 +169,8 @@ class Summary:
     coefficients: tuple[CoefficientRow, ...] = ()
     assumed_most: str = ""
     """The assumed figure that moves the most coefficients most."""
+    counted_in: str = ""
+    """The inertia that all coefficients are divided by; empty where they are in newtons."""
     reference: Mapping[str, float] = field(default_factory=dict)
     """Axis or all -> J/J0 of the mean force of the training legs alone."""
 

@@ -324,7 +324,8 @@ def _axes(motions: Tables) -> tuple[Markup, ...]:
         for table in motions.values()
         for name in VELOCITY
     )
-    return _bench_pictures("Measured and simulated, window by window", "axes", count, rows, clouds)
+    title = "Measured and simulated, window by window"
+    return _bench_pictures(title, "axes of the legs", count, rows, clouds)
 
 
 def _bench_pictures(

@@ -75,6 +75,7 @@ def summarise_axes(
         rule=f"Judged by {ranking.rule}.",
         coefficients=coefficient_rows(card, vehicle, shelf),
         assumed_most=assumed_most(card),
+        counted_in=AXIS_WORDS[part.unit_of_mass] if part.unit_of_mass is not None else "",
     )
 
 
@@ -141,8 +142,7 @@ def _missing(part: PartialFigures) -> list[Alert]:
     if part.unit_of_mass is not None:
         alerts.append(
             Alert(
-                "No newtons: one bollard pull or a measured mass gives them. What needs none"
-                " stands below.",
+                "No newtons: one bollard pull or a measured mass gives them.",
                 PLACE,
             )
         )

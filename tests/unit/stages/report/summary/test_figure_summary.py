@@ -274,3 +274,15 @@ def test_coefficients_that_are_not_identified_wait_behind_the_figures_that_are_s
     assert re.search(r'<tr class="rest"><th scope="row" data-v="Z_w">', page)
     without_figures = render("Dive", "", "", replace(summary, figures=()), {}).decode()
     assert re.search(r'<tr><th scope="row" data-v="Z_w">', without_figures)
+
+
+def test_coefficients_over_another_inertia_wait_behind_the_figures_of_their_own() -> None:
+    row_of_sway = CoefficientRow("Y_v", "sway damping", "1/s", "identified", -1.18, -1.66, -0.7)
+    results = {"axes": {"title": "Sway", "rows": [row("Y_v/M", -0.97, verdict="identified")]}}
+    summary = summarise_results(results, {}, {}, VEHICLE)
+    summary = replace(summary, coefficients=(row_of_sway,), counted_in="surge")
+    folded = "<details[^>]*><summary>As the model file has them: all over the inertia of surge"
+    assert re.search(folded, render("Dive", "", "", summary, {}).decode())
+    in_newtons = render("Dive", "", "", replace(summary, counted_in=""), {}).decode()
+    assert not re.search(folded, in_newtons)
+    assert "What was identified" in in_newtons
