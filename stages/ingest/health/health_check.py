@@ -77,7 +77,7 @@ from auvid.stages.ingest.health.records import (
     sample_findings,
 )
 from auvid.stages.ingest.health.unseen import unseen
-from auvid.stages.ingest.health.unusable_spans import unusable_findings
+from auvid.stages.ingest.health.unusable_spans import copied_findings, unusable_findings
 from auvid.stages.ingest.health.usability import (
     capabilities,
     common_spans,
@@ -347,6 +347,7 @@ OF_RECORDS = (
     gap_findings,
     rate_findings,
     unusable_findings,
+    copied_findings,
     identity_findings,
 )
 """Checks of how a log was recorded; each yields its findings."""

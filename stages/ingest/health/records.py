@@ -11,6 +11,7 @@ import numpy as np
 
 from auvid.data_schemas.streams import STREAMS
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.checks.motion_checks import WINDOW_S
 from auvid.hydro.identification.checks.signal_checks import (
     ClockStatistics,
     Repeats,
@@ -21,6 +22,7 @@ from auvid.hydro.identification.checks.signal_checks import (
     slow_speed,
 )
 from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.health.agreement.velocity.velocity_depth import log_depth_rates
 from auvid.stages.ingest.health.finding import (
     ON_CHANGE,
     CheckedLog,
@@ -90,6 +92,8 @@ MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
 """
+SINKS_M = 0.2
+"""What a velocity must move a depth by that repeats one value: a hull that rests does not."""
 DEPTH_FACTOR = 10.0
 """Depth comes in steps of millimetres to centimetres, so the same value for a while is
 nothing odd.
@@ -331,9 +335,10 @@ def sample_findings(log: CheckedLog) -> Iterator[Finding]:
             yield from _live(log, stream, names)
     accelerometer = log.accelerometer()
     if accelerometer is not None:
-        yield from _constant_findings(
-            "imu", ACCELEROMETER, accelerometer, _constant(ACCELEROMETER, accelerometer)
-        )
+        still = _constant(ACCELEROMETER, accelerometer)
+        yield from _constant_findings("imu", ACCELEROMETER, accelerometer, still)
+        if len(still) < len(ACCELEROMETER):
+            yield from _stuck_accelerometer(log, accelerometer)
     if log.has("imu"):
         rates = log.values("imu", GYRO)
         clipped = [
@@ -451,7 +456,9 @@ def _live(log: CheckedLog, stream: str, names: tuple[str, ...]) -> Iterator[Find
     same = repeats(values)
     last = same.run_start + same.run_count - 1
     run_s = float(t_s[last] - t_s[same.run_start])
-    longest = limit("stuck_sensor") * (DEPTH_FACTOR if stream == "depth" else 1.0)
+    longest = limit("stuck_sensor")
+    if stream == "depth" and not _sinks_in(log, float(t_s[same.run_start]), float(t_s[last])):
+        longest *= DEPTH_FACTOR
     stuck = run_s > longest and same.run_count >= MIN_LIVE_SAMPLES and same.leap > MIN_STEP_RATIO
     stuck = stuck and not (stream == "velocity" and _rests(values, same.run_start, last))
     if stuck:
@@ -524,6 +531,35 @@ def _rests_in(velocity: Array, index: int, same: Repeats) -> bool:
     if velocity[run, index].any() or at_rest.size < MOSTLY_AT_REST * same.run_count:
         return False
     return _rests(velocity, int(at_rest[0]), int(at_rest[-1]))
+
+
+def _stuck_accelerometer(log: CheckedLog, values: Array) -> Iterator[Finding]:
+    """Yield an accelerometer that repeats one value for long while the gyro goes on."""
+    t_s, same = log.t_s("imu"), repeats(values)
+    run = slice(same.run_start, same.run_start + same.run_count)
+    run_s = float(np.ptp(t_s[run]))
+    if run_s <= limit("stuck_sensor") or same.run_count < MIN_LIVE_SAMPLES:
+        return
+    if same.leap <= MIN_STEP_RATIO or not np.ptp(log.values("imu", GYRO)[run], axis=0).any():
+        return
+    yield finding(
+        "stuck_sensor",
+        f"The accelerometer ({log.source('imu')}) repeats one value for {run_s:.1f} s from"
+        f" {t_s[same.run_start]:.1f} s on, while the gyro goes on.",
+        stream="imu",
+        value=run_s,
+        at_s=float(t_s[same.run_start]),
+        fields=ACCELEROMETER,
+    )
+
+
+def _sinks_in(log: CheckedLog, start_s: float, end_s: float) -> bool:
+    """Return whether the velocity moves the depth between two times."""
+    rates = log_depth_rates(log) if log.has("depth", "velocity", "attitude") else None
+    if rates is None:
+        return False
+    inside = (rates.at >= start_s) & (rates.at < end_s - WINDOW_S)
+    return bool(inside.any()) and float(np.ptp(np.cumsum(rates.expected[inside]))) > SINKS_M
 
 
 def _stuck_columns(

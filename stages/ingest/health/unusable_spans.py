@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from auvid.hydro.arrays import Array, Mask
-from auvid.stages.columns import GYRO
+from auvid.hydro.arrays import Array, Mask, runs_of
+from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
@@ -22,6 +22,8 @@ no gyro at rest reads 0.1. What is usual in the log is no bias: a vehicle may ci
 AT_SURFACE_M = 0.1
 PAUSE_S = 3
 """A shorter pause does not part two stretches."""
+ODD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
+"""Odd numbers that make one key of the bits of a row."""
 NAMED = 3
 LONGEST_S = 1e6
 """A log that seems longer has a clock that leaps."""
@@ -45,6 +47,57 @@ def unusable_findings(log: CheckedLog) -> Iterator[Finding]:
             at_s=spans[0][0],
             remedy=f"Keep legs away from {listed(where)}.",
         )
+
+
+def copied_findings(log: CheckedLog) -> Iterator[Finding]:
+    """Yield a stretch of the log that is there twice, to the last digit."""
+    for stream, names in {"imu": GYRO, "attitude": ATTITUDE, "velocity": LINEAR_VELOCITY}.items():
+        if not log.has(stream):
+            continue
+        first, count, back = longest_copy(log.values(stream, names))
+        if count <= limit("span_copied"):
+            continue
+        t_s = log.t_s(stream)
+        from_s, until_s = float(t_s[first]), float(t_s[first + count - 1])
+        yield finding(
+            "span_copied",
+            f"The {stream} ({log.source(stream)}) from {from_s:.1f} to {until_s:.1f} s repeats"
+            f" that from {t_s[first - back]:.1f} s on to the last digit: the log, or a part of it,"
+            " is there twice.",
+            stream=stream,
+            value=count,
+            at_s=from_s,
+        )
+        return
+
+
+def longest_copy(values: Array) -> tuple[int, int, int]:
+    """Return the first row and count of the longest copy of earlier rows (n, k), and how
+    many rows before it they are; a row that repeats the one before it is no copy.
+
+    >>> longest_copy(np.array([[1.0], [2.0], [2.0], [1.0], [2.0], [4.0]]))
+    (3, 2, 3)
+    """
+    fresh = np.flatnonzero(np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1)))
+    if fresh.size < 2:
+        return 0, 0, 0
+    bits = np.ascontiguousarray(values[fresh] + 0.0).view(np.uint64)
+    with np.errstate(over="ignore"):
+        keys = (bits * ODD[: bits.shape[1]]).sum(axis=1, dtype=np.uint64)
+    order = np.argsort(keys, kind="stable")
+    same = keys[order[1:]] == keys[order[:-1]]
+    back = np.zeros(fresh.size, np.int64)
+    back[order[1:][same]] = (order[1:] - order[:-1])[same]
+    best = (0, 0, 0)
+    for start, end in runs_of(back > 1):
+        cuts = np.flatnonzero(np.diff(back[start:end])) + start + 1
+        for first, last in zip([start, *cuts], [*cuts, end], strict=True):
+            rows = np.unique(keys[first:last]).size
+            if rows > best[1]:
+                best = int(first), int(rows), int(back[first])
+    first, rows, shift = best
+    begin = int(fresh[first])
+    return begin, rows, begin - int(fresh[first - shift])
 
 
 def unusable_spans(log: CheckedLog) -> dict[str, list[Span]]:

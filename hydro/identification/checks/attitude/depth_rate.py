@@ -25,8 +25,31 @@ LEAST_TILT = 0.03
 """Standard deviation of roll or pitch [rad] from which on they are motion: attitudes wander
 by a degree, and where a hull hardly tilts, heave alone is then nearer the depth.
 """
-SLOW, MOST_OF_SLOW = 10, 8
-"""Windows that are longer than a wave, and how many of them are most of so many."""
+SLOW, MOST_OF_JOINED = 10, 0.8
+"""Windows that are longer than a wave, and the part of so many that is most of them."""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """Rises (n,) over several windows each, what a velocity makes of them (n,), and the
+    integrals of surge and sway (n, 2) [m].
+    """
+
+    rise: Array
+    expected: Array
+    level: Array
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of rises and what the velocity makes of them."""
+        return _correlation(self.rise, self.expected)
+
+    @property
+    def unexplained(self) -> float:
+        """Part of the expected rises that neither rises nor a tilt of the mounting make."""
+        design = np.column_stack([self.rise, self.level, np.ones(self.rise.size)])
+        left = _left(self.expected, design)[0]
+        return float((left / max(float(np.std(self.expected)), 1e-12)) ** 2)
 
 
 @dataclass(frozen=True)
@@ -53,13 +76,22 @@ class DepthRates:
     @property
     def slow_correlation(self) -> float:
         """Correlation of both over ten windows each: waves move one of them alone."""
-        place = np.floor((self.at - self.at[0]) / (SLOW * WINDOW_S))
+        joined = self.joined(SLOW)
+        return _correlation(joined.rise, joined.expected) if joined.rise.size > 2 else 0.0
+
+    @property
+    def persistence(self) -> float:
+        """Correlation of what the velocity makes with that a window later: 0 of noise."""
+        return _correlation(self.expected[:-1], self.expected[1:])
+
+    def joined(self, count: int) -> Joined:
+        """Return the rates over so many windows each, of which most are there."""
+        place = np.floor((self.at - self.at[0]) / (count * WINDOW_S))
         first = np.flatnonzero(np.diff(place, prepend=-1.0))
-        complete = np.diff(np.append(first, place.size)) >= MOST_OF_SLOW
-        rise, expected = (
-            np.add.reduceat(values, first)[complete] for values in (self.rise, self.expected)
-        )
-        return _correlation(rise, expected) if rise.size > 2 else 0.0
+        complete = np.diff(np.append(first, place.size)) >= MOST_OF_JOINED * count
+        columns = np.column_stack([self.rise, self.expected, self.parts[:, :2]])
+        rise, expected, *level = np.add.reduceat(columns, first)[complete].T
+        return Joined(rise, expected, np.column_stack(level))
 
     def level_odds(self) -> float:
         """Return how much likelier heave alone makes the rise than all by the tilt.

@@ -863,6 +863,23 @@ def _carried(log: Log) -> None:
     log.streams["imu"]["gyro_y_rad_s"] = log.streams["imu"]["gyro_y_rad_s"] + turning
 
 
+@spoils("depth_outliers")
+def _leaping_depth(log: Log) -> None:
+    depth = log.streams["depth"]["depth_m"]
+    log.streams["depth"]["depth_m"] = depth + np.where(np.arange(depth.size) % 100 == 50, 3.0, 0.0)
+
+
+@spoils("velocity_saturated")
+def _limited_velocity(log: Log) -> None:
+    log.streams["velocity"]["u_m_s"] = np.clip(log.streams["velocity"]["u_m_s"], -0.2, 0.2)
+
+
+@spoils("span_copied")
+def _copied(log: Log) -> None:
+    for name in IMU_COLUMNS:
+        log.streams["imu"][name][1000:1100] = log.streams["imu"][name][300:400]
+
+
 @spoils("no_actuation")
 def _neutral(log: Log) -> None:
     for number in range(1, 9):
@@ -893,7 +910,7 @@ def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
     of_poses = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
     of_poses |= {"commands_mixed", "run_clock"}  # which is of several logs
     of_poses |= {"response_shape", "depth_unrelated", "depth_jumps"}  # test_wrong_maps.py
-    of_poses |= {"velocity_level", "velocity_step"}
+    of_poses |= {"velocity_level", "velocity_step", "velocity_stops"}
     assert set(SPOIL) | {"command_lag"} | of_poses == set(checks())  # test_pose_motion.py
 
 
@@ -1730,13 +1747,78 @@ def test_one_number_that_is_missing_hides_no_mistake() -> None:
     assert "depth_unrelated" in log.ids()
 
 
-@pytest.mark.parametrize(("behind", "named"), [(0.05, False), (0.3, True)])
-def test_a_hull_that_is_stopped_at_once_has_hit_something(behind: float, named: bool) -> None:
+@pytest.mark.parametrize(
+    ("behind", "hits", "named"), [(0.05, True, False), (0.05, False, True), (0.3, True, True)]
+)
+def test_a_velocity_that_is_at_rest_at_once_is_lost_unless_the_hull_hits_something(
+    behind: float, hits: bool, named: bool
+) -> None:
     """What goes on at another speed than rest has another velocity log."""
     log = sound()
+    _stop_at_once(log, behind)
+    t_s = log.t_s("imu")
+    impact = np.where((t_s > 29.8) & (t_s < 30.0), (behind - 0.8) / 0.2, 0.0)
+    log.streams["imu"]["accel_x_m_s2"] = log.streams["imu"]["accel_x_m_s2"] + hits * impact
+    assert ("velocity_step" in log.ids()) == named
+    assert "velocity_stops" not in log.ids()
+
+
+def test_a_velocity_that_falls_to_rest_at_once_is_noted_where_nothing_tells_why() -> None:
+    log = _without_accelerometer()
+    _stop_at_once(log, 0.05)
+    assert log.finding("velocity_stops")["value"] == pytest.approx(0.75, abs=0.02)  # m/s
+
+
+def test_a_velocity_is_lost_where_the_depth_goes_on() -> None:
+    log = _without_accelerometer()
+    later = log.t_s("velocity") > 30.0
+    noise = np.random.default_rng(4).normal(0.0, 0.004, (3, later.size))
+    for name, reads in zip(SPEED_COLUMNS, noise, strict=True):
+        log.streams["velocity"][name] = np.where(later, reads, log.streams["velocity"][name])
+    assert "falls once to rest while the vehicle goes on" in log.finding("velocity_step")["text"]
+
+
+def test_an_accelerometer_that_is_stuck_is_named_by_itself() -> None:
+    log = sound()
+    at("imu", 20.0, 35.0, accel_x_m_s2=0.1, accel_y_m_s2=0.2, accel_z_m_s2=-9.8)(log)
+    assert (
+        "The accelerometer (IMU) repeats one value for 15." in log.finding("stuck_sensor")["text"]
+    )
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_depth_is_stuck_where_the_velocity_moves_it(moves: bool) -> None:
+    log = sound()
+    from_s, until_s = 20.0, 30.0
+    at("depth", from_s, until_s, depth_m=5.0)(log)
+    if not moves:
+        at("velocity", from_s - 1.0, until_s + 1.0, u_m_s=0.0, v_m_s=0.0, w_m_s=1e-3)(log)
+    stuck = {item["stream"] for item in log.health()["findings"] if item["id"] == "stuck_sensor"}
+    assert ("depth" in stuck) == moves
+
+
+@pytest.mark.parametrize("alike", [False, True])
+def test_a_depth_of_another_sensor_is_named_where_the_hull_moves_slowly(alike: bool) -> None:
+    log = sound()
+    t_s, t_depth = log.t_s("velocity"), log.t_s("depth")
+    for name in SPEED_COLUMNS:
+        log.streams["velocity"][name] = np.zeros(t_s.size)
+    log.streams["velocity"]["w_m_s"] = 0.025 * np.sin(0.3 * t_s)
+    noise = np.random.default_rng(5).normal(0.0, 0.004, t_depth.size)
+    log.streams["depth"]["depth_m"] = 12.0 + noise - alike * np.cos(0.3 * t_depth) / 12.0
+    assert ("depth_unrelated" not in log.ids()) == alike
+
+
+def _without_accelerometer() -> Log:
+    log = sound()
+    for name in ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"):
+        log.streams["imu"][name] = np.full(log.t_s("imu").size, np.nan)
+    return log
+
+
+def _stop_at_once(log: Log, behind: float) -> None:
     t_s = log.t_s("velocity")
     log.streams["velocity"]["u_m_s"] = np.where(t_s < 30.0, 0.8, behind) + 0.02 * np.sin(t_s)
-    assert ("velocity_step" in log.ids()) == named
 
 
 def test_an_attitude_that_settles_at_the_start_disagrees_with_no_gyro() -> None:
