@@ -72,8 +72,9 @@ def copied_findings(log: CheckedLog) -> Iterator[Finding]:
 
 
 def longest_copy(values: Array) -> tuple[int, int, int]:
-    """Return the first row and count of the longest copy of earlier rows (n, k), and how
-    many rows before it they are; a row that repeats the one before it is no copy.
+    """Return where the longest copy of earlier rows (n, k) begins, and how long it is.
+
+    And how many rows before it they are. A row that repeats the one before it is no copy.
 
     >>> longest_copy(np.array([[1.0], [2.0], [2.0], [1.0], [2.0], [4.0]]))
     (3, 2, 3)

@@ -31,8 +31,9 @@ SLOW, MOST_OF_JOINED = 10, 0.8
 
 @dataclass(frozen=True)
 class Joined:
-    """Rises (n,) over several windows each, what a velocity makes of them (n,), and the
-    integrals of surge and sway (n, 2) [m].
+    """Rises of a depth over several windows each, and what a velocity makes of them.
+
+    `rise` and `expected` (n,), and the integrals of surge and sway, `level` (n, 2) [m].
     """
 
     rise: Array
@@ -46,7 +47,7 @@ class Joined:
 
     @property
     def unexplained(self) -> float:
-        """Part of the expected rises that neither rises nor a tilt of the mounting make."""
+        """Part of the expected rises that neither rises nor a tilted mounting make."""
         design = np.column_stack([self.rise, self.level, np.ones(self.rise.size)])
         left = _left(self.expected, design)[0]
         return float((left / max(float(np.std(self.expected)), 1e-12)) ** 2)
@@ -81,7 +82,7 @@ class DepthRates:
 
     @property
     def persistence(self) -> float:
-        """Correlation of what the velocity makes with that a window later: 0 of noise."""
+        """Correlation of what the velocity makes with that a window later."""
         return _correlation(self.expected[:-1], self.expected[1:])
 
     def joined(self, count: int) -> Joined:

@@ -85,7 +85,7 @@ def unrelated_depth(log: CheckedLog) -> Iterator[Finding]:
 
 
 def _moves_alone(rates: DepthRates) -> bool:
-    """Return whether one of depth and velocity moves without the other, if only little."""
+    """Return whether one of depth and velocity moves alone, if only little."""
     some, slow = rates.joined(SOME), rates.joined(SLOW)
     if some.rise.size < FEWEST_JOINED or slow.rise.size < FEWEST_SLOW:
         return False
