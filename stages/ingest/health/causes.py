@@ -416,7 +416,9 @@ def _clocks(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
     rates: set[tuple[str, float]] = set()
     for item in left:
         size = round(abs(float(item["value"] or 0.0)), 2)
-        if item["id"] == "velocity_lag":
+        if item["id"] == "velocity_lag" and len(item["fields"]) == 1:
+            yield from _late_axis(log, item["fields"][0], size)
+        elif item["id"] == "velocity_lag":
             shifts |= {(name, side * size) for name in ("velocity", "depth") for side in (-1, 1)}
         elif item["id"] == "command_late":
             shifts |= {("actuators", size), ("velocity", -size)}
@@ -440,6 +442,29 @@ def _clocks(log: CheckedLog, left: Sequence[Finding]) -> Iterator[Mistake]:
                 partial(_timed, stream=name, rate=rate),
                 value=rate * float(np.ptp(log.t_s(name))) / HALVES,
             )
+
+
+def _late_axis(log: CheckedLog, name: str, size_s: float) -> Iterator[Mistake]:
+    """Yield one axis of the velocity that is late, or early, by itself."""
+    words = SPEEDS[LINEAR_VELOCITY.index(name)]
+    for late_s in (size_s, -size_s):
+        late = "late" if late_s > 0.0 else "early"
+        yield Mistake(
+            "velocity_lag",
+            f"{words} of the velocity is {size_s:.1f} s {late} by itself",
+            "velocity",
+            (name,),
+            1,
+            partial(_read_later, name=name, late_s=late_s),
+            value=size_s,
+        )
+
+
+def _read_later(log: CheckedLog, name: str, late_s: float) -> CheckedLog:
+    t_s = log.t_s("velocity")
+    return log.with_columns(
+        "velocity", {name: np.interp(t_s + late_s, t_s, log.column("velocity", name))}
+    )
 
 
 def _late(name: str, late_s: float) -> Mistake:

@@ -886,6 +886,12 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "depth_unrelated",
         "they correlate by -0.0",
     ),
+    "sway alone 1 s late": (late(1.0, "v_m_s"), "velocity_lag", "sway alone is some 0.8 s late"),
+    "surge of a setpoint 1 s ahead": (
+        late(-1.0, "u_m_s"),
+        "velocity_lag",
+        "surge alone is some 1.0 s early",
+    ),
     "depth 12 s late": (late(12.0, "depth_m"), "depth_unrelated", "With the depth 12 s earlier"),
     "depth zeroed anew under way": (
         data(lambda z: z - 0.4 * (np.arange(z.size) > 400), "depth_m"),
