@@ -8,6 +8,7 @@ import signal
 import sys
 
 from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.hydro.long_series.threads import stop_threads
 from auvid.pipeline import output
 from auvid.pipeline.command_line import campaigns, fleets, listings, models, runs  # noqa: F401
 from auvid.pipeline.command_line.application import app
@@ -17,7 +18,8 @@ from auvid.pipeline.terminal import plain_lines
 
 def main() -> None:
     """Run the command line; `output.EXIT_CODES` says how it ends."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
     sys.stdout = sys.stdout or io.StringIO()  # a closed one is None
     sys.stderr = sys.stderr or io.StringIO()
     for stream in (sys.stdout, sys.stderr):
@@ -46,6 +48,14 @@ def main() -> None:
             sys.exit(_say(f"error: {words}", FAILED))
         output.print_envelope(FAILED, f"{type(crash).__name__}: {crash}")
         sys.exit(_say(_internal(crash), FAILED))
+
+
+def _end(number: int, _: object) -> None:
+    """End the work of this process, that of its threads too, on a signal."""
+    stop_threads()
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
+    sys.exit(128 + number)
 
 
 def _refused(fault: OSError) -> str | None:

@@ -5,13 +5,17 @@ Compiled loops, and numpy on long arrays, let other threads run meanwhile.
 
 from __future__ import annotations
 
+import ctypes
 import os
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+NAME = "work beside"
+"""Of the threads of this module begins so."""
 
 
 def _thread_count() -> int:
@@ -32,6 +36,18 @@ def share_among(processes: int) -> None:
     THREADS = max(1, THREADS // processes)
 
 
+def stop_threads(name: str = NAME) -> None:
+    """Raise `SystemExit` in the threads of a pool, each at its next line of Python.
+
+    Whoever waits for them, as a pool does at its end, else waits for all of their work.
+    """
+    for thread in threading.enumerate():
+        if thread.ident is not None and thread.name.startswith(name):
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit)
+            )
+
+
 def together(one: Callable[[], Item], other: Callable[[], Result]) -> tuple[Item, Result]:
     """Return what two works give that do not need one another.
 
@@ -40,7 +56,7 @@ def together(one: Callable[[], Item], other: Callable[[], Result]) -> tuple[Item
     """
     if THREADS < 2:
         return one(), other()
-    with ThreadPoolExecutor(1) as pool:
+    with ThreadPoolExecutor(1, NAME) as pool:
         later = pool.submit(other)
         return one(), later.result()
 
@@ -58,5 +74,5 @@ def at_once(
     of_items = list(items)
     if not long or THREADS < 2 or len(of_items) < 2:
         return [work(item) for item in of_items]
-    with ThreadPoolExecutor(min(THREADS, len(of_items))) as pool:
+    with ThreadPoolExecutor(min(THREADS, len(of_items)), NAME) as pool:
         return list(pool.map(work, of_items))

@@ -9,6 +9,9 @@ from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
+from auvid.hydro.long_series.threads import stop_threads
+
+NAME = "saving"
 PIECE_BYTES = 1 << 20
 POLL_S = 0.1
 CLOSED_S = 0.005
@@ -18,9 +21,10 @@ def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
     """Give what `save` writes to a path, in pieces, while it writes.
 
     The path is a named pipe: nothing piles up in memory or on disk, and a disk that is
-    full is met by whoever writes the pieces. Raises what `save` raises.
+    full is met by whoever writes the pieces. Raises what `save` raises. Where nobody asks
+    for more, `save` is ended by `SystemExit`; what it still writes then is read and dropped.
     """
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1) as writer:
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(1, NAME) as writer:
         path = Path(folder) / "pipe"
         os.mkfifo(path)
         with open(os.open(path, os.O_RDONLY | os.O_NONBLOCK), "rb", buffering=0) as pipe:
@@ -35,7 +39,9 @@ def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
                         break
                     else:  # a pipe closed by its writer is ready at once, and empty
                         wait([saving], timeout=CLOSED_S)
-            finally:  # nobody asks for more: the writer is let go to its end
+            finally:
+                if not saving.done():
+                    stop_threads(NAME)
                 while not saving.done():
                     select.select([pipe], [], [], POLL_S)
                     pipe.read(PIECE_BYTES)

@@ -12,8 +12,10 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +25,7 @@ from typer.testing import CliRunner
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.dynamics.viscous.models import MODELS
+from auvid.hydro.long_series import threads
 from auvid.pipeline import cli, output
 from auvid.pipeline.campaigns.vehicle_files import load_vehicle
 from auvid.pipeline.collector import NEW_OBJECTS, kept_for_good
@@ -77,6 +80,29 @@ def auvid(
         code = end.code or 0
     captured = capsys.readouterr()
     return int(code), captured.out, captured.err
+
+
+@pytest.mark.parametrize(
+    ("number", "end"), [(signal.SIGTERM, SystemExit), (signal.SIGINT, KeyboardInterrupt)]
+)
+def test_a_signal_ends_what_threads_work_on(
+    monkeypatch: pytest.MonkeyPatch, number: int, end: type[BaseException]
+) -> None:
+    monkeypatch.setattr(threads, "THREADS", 2)
+    finished: list[bool] = []
+
+    def long_work() -> None:
+        for _ in range(300):
+            time.sleep(0.01)
+        finished.append(True)
+
+    before = signal.signal(number, cli._end)
+    try:
+        with pytest.raises(end):
+            threads.together(partial(signal.raise_signal, number), long_work)
+    finally:
+        signal.signal(number, before)
+    assert not finished
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -442,6 +442,27 @@ def test_what_is_saved_comes_out_in_pieces_while_it_is_written() -> None:
     assert len(first) + sum(map(len, pieces)) == 4_000_000
 
 
+def test_what_saves_itself_ends_when_nobody_asks_for_more() -> None:
+    ends = []
+
+    def save(path: str) -> None:
+        with open(path, "wb", buffering=0) as file:
+            try:
+                for _ in range(300):
+                    file.write(b"x" * 100_000)
+                    time.sleep(0.01)
+                ends.append("its own")
+            except SystemExit:
+                file.write(b"x" * 1_000_000)  # what a recording still has to write
+                ends.append("asked for")
+                raise
+
+    pieces = saved_pieces(save)
+    next(pieces)
+    pieces.close()
+    assert ends == ["asked for"]
+
+
 def test_a_long_table_is_written_while_it_is_encoded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipes, "PIECE_BYTES", 300)
     table = depth_table(13)
