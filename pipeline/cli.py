@@ -8,18 +8,20 @@ import signal
 import sys
 
 from auvid.data_schemas.errors import PipelineError, UsageError
-from auvid.hydro.long_series.threads import stop_threads
+from auvid.hydro.long_series import threads
 from auvid.pipeline import output
 from auvid.pipeline.command_line import campaigns, fleets, listings, models, runs  # noqa: F401
 from auvid.pipeline.command_line.application import app
 from auvid.pipeline.output import FAILED, OUTPUT, WRONG_USE
+from auvid.pipeline.store.pipes import stop_threads
 from auvid.pipeline.terminal import plain_lines
 
 
 def main() -> None:
     """Run the command line; `output.EXIT_CODES` says how it ends."""
     for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _end)
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as a shell starts work behind it
+            signal.signal(number, _end)
     sys.stdout = sys.stdout or io.StringIO()  # a closed one is None
     sys.stderr = sys.stderr or io.StringIO()
     for stream in (sys.stdout, sys.stderr):
@@ -52,7 +54,7 @@ def main() -> None:
 
 def _end(number: int, _: object) -> None:
     """End the work of this process, that of its threads too, on a signal."""
-    stop_threads()
+    stop_threads(threads.NAME)
     if number == signal.SIGINT:
         raise KeyboardInterrupt
     sys.exit(128 + number)

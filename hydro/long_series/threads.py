@@ -5,9 +5,7 @@ Compiled loops, and numpy on long arrays, let other threads run meanwhile.
 
 from __future__ import annotations
 
-import ctypes
 import os
-import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -34,18 +32,6 @@ def share_among(processes: int) -> None:
     """Leave the other processors to the other processes that work at once."""
     global THREADS
     THREADS = max(1, THREADS // processes)
-
-
-def stop_threads(name: str = NAME) -> None:
-    """Raise `SystemExit` in the threads of a pool, each at its next line of Python.
-
-    Whoever waits for them, as a pool does at its end, else waits for all of their work.
-    """
-    for thread in threading.enumerate():
-        if thread.ident is not None and thread.name.startswith(name):
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(
-                ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit)
-            )
 
 
 def together(one: Callable[[], Item], other: Callable[[], Result]) -> tuple[Item, Result]:

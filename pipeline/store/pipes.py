@@ -1,15 +1,15 @@
-"""Files that save themselves, read through a named pipe while they do."""
+"""Files that save themselves, read through a named pipe while they do; ends of threads."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import select
 import tempfile
+import threading
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
-
-from auvid.hydro.long_series.threads import stop_threads
 
 NAME = "saving"
 PIECE_BYTES = 1 << 20
@@ -46,3 +46,15 @@ def saved_pieces(save: Callable[[str], None]) -> Generator[bytes]:
                     select.select([pipe], [], [], POLL_S)
                     pipe.read(PIECE_BYTES)
         saving.result()
+
+
+def stop_threads(name: str) -> None:
+    """Raise `SystemExit` in the threads of a pool, each at its next line of Python.
+
+    Whoever waits for them, as a pool does at its end, else waits for all of their work.
+    """
+    for thread in threading.enumerate():
+        if thread.ident is not None and thread.name.startswith(name):
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit)
+            )
