@@ -1,4 +1,4 @@
-"""Files that save themselves, read through a named pipe while they do; ends of threads."""
+"""Files that save themselves, read through a named pipe meanwhile; ends of threads."""
 
 from __future__ import annotations
 
