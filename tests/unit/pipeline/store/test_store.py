@@ -561,9 +561,11 @@ def test_an_interruption_lets_the_writer_go_that_has_not_opened_yet(
         return select(*words)
 
     def save(path: str) -> None:
-        time.sleep(0.2)
-        with open(path, "wb", buffering=0) as file:
-            written.extend(file.write(b"x" * 100_000) for _ in range(20))
+        try:
+            time.sleep(0.2)
+        finally:  # what a recording still has to write at its end
+            with open(path, "wb", buffering=0) as file:
+                written.extend(file.write(b"x" * 100_000) for _ in range(20))
 
     select = pipes.select.select
     monkeypatch.setattr(pipes.select, "select", interrupted)
