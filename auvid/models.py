@@ -30,6 +30,7 @@ from auvid.hydro.dynamics.simulation.free_run import MeasuredMotion, fly_freely
 from auvid.hydro.dynamics.steady_motion import TIPPED_RAD
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.force_input import driven_by_force
+from auvid.hydro.identification.axes.drive import MIXED, SIGNS
 from auvid.hydro.model_file import ModelForces
 from auvid.hydro.partial_model import imposed, uncoupled
 from auvid.pipeline.store.model_files import read_model, write_model
@@ -417,8 +418,20 @@ def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: i
         command = commands.get(gain.axis if gain.output is None else gain.output)
         values = time_series(command, count, 0, "commands")
         if values is not None:
-            size = np.maximum(np.abs(values) - gain.dead_band, 0.0) / (1.0 - gain.dead_band)
-            force[:, AXES.index(gain.axis)] += gain.value * np.sign(values) * size**gain.curve
+            parts = [(-1, values)]
+            if gain.mixed:
+                y, z = (
+                    np.zeros(count) if item is None else item
+                    for item in (
+                        time_series(commands.get(axis), count, 0, "commands")
+                        for axis in MIXED.replace(gain.axis, "")
+                    )
+                )
+                parts = [(a * b, np.clip(values + a * y + b * z, -1.0, 1.0)) for a, b in SIGNS]
+            for sign, part in parts:
+                size = np.maximum(np.abs(part) - gain.dead_band, 0.0) / (1.0 - gain.dead_band)
+                given = gain.value * (np.sign(part) - sign * gain.skew) * size**gain.curve
+                force[:, AXES.index(gain.axis)] += given / len(parts)
     return force
 
 

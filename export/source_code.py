@@ -225,16 +225,29 @@ LAGS = {lags}
 """Axis -> first-order lag between command and force [s]; the caller applies it."""
 GAINS = (
 {gains})
-"""Axis, output channel (None for the whole axis), force of a full command, dead band, curve."""
+"""Axis, output channel (None for the whole axis), force of a full command, dead band, curve,
+whether these two are those of the four thrusters that give surge, sway and yaw, and by how
+much these give more one way."""
 {cross}
 
 def command_force(commands):
     """Return tau of shares of full commands (-1 to 1), by axis or output channel."""
     tau = [0.0] * 6
-    for axis, output, gain, dead_band, curve in GAINS:
+    for axis, output, gain, dead_band, curve, mixed, skew in GAINS:
         command = float(commands.get(axis if output is None else output, 0.0))
-        size = max(abs(command) - dead_band, 0.0) / (1.0 - dead_band)
-        tau["XYZKMN".index(axis)] += gain * math.copysign(size**curve, command)
+        parts = [(-1, command)]
+        if mixed:
+            y, z = (float(commands.get(name, 0.0)) for name in "XYN".replace(axis, ""))
+            parts = [
+                (a * b, max(-1.0, min(1.0, command + a * y + b * z)))
+                for a in (1, -1)
+                for b in (1, -1)
+            ]
+        for sign, part in parts:
+            size = gain * (max(abs(part) - dead_band, 0.0) / (1.0 - dead_band)) ** curve
+            tau["XYZKMN".index(axis)] += size * (
+                math.copysign(1.0, part) - sign * skew
+            ) / len(parts)
     return tau
 '''
 _NEWTONS = re.compile(r"\[(?:N|kg)\b[^]]*\]")
@@ -263,7 +276,8 @@ def partial_text(body: Body) -> str:
 """,
         gains="".join(
             f"    ({item.axis!r}, {item.output!r}, {number(item.value)},"
-            f" {number(item.dead_band)}, {number(item.curve)}),\n"
+            f" {number(item.dead_band)}, {number(item.curve)}, {item.mixed},"
+            f" {number(item.skew)}),\n"
             for item in body.gains
         ),
     )

@@ -81,6 +81,15 @@ class CommandGain(Model):
     """Commands below it give none."""
     curve: float = 1.0
     """Exponent beyond it; 1 is a straight line."""
+    mixed: bool = False
+    """Whether dead band and curve are those of the four thrusters that give surge, sway and yaw:
+    value times the mean, over a, b of +-1, of (1 - skew a b sign(s)) times the same of
+    s = x + a y + b z, cut to -1 to 1, with the commands y and z of the other two.
+    """
+    skew: float = 0.0
+    """By how much thrusters give more one way than on average both ways; where not mixed, that
+    of a command x is 1 + skew sign(x) times as large.
+    """
     shape_verdict: Literal["identified", "weak", "assumed"] = "assumed"
     """What the data say of dead band and curve; assumed: a straight line, not tried or no
     better on what was held out.

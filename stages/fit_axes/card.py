@@ -29,6 +29,7 @@ from auvid.hydro.axis_figures import (
     AxisForces,
 )
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.drive import MIXED
 from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
 from auvid.hydro.partial_model import apparent_inertia
@@ -337,6 +338,8 @@ def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:
                     "interval_95": interval_95(value, error),
                     "dead_band": item.shape.dead_band,
                     "curve": item.shape.curve,
+                    "mixed": item.shape.mixed and item.axis in MIXED,
+                    "skew": item.shape.skew_of(item.axis),
                     "shape_verdict": item.shape.word,
                     "verdict": item.verdict(FORCE),
                 }

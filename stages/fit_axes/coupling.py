@@ -18,7 +18,15 @@ from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
-from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive
+from auvid.hydro.identification.axes.drive import (
+    CURVE,
+    DEAD_BAND,
+    HEAVE_SKEW,
+    LAG,
+    MIXED,
+    SKEW,
+    ForceDrive,
+)
 from auvid.hydro.identification.axes.held_out import (
     BENT_WORTH,
     FIRST_CURVE,
@@ -122,7 +130,16 @@ def fitted_together(
         bent = _bent(groups[best], axes, using, legs, vehicle, options, commands, with_terms)
         if bent is not None and bent[1].error_ratio < BENT_WORTH * together.error_ratio:
             joint, together = bent
+        mixed = _mixed(groups[best], axes, using, legs, vehicle, options, commands, with_terms)
+        if mixed is not None and flown_better(mixed[0], joint):
+            joint, together = mixed
     return tuple(joint.get(item.axis, item) for item in singles), together
+
+
+def flown_better(tried: Mapping[str, FittedAxis], before: Mapping[str, FittedAxis]) -> bool:
+    """Return whether some axes err less, by `BENT_WORTH`, on what was held out."""
+    pairs = [(before[axis].held_out, item.held_out) for axis, item in tried.items()]
+    return error_ratio(pairs)[0] < BENT_WORTH
 
 
 def _total(item: Together) -> float:
@@ -155,6 +172,30 @@ def _bent(
     )  # fmt: skip
     if shape_of(tried.fit).word != IDENTIFIED:
         return None
+    return _joined(
+        joining, axes, using, legs, vehicle, options, commands, couplings=couplings, shape=shape
+    )
+
+
+def _mixed(
+    joining: Sequence[FittedAxis],
+    axes: Sequence[str],
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    commands: CommandForces,
+    couplings: bool,
+) -> tuple[dict[str, FittedAxis], Together] | None:
+    """Return a common fit whose dead band and curve are those of thrusters that axes share.
+
+    None where fewer than two such axes join, or where the layout of the thrusters is given.
+    """
+    shared = [item for item in joining if item.axis in MIXED]
+    if len(shared) < 2 or any(leg.record.thrusters is not None for leg in using.values()):
+        return None
+    tell("thrusters that axes share", len(AXES) - 1, len(AXES))
+    shape = ForceDrive(options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE, mixed=True)
     return _joined(
         joining, axes, using, legs, vehicle, options, commands, couplings=couplings, shape=shape
     )
@@ -211,6 +252,11 @@ def _common_fit(
     """
     bent = shape != ForceDrive(lag_s=options.lag_s)
     free = ((LAG,) if options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
+    free += (
+        (SKEW, HEAVE_SKEW)
+        if shape.mixed and any(i.axis == "Z" for i in joining)
+        else ((SKEW,) if shape.mixed else ())
+    )
     numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
     shares: dict[str, float] = {}
     if commands.normalised and len({of for _, of in numerators.values()}) < 2:  # ratios of the file

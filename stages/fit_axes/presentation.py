@@ -10,7 +10,7 @@ import numpy as np
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.axes.judgement import STRAIGHT
+from auvid.hydro.identification.axes.judgement import STRAIGHT, ShapeVerdict
 from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
 from auvid.stages.columns import VELOCITY
 from auvid.stages.fit_axes.card import lacking_axis, words_of
@@ -53,6 +53,22 @@ COVERAGE_BENT = (
 """Measured on commands that step between samples (decision 0061)."""
 
 
+def shared_words(shape: ShapeVerdict) -> str:
+    """Return what is known of thrusters that surge, sway and yaw share.
+
+    >>> shared_words(ShapeVerdict(0.07, 0.01, 1.6, 0.05, "identified", True, 0.12)).split(": ")[0]
+    'Surge, sway and yaw move as by four thrusters at the corners that share their commands'
+    """
+    return (
+        "Surge, sway and yaw move as by four thrusters at the corners that share their commands:"
+        " each has the sum of the three, with signs of its own, up to a full one, and acts beyond"
+        f" {shape.dead_band:.2g} of full ({shape.dead_band_error:.1g}), with exponent"
+        f" {shape.curve:.3g} ({shape.curve_error:.1g}) and by {abs(100.0 * shape.skew):.2g} % more"
+        " one way than on average: taken as it flies what was held out better. Axis by axis such"
+        " commands look straight, and linear drag comes out too large."
+    )
+
+
 def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
     """Return the section on fits, axes that are lacking, and what needs no newtons."""
     blocks: list[Block] = [
@@ -66,7 +82,10 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
         if fits.together.chosen:
             words = "" if card.partial is None else ratio_words(card.partial)
             blocks += [remark(words)] if words else []
-            if any(item.shape.word != STRAIGHT.word for item in fits.fitted):
+            mixed = next((i.shape for i in fits.fitted if i.shape.mixed), None)
+            if mixed is not None:
+                blocks.append(remark(shared_words(mixed)))
+            elif any(item.shape.word != STRAIGHT.word for item in fits.fitted):
                 blocks.append(remark(COVERAGE_BENT, "warning"))
     if fits.markers is not None:
         wrong = fits.markers.departs and not fits.markers.used

@@ -16,7 +16,7 @@ import numpy as np
 from auvid.hydro.arrays import VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, MIXED
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolFit
 from auvid.hydro.identification.axes.record import AxisRecord, unmeasured
 from auvid.hydro.identification.axes.structure import CONSTANT, FORCE, INPUT, AxisTerm
@@ -267,7 +267,9 @@ class LagVerdict:
 class ShapeVerdict:
     """Dead band and curve of commands, with errors; 0 and 1 are a straight line.
 
-    `word`: `identified`, `weak` (bent, but not clearly), `assumed` (straight).
+    `word`: `identified`, `weak` (bent, but not clearly), `assumed` (straight). `mixed`: they
+    are those of the four thrusters that give surge, sway and yaw, which give more one way by
+    `skew`, and those of heave by `heave_skew` (`ForceDrive`).
     """
 
     dead_band: float = 0.0
@@ -275,6 +277,13 @@ class ShapeVerdict:
     curve: float = 1.0
     curve_error: float = 0.0
     word: str = "assumed"
+    mixed: bool = False
+    skew: float = 0.0
+    heave_skew: float = 0.0
+
+    def skew_of(self, axis: str) -> float:
+        """Return by how much thrusters of an axis give more one way."""
+        return self.skew if axis in MIXED else self.heave_skew if axis == "Z" else 0.0
 
 
 STRAIGHT = ShapeVerdict()
@@ -377,5 +386,6 @@ def shape_of(fit: PoolFit) -> ShapeVerdict:
     band, curve = (float(fit.values[place]) for place in at)
     clear = band > T_LIMIT * errors[0] > 0.0 or abs(curve - 1.0) > T_LIMIT * errors[1] > 0.0
     return ShapeVerdict(
-        band, float(errors[0]), curve, float(errors[1]), IDENTIFIED if clear else WEAK
-    )
+        band, float(errors[0]), curve, float(errors[1]), IDENTIFIED if clear else WEAK,
+        fit.drive.mixed, fit.drive.skew, fit.drive.heave_skew,
+    )  # fmt: skip

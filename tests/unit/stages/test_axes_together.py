@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 import auvid
 from auvid.data_schemas.records.models import ModelCard
+from auvid.export.body import body_of
+from auvid.export.source_code import partial_text
 from auvid.hydro.arrays import AXES, Array
 from auvid.hydro.dynamics.actuators.commands import frame_thrusters, full_commands
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.coupled import fit_coupled
-from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.drive import ForceDrive, acting
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
+from auvid.models import _force_of
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.clocks import MOST_PASSES, clock_words
 from auvid.stages.fit_axes.coupling import (
@@ -579,3 +584,55 @@ def test_thrusters_that_run_one_by_one_are_told_apart() -> None:
     assert min(item.departure for item in fitted.thrusters) > 1.0
     remedies = {item.axis: lacking_axis(item).remedy for item in fitted.lacking}
     assert remedies["Y"].startswith("Take its damping"), "no thruster pushes aside"
+
+
+BAND, BEND, ONE_WAY = 0.06, 1.6, 0.12
+CORNERS = np.array([(-1, 1, 1), (-1, -1, -1), (1, 1, -1), (1, -1, 1)])
+"""What four thrusters at the corners push along X, Y and N, as ArduSub's vectored frames."""
+
+
+def by_bent_thrusters(commands: Array) -> Array:
+    """Return what commands of X, Y and N (n, 3) give by four bent thrusters."""
+    each = np.clip(commands @ CORNERS.T, -1.0, 1.0)
+    beyond = np.maximum(np.abs(each) - BAND, 0.0) / (1.0 - BAND)
+    stronger = np.where(each > 0.0, 1.0 + ONE_WAY, 1.0 - ONE_WAY)
+    return np.asarray((stronger * np.sign(each) * beyond**BEND) @ CORNERS / len(CORNERS))
+
+
+def test_commands_that_thrusters_share_have_the_curve_of_each() -> None:
+    """Axis by axis they look straight, and linear drag comes out up to twice the true one."""
+    moved = {}
+    for number, (key, item) in enumerate(legs_of(file_inertia()).items()):
+        strong = {axis: 1.6 * values for axis, values in item.record.force.items()}
+        record = replace(item.record, force=strong)
+        given = by_bent_thrusters(np.column_stack([record.force[axis] for axis in "XYN"]))
+        pushed = {**record.force, **dict(zip("XYN", given.T, strict=True))}
+        flown = coupled_motion(replace(item, record=replace(record, force=pushed)), number)
+        moved[key] = replace(flown, record=replace(flown.record, force=strong))
+    fitted = fit_all(moved, body(), FitOptions(lag_s=0.08, fit_lag=False, fit_curve=True))
+    for item in fitted.fitted:
+        linear, quadratic = item.equation.values[:2]
+        truth = TRUTH[item.equation.speed]
+        assert item.shape.mixed
+        assert linear == pytest.approx(truth[0], abs=3.0 * item.equation.error(item.equation.speed))
+        assert quadratic == pytest.approx(truth[1], rel=0.1)
+    shape = fitted.fitted[0].shape
+    assert shape.dead_band == pytest.approx(BAND, abs=0.01)
+    assert shape.curve == pytest.approx(BEND, abs=0.1)
+    assert shape.skew == pytest.approx(ONE_WAY, abs=0.02)
+    file = auvid.Model(file_of(card_of(fitted), fitted, body())).file
+    commands = np.random.default_rng(0).uniform(-0.6, 0.6, (9, 3))
+    assert file.partial is not None
+    gains = {gain.axis: gain.value for gain in file.partial.gains}
+    names: dict[str, Any] = {"math": math}
+    exec(partial_text(body_of(file)), names)
+    for row in commands:
+        by_axis = dict(zip("XYN", row.tolist(), strict=True))
+        force = _force_of(file, by_axis, 1)[0]
+        drive = ForceDrive(0.08, shape.dead_band, shape.curve, (), 0.0, True, shape.skew)
+        record = replace(
+            moved["leg_1"].record, force={k: np.array([v]) for k, v in by_axis.items()}
+        )
+        expected = [gains[axis] * acting(record, axis, drive)[0] for axis in "XYN"]
+        assert force[[0, 1, 5]] == pytest.approx(expected, rel=1e-6)
+        assert names["command_force"](by_axis) == pytest.approx(force.tolist(), rel=1e-6)
