@@ -430,8 +430,8 @@ def _force_of(file: ModelFile, commands: Mapping[str | int, ArrayLike], count: i
                 parts = [(a * b, np.clip(values + a * y + b * z, -1.0, 1.0)) for a, b in SIGNS]
             for sign, part in parts:
                 size = np.maximum(np.abs(part) - gain.dead_band, 0.0) / (1.0 - gain.dead_band)
-                given = gain.value * (np.sign(part) - sign * gain.skew) * size**gain.curve
-                force[:, AXES.index(gain.axis)] += given / len(parts)
+                share = gain.value * (np.sign(part) - sign * gain.skew) * size**gain.curve
+                force[:, AXES.index(gain.axis)] += share / len(parts)
     return force
 
 

@@ -605,8 +605,8 @@ def test_commands_that_thrusters_share_have_the_curve_of_each() -> None:
     for number, (key, item) in enumerate(legs_of(file_inertia()).items()):
         strong = {axis: 1.6 * values for axis, values in item.record.force.items()}
         record = replace(item.record, force=strong)
-        given = by_bent_thrusters(np.column_stack([record.force[axis] for axis in "XYN"]))
-        pushed = {**record.force, **dict(zip("XYN", given.T, strict=True))}
+        thrust = by_bent_thrusters(np.column_stack([record.force[axis] for axis in "XYN"]))
+        pushed = {**record.force, **dict(zip("XYN", thrust.T, strict=True))}
         flown = coupled_motion(replace(item, record=replace(record, force=pushed)), number)
         moved[key] = replace(flown, record=replace(flown.record, force=strong))
     fitted = fit_all(moved, body(), FitOptions(lag_s=0.08, fit_lag=False, fit_curve=True))
