@@ -187,7 +187,7 @@ def _mixed(
     commands: CommandForces,
     couplings: bool,
 ) -> tuple[dict[str, FittedAxis], Together] | None:
-    """Return a common fit whose dead band and curve are those of thrusters that axes share.
+    """Return a common fit with dead band and curve of thrusters that axes share.
 
     None where fewer than two such axes join, or where the layout of the thrusters is given.
     """
