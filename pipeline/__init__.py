@@ -2,9 +2,10 @@
 
 One BLAS thread, here and in every worker: more threads would change the last digits of
 a result with the machine. Arrow takes its memory from the system, which has it back at
-once: a pool of its own keeps the columns of one table while the next is read. The
-variables work only if they are set before the libraries are loaded, so they are set
-where this floor is entered; so is that memory of freed arrays serves the next ones.
+once: a pool of its own keeps the columns of one table while the next is read. So does
+Rerun (mimalloc): it kept what it had written for what came next, 60 MB of a recording of
+six hours. The variables work only if they are set before the libraries are loaded, so they
+are set where this floor is entered; so is that memory of freed arrays serves the next ones.
 """
 
 import os
@@ -21,5 +22,6 @@ for _name in (
 ):
     os.environ[_name] = "1"
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+os.environ.setdefault("MIMALLOC_PURGE_DELAY", "0")
 keep_freed_memory()
 keep_loops_somewhere()

@@ -131,10 +131,11 @@ def test_help_loads_nothing_heavy() -> None:
     assert not loaded & {"numpy", "scipy", "pandas", "pyarrow", "rerun", "dvc", "numba", "rich"}
 
 
-def test_blas_threads_and_the_memory_of_arrow_are_set_before_either_is_loaded() -> None:
+def test_blas_threads_and_memory_of_libraries_are_set_before_they_are_loaded() -> None:
     program = (
         "import auvid.pipeline, sys, os; print('numpy' in sys.modules,"
-        " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS']);"
+        " os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'],"
+        " os.environ['MIMALLOC_PURGE_DELAY']);"
         "import pyarrow; print(pyarrow.default_memory_pool().backend_name)"
     )
     answer = subprocess.run(
@@ -144,7 +145,7 @@ def test_blas_threads_and_the_memory_of_arrow_are_set_before_either_is_loaded() 
         check=True,
         env={"OMP_NUM_THREADS": "8"},
     ).stdout
-    assert answer.split() == ["False", "1", "1", "system"]
+    assert answer.split() == ["False", "1", "1", "0", "system"]
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,11 @@ def require_display(name: str) -> None:
         )
 
 
+def _environment() -> dict[str, str]:
+    """Return that of a viewer, which keeps freed memory for its next picture."""
+    return {name: value for name, value in os.environ.items() if name != "MIMALLOC_PURGE_DELAY"}
+
+
 def show(recording: Path) -> None:
     """Open a recording in a window, which stays when this program ends.
 
@@ -76,6 +81,7 @@ def show(recording: Path) -> None:
             stdout=subprocess.DEVNULL,
             stderr=output,
             start_new_session=True,
+            env=_environment(),
         )
         try:
             status = process.wait(timeout=STARTS_WITHIN_S)
@@ -102,6 +108,7 @@ def serve(recording: Path) -> None:
                 "auto",
             ],
             check=False,
+            env=_environment(),
         )
     except KeyboardInterrupt:
         return
@@ -174,7 +181,7 @@ def _taken(command: list[str], target: Path, size: tuple[int, int], timeout: flo
             text=True,
             timeout=timeout,
             check=False,
-            env={**os.environ, **QUIET},
+            env=_environment() | QUIET,
         )
     except subprocess.TimeoutExpired:
         raise ViewerFault(

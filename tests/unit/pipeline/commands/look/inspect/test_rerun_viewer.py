@@ -83,3 +83,15 @@ def test_the_last_fault_is_told(
 
 def test_share_drawn_is_that_of_what_is_not_background() -> None:
     assert viewer.drawn_share(png(drawn=False)) == 0.0
+
+
+def test_a_viewer_keeps_freed_memory_for_its_next_picture(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    options: list[dict[str, Any]] = []
+    monkeypatch.setenv("MIMALLOC_PURGE_DELAY", "0")
+    monkeypatch.setattr(viewer, "program", lambda: Path("rerun"))
+    monkeypatch.setattr(viewer.subprocess, "run", lambda *_, **own: options.append(own))
+    viewer.serve(Path("a.rrd"))
+    assert "PATH" in options[0]["env"]
+    assert "MIMALLOC_PURGE_DELAY" not in options[0]["env"]
