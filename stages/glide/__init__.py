@@ -19,8 +19,6 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.glide.comparison import GlideComparison, compare
 from auvid.hydro.identification.glide.drive_gap import (
     ALL_FIGURES,
-    LIFT,
-    DriveGap,
     doubted,
     drive_gap,
 )
@@ -31,6 +29,10 @@ from auvid.stages.glide.figures import glide_results, mean_pitch
 from auvid.stages.glide.glider import Glider, glider_of
 from auvid.stages.glide.legs import GlideLegs, legs_of
 from auvid.stages.glide.presentation import glide_section, glide_views
+from auvid.stages.glide.refusals import odd_lift
+
+MOST_FLAT = 0.1
+"""Share of stretches too flat to be steady, from which on the pitch or the rest is in doubt."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,9 @@ class Params:
     pitch_rate_deg_s: float = param(
         "deg/s", 0.3, meaning="change of pitch that still counts as settled", low=1e-3
     )
-    max_gap_s: float = param("s", 5.0, meaning="a longer pause of the log is not bridged", low=0.01)
+    max_gap_s: float = param(
+        "s", 5.0, meaning="a pause longer than it and 2.5 periods is not bridged", low=0.01
+    )
     constant_density: bool = param(
         "1",
         False,
@@ -116,15 +120,20 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         constant_density=params.constant_density,
     )
     prior = glider.prior(glides.stroke_m3)
-    comparison = compare(glides.rows, body=glider.body, prior=prior)
-    steady = np.isfinite(comparison.estimate.predict(glides.rows).depth_rate_m_s)
-    if not steady.all():
+    glides, comparison = _compared(glides, glider)
+    total = glides.rows.t_s.size
+    while not (
+        steady := np.isfinite(comparison.estimate.predict(glides.rows).depth_rate_m_s)
+    ).all():
+        glides = replace(glides, rows=glides.rows.where(steady))
+        comparison = compare(glides.rows, body=glider.body, prior=prior)
+    flat = total - glides.rows.t_s.size
+    if flat:
         words = (
-            f"{steady.size - steady.sum()} of {steady.size} stretches are pitched flatter than any"
+            f"{flat} of {total} stretches are pitched flatter than any"
             " steady glide by the drag and lift that the others show: left out."
         )
-        glides = replace(glides, rows=glides.rows.where(steady), warnings=(*glides.warnings, words))
-        comparison = compare(glides.rows, body=glider.body, prior=prior)
+        glides = replace(glides, warnings=(*glides.warnings, words))
     gap = drive_gap(
         glides.rows,
         comparison.estimate,
@@ -133,7 +142,12 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         stroke_m3=glides.stroke_m3,
         pitch_rad=mean_pitch(glides),
     )
-    comparison = _doubted(comparison, glides, gap)
+    if lift := odd_lift(comparison.estimate, glider.lift_slope):
+        glides = replace(glides, warnings=(*glides.warnings, lift))
+    in_doubt = bool(lift or glides.pitch_zero or flat > MOST_FLAT * total)
+    if in_doubt or (gap is not None and gap.named):
+        estimate = doubted(comparison.estimate, *ALL_FIGURES)
+        comparison = replace(comparison, estimate=estimate)
     results = glide_results(comparison, glides, glider)
     card = glide_card(comparison, glides, inputs.vehicle)
     return Outputs(
@@ -146,16 +160,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     )
 
 
-def _doubted(
-    comparison: GlideComparison, glides: GlideLegs, gap: DriveGap | None
-) -> GlideComparison:
-    """Return the comparison with figures weak that a doubtful pitch or drive moves."""
-    estimate = comparison.estimate
-    if glides.pitch_zero and "alpha_0" not in estimate.free:
-        estimate = doubted(estimate, *LIFT)
-    if gap is not None and gap.named:
-        estimate = doubted(estimate, *ALL_FIGURES)
-    return replace(comparison, estimate=estimate)
+def _compared(glides: GlideLegs, glider: Glider) -> tuple[GlideLegs, GlideComparison]:
+    """Return legs and comparison, without a speed that ends the search."""
+    prior = glider.prior(glides.stroke_m3)
+    try:
+        return glides, compare(glides.rows, body=glider.body, prior=prior)
+    except DataError:
+        if not glides.pitch_zero or not np.isfinite(glides.rows.speed_m_s).any():
+            raise
+    glides = glides.by_pitch_alone()
+    return glides, compare(glides.rows, body=glider.body, prior=prior)
 
 
 def _rules(params: Params, glider: Glider) -> SettlingRules:

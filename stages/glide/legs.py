@@ -12,19 +12,20 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import column, has_columns
-from auvid.hydro.arrays import Array, Mask
+from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.gliding.steady_glide import GlideState
 from auvid.hydro.identification.glide.bins import GlideRows, glide_rows, joined
 from auvid.hydro.identification.glide.fit import LEAST_GLIDES, drag_asked
 from auvid.hydro.identification.glide.settled import (
-    REASONS,
     GliderRecord,
     SettledGlides,
     SettlingRules,
+    bridged_s,
     settled_glides,
 )
 from auvid.stages.columns import leg_window, span_text
 from auvid.stages.glide.glider import Glider
+from auvid.stages.glide.refusals import check_speed, unsettled
 
 NEEDED = ("pressure_pa", "buoyancy_drive_m3")
 MOST_STROKE = 0.2
@@ -34,13 +35,6 @@ LEAST_STROKE = 2e-4
 DRAG_OF_BODIES = (0.01, 3.0)
 """Drag referred to wings lies between these; beyond, a unit is wrong."""
 LEAST_SAMPLES = 50
-FLATTER_RAD = float(np.radians(3.0))
-"""A glide is steeper than its pitch, for its lift holds what weight or buoyancy has across the
-path. Both ways together, a zero of the pitch and the angle without lift cancel."""
-FLATTER_ONE_WAY_RAD = float(np.radians(8.0))
-"""The same with speed one way only, where a zero of the pitch of some degrees looks alike."""
-STEEPER_RAD = (float(np.radians(-1.0)), float(np.radians(7.0)))
-"""Angles of attack that gliders have, beside a zero of the pitch of one degree."""
 WRONG_WAY = 0.9
 """Share of glides against the drive from which on its sign is the fault."""
 
@@ -67,6 +61,11 @@ class GlideLegs:
         numbers = np.unique(self.rows.glide)
         up = [bool(np.any(self.rows.state.pitch_rad[self.rows.glide == n] > 0.0)) for n in numbers]
         return ["climb" if item else "dive" for item in up]
+
+    def by_pitch_alone(self) -> GlideLegs:
+        """Return the legs without their speed, which does not fit the pitch."""
+        words = f"{self.pitch_zero} Lift is that of the vehicle file, without the speed."
+        return replace(self, rows=self.rows.without_speed(), pitch_zero=words)
 
 
 def legs_of(
@@ -105,12 +104,13 @@ def legs_of(
             max_gap_s=rules.max_gap_s,
             constant_density=constant_density,
         )
-        glides = settled_glides(record, rules, gravity=glider.body.gravity)
+        own = replace(rules, max_gap_s=bridged_s(record.t_s, rules.max_gap_s))
+        glides = settled_glides(record, own, gravity=glider.body.gravity)
         settled[leg.id] = glides
         if glides.direction:
             parts.append((leg.id, glide_rows(glides, stretch_s=stretch_s)))
     if not parts:
-        raise _unsettled("no glide settles", settled, rules)
+        raise unsettled("no glide settles", settled, rules)
     rows, owners = joined([part for _, part in parts])
     names = tuple(parts[index][0] for index in owners)
     strokes = [_stroke(item.record.state.drive_m3) for item in settled.values()]
@@ -119,13 +119,13 @@ def legs_of(
     count = np.unique(result.rows.glide).size
     if count < LEAST_GLIDES:
         head = f"{count} settled glide{'s' * (count > 1)} of at least {LEAST_GLIDES}"
-        raise _unsettled(head, settled, rules, warnings)
-    pitch_zero = _check_speed(result.rows, result.leg_of_glide)
+        raise unsettled(head, settled, rules, warnings)
+    pitch_zero = check_speed(result.rows, result.leg_of_glide)
     _check_units(result, glider)
     if pitch_zero and len(set(result.directions)) == 1:
         # Nothing else tells the zero of the pitch: such a speed would run the lift away.
-        result = replace(result, rows=result.rows.without_speed())
-        pitch_zero += " Lift is that of the vehicle file, without the speed."
+        result = replace(result, pitch_zero=pitch_zero).by_pitch_alone()
+        return replace(result, warnings=tuple(warnings))
     return replace(result, warnings=tuple(warnings), pitch_zero=pitch_zero)
 
 
@@ -216,14 +216,15 @@ def _record(
 
 
 def _interpolated(t: Array, at: Array, values: Array, max_gap_s: float) -> Array:
-    """Return values at times t by straight lines, nan in long pauses."""
+    """Return values at times t by straight lines, nan beyond `bridged_s`."""
     finite = np.isfinite(values)
     if not finite.any():
         return np.full(t.size, np.nan)
     at, values = at[finite], values[finite]
     right = np.clip(np.searchsorted(at, t), 0, at.size - 1)
     left = np.maximum(np.searchsorted(at, t, side="right") - 1, 0)
-    near = (at[right] - at[left] <= max_gap_s) & (t >= at[0]) & (t <= at[-1])
+    longest = bridged_s(at, max_gap_s)
+    near = (at[right] - at[left] <= longest) & (t >= at[0]) & (t <= at[-1])
     return np.where(near, np.interp(t, at, values), np.nan)
 
 
@@ -255,46 +256,6 @@ def _check_drive(leg: LegEntry, t: Array, drive: Array, volume_m3: float) -> Non
             allowed=f"up to {MOST_STROKE * volume_m3:.2g} m^3 of {volume_m3:.2g} m^3",
             remedy="Is the column in cm^3 (cc) or in litres? Give its unit in the column map.",
         )
-
-
-def _unsettled(
-    head: str,
-    settled: Mapping[str, SettledGlides],
-    rules: SettlingRules,
-    warnings: Sequence[str] = (),
-) -> DataError:
-    """Return the error of legs with too few settled glides: what left most out."""
-    parts, hints = [], []
-    for leg, glides in settled.items():
-        out = sorted(glides.left_out_s().items(), key=lambda item: -item[1])
-        words = ", ".join(f"{name} {seconds:.0f} s" for name, seconds in out[:4])
-        at = np.flatnonzero(glides.reason == REASONS.index(out[0][0]))
-        span = span_text((float(glides.record.t_s[at[0]]), float(glides.record.t_s[at[-1]])))
-        parts.append(f"leg '{leg}': {words}; mostly {out[0][0]} ({span})")
-        steepest = float(np.nanpercentile(np.abs(glides.record.state.pitch_rad), 99.0))
-        if steepest < rules.least_pitch_rad:
-            hints.append(
-                f"The steepest pitch is {np.degrees(steepest):.2g} deg: is the column in rad where"
-                " the map says deg?"
-            )
-        deepest = float(np.nanmax(glides.depth_m)) if np.isfinite(glides.depth_m).any() else 0.0
-        if deepest < 2.0 * rules.surface_m:
-            hints.append(
-                f"The deepest point is {deepest:.3g} m: is the pressure in bar where the map says"
-                " dbar? In shallow water lower stages.glide.surface_m."
-            )
-    return DataError(
-        " ".join([f"{head}: {'; '.join(parts)}", *warnings]),
-        allowed=(
-            f"{rules.shortest_s:g} s below {rules.surface_m:g} m, {rules.settling_s:g} s after"
-            " drive and pitch came to rest"
-        ),
-        remedy=(
-            " ".join(dict.fromkeys(hints))
-            or "Fly longer glides with drive and pitch at rest, or shorten stages.glide.settling_s"
-            " and stages.glide.shortest_s."
-        ),
-    )
 
 
 def _with_drive(glides: GlideLegs, glider: Glider, warnings: list[str]) -> GlideLegs:
@@ -342,64 +303,6 @@ def _with_drive(glides: GlideLegs, glider: Glider, warnings: list[str]) -> Glide
 
 def _span(t_s: Array) -> tuple[float, float]:
     return float(t_s[0]), float(t_s[-1])
-
-
-def _check_speed(rows: GlideRows, legs: Sequence[str]) -> str:
-    """Return what is odd of pitch and speed where speed is measured one way only.
-
-    Raises `DataError` for speeds that are not those through the water along the path: no
-    glider sinks faster than it moves, glides flatter than its pitch, or has one speed.
-    """
-    speed, sink = rows.speed_m_s, np.abs(rows.depth_rate_m_s)
-    finite = np.isfinite(speed)
-    if not finite.any():
-        return ""
-    faster: Mask = finite & (sink > speed)
-    at = int(np.flatnonzero(faster if faster.any() else finite)[0])
-    where = f"leg '{legs[rows.glide[at]]}' at {rows.t_s[at]:.0f} s"
-    if faster.sum() > 0.5 * finite.sum():
-        raise DataError(
-            "the depth changes faster than the speed through the water",
-            field="speed_m_s",
-            value=f"{sink[at]:.3g} m/s of depth at {speed[at]:.3g} m/s, {where}",
-            remedy=(
-                "Is the pressure in dbar where the map says bar, or the speed in knots or cm/s?"
-            ),
-        )
-    if finite.sum() > 1 and float(np.ptp(speed[finite])) < 1e-6:
-        raise DataError(
-            "the speed through the water never changes",
-            field="speed_m_s",
-            value=f"{speed[at]:.3g} m/s in all {int(finite.sum())} stretches",
-            remedy="A set or an assumed speed measures nothing: leave its column out of the map.",
-        )
-    path = np.arcsin(np.clip(sink / np.where(finite, speed, np.inf), 0.0, 1.0))
-    pitch, up = np.abs(rows.state.pitch_rad), rows.state.pitch_rad > 0.0
-    ways = [way & finite for way in (up, ~up) if (way & finite).any()]
-    steep = [float(np.median(pitch[way])) for way in ways]
-    flat = [float(np.median(path[way])) for way in ways]
-    steeper = float(np.mean(flat) - np.mean(steep))
-    if -steeper > (FLATTER_RAD if len(ways) == 2 else FLATTER_ONE_WAY_RAD):
-        raise DataError(
-            "the speed is more than pitch and depth rate allow: its path is flatter than the pitch",
-            field="speed_m_s",
-            value=(
-                f"{np.degrees(np.mean(flat)):.2g} deg of path at"
-                f" {np.degrees(np.mean(steep)):.2g} deg of pitch"
-            ),
-            remedy=(
-                "Is it a speed over ground, with a current in it, or in knots? Leave its column"
-                " out of the map: drag is told without it."
-            ),
-        )
-    if len(ways) == 2 or STEEPER_RAD[0] <= steeper <= STEEPER_RAD[1]:
-        return ""
-    one, other = ("climbs", "dives") if (up & finite).any() else ("dives", "climbs")
-    return (
-        f"By its speed the path of {one} is {np.degrees(steeper):.2g} deg steeper than their"
-        " pitch. The zero of the pitch sensor, or a speed that is not through the water, moves it"
-        f" so; speed on {other} as well would tell which."
-    )
 
 
 def _check_units(glides: GlideLegs, glider: Glider) -> None:

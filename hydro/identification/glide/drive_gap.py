@@ -27,8 +27,6 @@ CLEAR_GAP, LEAST_GAP = 4.0, 0.1
 MOST_GAP = 0.25
 """Share of the stroke beyond which nothing is said of the drag that a gap would give."""
 
-LIFT = ("C_L", "alpha", "C_L_alpha")
-"""Figures that the angle between pitch and path gives."""
 ALL_FIGURES = ("C_D", "C_L", "alpha", *UNKNOWNS[:5])
 
 

@@ -39,6 +39,8 @@ LOWERINGS = 20
 LEAST_GLIDES = 4
 LEAST_SPEEDS = 10
 """So many rows with a speed, in two glides or more, free the lift."""
+MOST_LIFT = 50.0
+"""No hull with wings has that slope of the lift [1/rad]: the search has run away."""
 FLATTEST = (0.0, 0.15, 0.3, 0.45)
 """Shares of the rows, the flattest ones, that are left out where no steady glide is so flat."""
 FREED = 0.7
@@ -96,6 +98,10 @@ class GlideEstimate:
         """Return the steady glides of the estimate at rows."""
         return _glide(self.values, rows, self.body)
 
+    def is_steady(self, rows: GlideRows) -> Mask:
+        """Return which rows (m,) are steep enough for a steady glide."""
+        return np.asarray(np.isfinite(self.predict(rows).depth_rate_m_s))
+
     def at_pitch(self, pitch_rad: float) -> dict[str, tuple[float, float]]:
         """Return angle of attack [rad], C_D, C_L of a glide, each with standard error.
 
@@ -140,7 +146,7 @@ def fit_glides(
                 "too few settled glides", value=int(count), allowed=f"at least {LEAST_GLIDES}"
             )
         problem, values, free = _solved(kept, body, prior)
-        if np.isfinite(problem.slopes(values)).all():
+        if np.isfinite(problem.slopes(values)).all() and values[2] < MOST_LIFT:
             return _estimate(problem, values, free, prior)
     raise _no_glide(rows)
 

@@ -20,6 +20,8 @@ LOOK_S = 10.0
 DEPTH_CUTOFF_HZ = 0.05
 """Depth is smoothed below this: a glide changes over a minute, pressure is noisy."""
 LEAST_SAMPLES = 5
+PERIODS, SLOWEST_S = 2.5, 60.0
+"""Pauses of so many periods of a log are none, of periods up to so many seconds."""
 SURFACE = "at the surface"
 STOP = "drive at its stop"
 MOVING = "drive moving"
@@ -84,12 +86,19 @@ class SettledGlides:
 
     def left_out_s(self) -> dict[str, float]:
         """Return the seconds that are left out, by reason."""
-        step = np.minimum(np.gradient(self.record.t_s), LOOK_S)
+        t = self.record.t_s
+        step = np.minimum(np.gradient(t), max(LOOK_S, float(np.median(np.diff(t)))))
         return {
             name: float(step[self.reason == index].sum())
             for index, name in enumerate(REASONS)
             if np.any(self.reason == index)
         }
+
+
+def bridged_s(t_s: Array, max_gap_s: float) -> float:
+    """Return the longest pause at times t_s (n,) [s] that is bridged."""
+    period = float(np.median(np.diff(t_s))) if t_s.size > 1 else 0.0
+    return max(max_gap_s, PERIODS * period if period <= SLOWEST_S else 0.0)
 
 
 def depth_of(record: GliderRecord, *, gravity: float, max_gap_s: float) -> tuple[Array, Array]:
@@ -136,7 +145,10 @@ def settled_glides(record: GliderRecord, rules: SettlingRules, *, gravity: float
     leave_out(np.abs(state.pitch_rad) < rules.least_pitch_rad, FLAT)
     leave_out(np.sign(rate) != -np.sign(state.pitch_rad), AGAINST)
     disturbed = np.isin(reason, [REASONS.index(n) for n in (MOVING, TURNING, FLAT, AGAINST)])
-    leave_out(_soon_after(t, disturbed, rules.settling_s), SETTLING)
+    # Of a slow log the neighbours of a change hold part of it.
+    slow = np.diff(t) > LOOK_S / 2
+    neighbours = np.append(False, disturbed[:-1] & slow) | np.append(disturbed[1:] & slow, False)
+    leave_out(_soon_after(t, disturbed | neighbours, rules.settling_s), SETTLING)
     return _numbered(SettledGlides(record, depth, rate, reason.copy(), reason, (), ()), rules)
 
 
