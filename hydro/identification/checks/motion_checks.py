@@ -229,12 +229,14 @@ class TiltOffset:
     """Roll and pitch that an attitude lacks against velocity and depth.
 
     `angle` (2,) and its standard deviation `sd` [rad]; `likelier`: logarithm of the
-    likelihood over gains of surge, sway and heave in the depth rate that are off.
+    likelihood over gains of surge, sway and heave in the depth rate that are off;
+    `explained`: share of what the stated angles leave.
     """
 
     angle: Array
     sd: Array
     likelier: float
+    explained: float
 
 
 @kept
@@ -264,7 +266,8 @@ def tilt_offset(
         max(float(np.median(np.abs(values - np.median(values)))), 1e-12)
         for values in (rest - parts[:, 3:] @ tilted.gain, rest - parts[:, :3] @ scaled.gain)
     ]
-    return TiltOffset(tilted.gain, tilted.sd, len(rest) * float(np.log(left[1] / left[0])))
+    likelier = len(rest) * float(np.log(left[1] / left[0]))
+    return TiltOffset(tilted.gain, tilted.sd, likelier, tilted.explained)
 
 
 def _depth_rates(t_attitude: Array, euler: Array, t_velocity: Array, velocity: Array) -> Array:

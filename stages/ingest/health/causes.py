@@ -141,6 +141,8 @@ def by_cause(
         ]
         kept = [*(item for item in kept if _key(item) not in away), named]
         log, left = best.log, best.left
+    if any(item["id"] == "velocity_axes" for item in kept):  # one axis is not what it says
+        kept = [item for item in kept if item["id"] != "velocity_lag" or len(item["fields"]) != 1]
     return kept, explained
 
 

@@ -221,7 +221,7 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
     if depth is None or depth.explained < SURE_SHARE:
         share = "" if depth is None else f", {percent(max(depth.explained, 0.0))} explained"
         yield (
-            "scale and clock of depth against velocity",
+            "scale and clock of depth against velocity, and whether it is another sensor's",
             f"the depth changes too little by what the velocity says{share}",
         )
 

@@ -91,6 +91,14 @@ LARGEST_TONE, SURE_OF_TONE = 0.8, 0.98
 """Share of the power of a depth rate that one frequency may have, or else the part of it
 that a lag must explain.
 """
+UNITS: Mapping[str, float] = {
+    "cm/s": 0.01,
+    "mm/s": 0.001,
+    "km/h": 0.2778,
+    "ft/s": 0.3048,
+    "knots": 0.5144,
+}
+"""Units of a velocity that may be declared as m/s, with its axes exchanged."""
 BY_TRACK = "the position follows it"
 ABSENT_GAIN = 0.3
 LEAST_TILT = 0.02
@@ -310,8 +318,12 @@ def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
     """
     if gains is None:
         return
-    shares = depth_by_axes(*log.depth_of_velocity(), *_poses(log))
+    poses = _poses(log)
+    shares = depth_by_axes(*log.depth_of_velocity(), *poses)
     best = max(shares, key=lambda name: shares[name], default="body")
+    in_unit = ""
+    if shares and gains.explained < LEAST_EXPLAINED and shares[best] < OTHER_AXES:
+        best, shares, in_unit = _in_other_units(log, poses)
     if not shares or shares[best] < OTHER_AXES or shares["body"] > OWN_AXES:
         return
     if 1.0 - shares["body"] < LESS_LEFT * (1.0 - shares[best]):
@@ -326,8 +338,8 @@ def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
     yield finding(
         "velocity_axes",
         f"The depth rate follows the velocity ({log.source('velocity')})"
-        f" {'as ' if over_ground else 'with '}{best} ({percent(shares[best])} explained), and not"
-        f" as it is declared ({percent(max(shares['body'], 0.0))}).",
+        f" {'as ' if over_ground else 'with '}{best}{in_unit} ({percent(shares[best])} explained),"
+        f" and not as it is declared ({percent(max(shares['body'], 0.0))}).",
         stream="velocity",
         value=shares[best],
         fields=LINEAR_VELOCITY,
@@ -338,6 +350,24 @@ def _other_axes(log: CheckedLog, gains: AxisGains | None) -> Iterator[Finding]:
             else "Exchange the two columns in the column map, or check how the sensor is mounted."
         ),
     )
+
+
+def _in_other_units(
+    log: CheckedLog, poses: tuple[Array, Array, Array, Array]
+) -> tuple[str, dict[str, float], str]:
+    """Return the axes and unit in which a velocity explains the depth best.
+
+    As name, shares of all axes, and unit in words.
+    """
+    t_attitude, euler, t_s, speed = poses
+    depth = log.depth_of_velocity()
+    tried = []
+    for unit, factor in UNITS.items():
+        shares = depth_by_axes(*depth, t_attitude, euler, t_s, factor * speed)
+        best = max(shares, key=lambda name: shares[name], default="body")
+        tried.append((shares.get(best, 0.0), best, shares, f" and in {unit}"))
+    _, best, shares, words = max(tried, key=lambda each: each[0])
+    return best, shares, words
 
 
 def _position_gains(log: CheckedLog) -> AxisGains | None:
@@ -368,7 +398,8 @@ def _depth(
     if gains is None:
         return
     if gains.explained < LEAST_EXPLAINED:
-        yield from list(_far_too_small(log, gains)) or unrelated_depth(log)
+        tilted = list(tilt_findings(log, least=LEAST_EXPLAINED))
+        yield from tilted or list(_far_too_small(log, gains)) or unrelated_depth(log)
         return
     sure = np.flatnonzero(gains.sd < SURE_GAIN_SD * np.maximum(1.0, np.abs(gains.gain)))
     clear = [axis for axis in sure if abs(gains.gain[axis]) > CLEAR * gains.sd[axis]]

@@ -25,7 +25,7 @@ from auvid.stages.columns import ATTITUDE, GYRO, OF_YAW, RATES
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import inertial_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
-CLEAR, LARGEST_RAD = 4.0, math.radians(20.0)
+CLEAR, LARGEST_RAD = 4.0, math.radians(35.0)
 """Standard deviations beyond the limit, and the largest tilt that is taken for one."""
 TURNED_TILTS = ([-1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, -1.0, 1.0])
 SURE_INVERSE = 25.0
@@ -47,13 +47,16 @@ NEARER = 3.0
 """In how many standard deviations gravity must be nearer to one of two scales."""
 
 
-def tilt_findings(log: CheckedLog) -> Iterator[Finding]:
-    """Yield roll and pitch that are off by a constant against velocity and depth."""
+def tilt_findings(log: CheckedLog, *, least: float = 0.0) -> Iterator[Finding]:
+    """Yield roll and pitch that are off by a constant against velocity and depth.
+
+    `least`: share of what is not explained that the offset must explain.
+    """
     attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
     offset = tilt_offset(
         *log.depth_of_velocity(), *attitude, log.t_s("velocity"), log.body_velocity()
     )
-    if offset is None or offset.likelier <= 0.0:
+    if offset is None or offset.likelier <= 0.0 or offset.explained < least:
         return
     size, sd = np.abs(offset.angle), offset.sd
     clear = (size - CLEAR * sd > math.radians(limit("tilt_offset"))) & (size < LARGEST_RAD)

@@ -1797,6 +1797,15 @@ def test_a_depth_is_stuck_where_the_velocity_moves_it(moves: bool) -> None:
     assert ("depth" in stuck) == moves
 
 
+def test_a_velocity_log_pitched_by_twenty_degrees_is_named_with_its_angle() -> None:
+    log = sound()
+    speeds, angle = log.streams["velocity"], np.radians(20.0)
+    surge, heave = speeds["u_m_s"], speeds["w_m_s"]
+    speeds["u_m_s"] = np.cos(angle) * surge - np.sin(angle) * heave
+    speeds["w_m_s"] = np.sin(angle) * surge + np.cos(angle) * heave
+    assert log.finding("tilt_offset")["value"] == pytest.approx(-20.0, abs=1.5)  # degrees
+
+
 @pytest.mark.parametrize("alike", [False, True])
 def test_a_depth_of_another_sensor_is_named_where_the_hull_moves_slowly(alike: bool) -> None:
     log = sound()

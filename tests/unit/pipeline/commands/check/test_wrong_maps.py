@@ -886,6 +886,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         "depth_unrelated",
         "they correlate by -0.0",
     ),
+    "velocity in cm/s, sway and heave exchanged": (
+        both(data(lambda speed: 100.0 * speed, *SPEED), exchanged(*SPEED[1:])),
+        "velocity_axes",
+        "with sway and heave exchanged and in cm/s",
+    ),
     "sway alone 1 s late": (late(1.0, "v_m_s"), "velocity_lag", "sway alone is some 0.8 s late"),
     "surge of a setpoint 1 s ahead": (
         late(-1.0, "u_m_s"),
