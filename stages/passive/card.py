@@ -58,7 +58,8 @@ class PassiveAxis:
 
     `drag` (2,): D_1, D_2, positive, with covariance (2, 2); `stiffness`: restoring over
     inertia and its error, of a swing; `mass`: inertia that the motion itself tells, with
-    its error; `verdicts` of D_1 and D_2. `error`: RMS of signal and of what the fit leaves.
+    its error; `verdicts` of D_1 and D_2; `repeated`: not of one swing.
+    `error`: RMS of signal and of what the fit leaves.
     """
 
     axis: str
@@ -74,6 +75,7 @@ class PassiveAxis:
     in_newtons: bool = False
     mass: tuple[float, float] | None = None
     stiffness: tuple[float, float] | None = None
+    repeated: bool = True
 
 
 def passive_card(motions: PassiveMotions, vehicle: Vehicle) -> ModelCard | None:
@@ -225,7 +227,7 @@ def _of_swings(motions: PassiveMotions, channel: str) -> PassiveAxis:
     values, errors = pooled(swings)
     pairs = [(swing.measured, swing.simulated) for swing in swings]
     verdicts = [
-        _verdict(value, error, weak=value <= 0.0)
+        _verdict(value, error, weak=value <= 0.0 or len(swings) == 1)
         for value, error in zip(values[1:], errors[1:], strict=True)
     ]
     rates = [np.gradient(swing.simulated, swing.t_s) for swing in swings]
@@ -241,6 +243,7 @@ def _of_swings(motions: PassiveMotions, channel: str) -> PassiveAxis:
         _rms_of(pairs),
         few_axes.speed_range(np.concatenate(rates)),
         stiffness=(float(values[0]), float(errors[0])),
+        repeated=len(swings) > 1,
     )
 
 
@@ -324,7 +327,7 @@ def _shares(item: PassiveAxis) -> list[MassFreeFigure]:
     if item.stiffness is not None:
         k, error = item.stiffness
         row = ("undamped frequency", k**0.5, error / (2.0 * k**0.5), "rad/s")
-        rows.append((*row, _verdict(k, error, weak=False)))
+        rows.append((*row, _verdict(k, error, weak=not item.repeated)))
     return [
         MassFreeFigure.model_validate(
             {

@@ -227,7 +227,9 @@ def _of_swings(channel: str, swings: list[FreeSwing], vehicle: Vehicle) -> list[
     k, k_error = float(values[0]), float(errors[0])
     per, what = ("1/m", "mass") if channel == "heave" else ("1/rad", "inertia")
     root = float(np.sqrt(k))
-    count = f"{len(swings)} decay{'s' * (len(swings) != 1)}"
+    single = len(swings) == 1
+    count = "1 decay: a second tells what water adds" if single else f"{len(swings)} decays"
+    doubt = "weak" if single else ""
     terms = (("linear", "1/s"), ("quadratic", per))
     rows = [
         _row(
@@ -236,14 +238,22 @@ def _of_swings(channel: str, swings: list[FreeSwing], vehicle: Vehicle) -> list[
             k_error / (2.0 * root),
             "rad/s",
             f"undamped, small swings; {count}",
+            verdict=doubt,
             headline=True,
         ),
-        _row(f"restoring over apparent {what} in {channel}", k, k_error, "1/s^2", count),
+        _row(
+            f"restoring over apparent {what} in {channel}",
+            k,
+            k_error,
+            "1/s^2",
+            count,
+            verdict=doubt,
+        ),
     ]
     for (name, unit), value, error in zip(terms, values[1:], errors[1:], strict=True):
         if value != 0.0 or error != 0.0:
             label = f"damping over apparent {what} in {channel}, {name}"
-            weak = "weak" if value <= 0.0 else ""
+            weak = "weak" if value <= 0.0 else doubt
             note = alike[0].damping
             if len(alike) < len(swings):
                 note += f"; {len(alike)} of {count}, the others have other damping"

@@ -23,6 +23,8 @@ from auvid.hydro.identification.signals.splines import smoothing_spline
 DEPTH_UNIT_M = 20.0
 """So large that the sine of a depth in it is that depth."""
 FEWEST_SWINGS = 1.5
+STILL = 0.1
+"""Share of the first amplitude below which it does not swing any more."""
 WORST_RESIDUAL = 0.35
 """Of the first amplitude; beyond this the motion is no decay of one frequency."""
 
@@ -64,7 +66,10 @@ def fit_free_swing(t_s: Array, values: Array, *, is_depth: bool = False) -> Free
     begin = int(np.argmax(np.abs(y)))
     spline = smoothing_spline(t_s[begin:], y[begin:])
     rate = spline.evaluate(t_s[begin:], 1)
-    swing = fit_swing(t_s[begin:], rate, fewest=FEWEST_SWINGS)
+    size = np.abs(y[begin:])
+    # The stillness after it would hide a short swing in its spectrum.
+    lasts = int(np.flatnonzero(size > STILL * size[0])[-1]) + 1
+    swing = fit_swing(t_s[begin : begin + lasts], rate[:lasts], fewest=FEWEST_SWINGS)
     if swing.residual > WORST_RESIDUAL:
         raise DataError(
             "no decay of one frequency",

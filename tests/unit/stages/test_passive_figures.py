@@ -52,6 +52,15 @@ def test_nothing_is_identified_beside_an_interval_with_zero() -> None:
                 assert np.prod(np.sign([row["low"], row["high"]])) > 0.0, row
 
 
+def test_one_decay_is_weak_for_nothing_tells_what_water_adds() -> None:
+    of = swing("both", (6.0, 0.4, 0.3), 0.4)
+    for count, verdict in ((1, "weak"), (2, "identified")):
+        motions = PassiveMotions(swings={"roll": [("leg", of)] * count})
+        rows = passive_results(motions, shipped_vehicle("bluerov2_heavy"))["rows"]
+        assert rows[0]["quantity"] == "frequency in roll"
+        assert rows[0]["verdict"] == verdict
+
+
 def test_of_as_many_the_larger_swings_are_taken() -> None:
     large, small = swing("both", (6.0, 0.4, 0.3), 0.4), swing("linear", (6.0, 0.5, 0.0), 0.2)
     assert alike_damped([small, large]) == [large]

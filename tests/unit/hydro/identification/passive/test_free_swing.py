@@ -22,6 +22,14 @@ def test_a_swing_of_roll_gives_restoring_and_damping_over_inertia() -> None:
     assert swing.rms < 0.004
 
 
+def test_a_swing_that_dies_early_in_a_long_record_is_found() -> None:
+    t_s = np.arange(0.0, 30.0, 0.05)
+    roll = 0.27 * np.exp(-0.4 * t_s) * np.cos(2.8 * t_s)
+    swing = fit_free_swing(t_s, roll + 0.003 * np.random.default_rng(1).normal(size=t_s.size))
+    assert swing.frequency[0] == pytest.approx(2.83, rel=0.02)
+    assert swing.values[1] == pytest.approx(0.8, rel=0.1)
+
+
 def test_a_depth_that_swings_has_no_sine() -> None:
     t_s = np.arange(0.0, 40.0, 0.1)
     depth = 3.0 + 1.5 * np.exp(-0.1 * t_s) * np.cos(0.8 * t_s)
