@@ -92,6 +92,8 @@ MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
 """
+LEAST_OF_SIZE_M_S = 0.03
+"""Standard deviation of a surge that moves."""
 SINKS_M = 0.2
 """What a velocity must move a depth by that repeats one value: a hull that rests does not."""
 DEPTH_FACTOR = 10.0
@@ -613,9 +615,15 @@ def _constant_findings(
         parts = [
             f"{names[index]} = {significant(float(np.nanmax(values[:, index])))}" for index in still
         ]
-        yield finding(
-            "constant_signal",
-            f"Constant in all {len(values)} samples of {stream}: {listed(parts)}.",
-            stream=stream,
-            value=level,
-        )
+        text = f"Constant in all {len(values)} samples of {stream}: {listed(parts)}."
+        if stream == "velocity" and still == [1] and _is_size(values[:, 0]):
+            text += (
+                " Surge is never negative: it is the size of the velocity, as receivers of"
+                " satellites give it, and no velocity in axes of the body."
+            )
+        yield finding("constant_signal", text, stream=stream, value=level)
+
+
+def _is_size(surge: Array) -> bool:
+    """Return whether a surge moves and is never negative."""
+    return bool(np.nanmin(surge) >= 0.0 and np.nanstd(surge) > LEAST_OF_SIZE_M_S)

@@ -20,6 +20,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     most_explained,
     response_gains,
 )
+from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.long_series.long_arrays import laid_down, let_go
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
@@ -40,6 +41,10 @@ USUAL_LAGS_S, OTHER_LAGS_S = (0.0, 0.1, 0.2, 0.3), (-1.2, -0.9, -0.6, -0.3, 0.5,
 EARLIER_S, BETTER_EARLIER = (-0.4, -0.3, -0.2, -0.1), 25.0
 """Lags of outputs that are stamped a little late, and by how much more likely one of them
 has to be in surge, sway and heave.
+"""
+SOONEST_YAW_S, YAW_S = 0.1, 0.3
+"""Lag of yaw behind the outputs below which no hull turns by them, and its usual one: .23 to
+.51 s in sound logs that a pilot or a plan steers.
 """
 LEAST_TILTED = 0.1
 """Share of roll or pitch that they must explain then."""
@@ -468,10 +473,17 @@ def answers_out_of_order(log: CheckedLog, response: Mapping[str, AxisGains]) -> 
     )
 
 
-def response_signs(log: CheckedLog, response: Mapping[str, AxisGains]) -> Iterator[Finding]:
-    """Yield motions that go against their thrusters."""
+def response_signs(
+    log: CheckedLog,
+    response: Mapping[str, AxisGains],
+    answers: Mapping[str, Response] | None = None,
+) -> Iterator[Finding]:
+    """Yield motions that go against their thrusters.
+
+    answers: how late each motion follows the outputs, whatever their signs.
+    """
     turned = {axis: gains for axis, gains in response.items() if _goes_against(log, axis, gains)}
-    late = _late_by_tilts(log, turned)
+    late = _late_by_tilts(log, turned) or _late_by_yaw(log, turned, answers or {})
     if late:
         yield from late
         return
@@ -538,6 +550,29 @@ def _late_by_tilts(log: CheckedLog, turned: Mapping[str, AxisGains]) -> list[Fin
             f"The force of the outputs turns {words} the right way if it acts {early:.1f} s before"
             " its stamp, and moves surge, sway and heave better: the outputs are stamped late, or"
             f" the sensors early. (As the stamps stand {words} would be turned.)",
+            stream="actuators",
+            value=early,
+        )
+    ]
+
+
+def _late_by_yaw(
+    log: CheckedLog, turned: Mapping[str, AxisGains], answers: Mapping[str, Response]
+) -> list[Finding]:
+    """Return that outputs are late, where yaw alone goes against them, and too soon."""
+    if set(turned) != {"r"} or "r" not in answers or answers["r"].lag_s > SOONEST_YAW_S:
+        return []
+    if _right_lag(log, "r", turned["r"].explained, EARLIER_S) is None:
+        return []
+    lag_s = answers["r"].lag_s
+    early = YAW_S - lag_s
+    return [
+        finding(
+            "command_late",
+            f"Yaw follows the outputs by {lag_s:.2f} s, sooner than thruster and hull let it, and"
+            " against their force; with the force earlier it turns the right way: the outputs are"
+            f" some {early:.1f} s late, by their stamps, a limit to how fast they change, or held"
+            " samples.",
             stream="actuators",
             value=early,
         )

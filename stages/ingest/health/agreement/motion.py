@@ -169,9 +169,11 @@ def motion_findings(
     if exchanged:
         yield from exchanged
     elif joined:
-        yield from response_signs(log, response)
+        yield from response_signs(log, response, answers)
     else:
-        yield from list(answers_out_of_order(log, response)) or response_signs(log, response)
+        yield from list(answers_out_of_order(log, response)) or response_signs(
+            log, response, answers
+        )
     yield from mixed_commands(log)
     if not log.has("velocity", "attitude"):
         return

@@ -1797,6 +1797,14 @@ def test_a_depth_is_stuck_where_the_velocity_moves_it(moves: bool) -> None:
     assert ("depth" in stuck) == moves
 
 
+def test_a_speed_over_ground_is_no_surge() -> None:
+    log = sound()
+    speeds = log.streams["velocity"]
+    speeds["u_m_s"] = np.hypot(speeds["u_m_s"], speeds["v_m_s"])
+    speeds["v_m_s"] = np.zeros(speeds["v_m_s"].size)
+    assert "it is the size of the velocity" in log.finding("constant_signal")["text"]
+
+
 def test_a_velocity_log_pitched_by_twenty_degrees_is_named_with_its_angle() -> None:
     log = sound()
     speeds, angle = log.streams["velocity"], np.radians(20.0)

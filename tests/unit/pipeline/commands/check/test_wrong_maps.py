@@ -527,6 +527,22 @@ def both(*changes: Change) -> Change:
     return spoil
 
 
+def limited(rate_s: float) -> Change:
+    """The pulses are those behind a limiter: they change by no more than so many us/s."""
+
+    def change(case: Case) -> None:
+        for name in PULSES:
+            values, column = case.values(name)
+            most = rate_s * np.diff(values["time_s"], prepend=values["time_s"][0])
+            pulses = values[column].copy()
+            for row in range(1, pulses.size):
+                step = np.clip(pulses[row] - pulses[row - 1], -most[row], most[row])
+                pulses[row] = pulses[row - 1] + step
+            values[column] = pulses
+
+    return change
+
+
 def misspelt(key: str, value: str, name: str) -> Change:
     def change(case: Case) -> None:
         case.entry(name)[key] = value
@@ -885,6 +901,11 @@ EXAMPLE: dict[str, tuple[Change, str, str]] = {
         data(lambda z: z[::-1], "depth_m"),
         "depth_unrelated",
         "they correlate by -0.0",
+    ),
+    "outputs logged behind a limiter of 400 us/s": (
+        limited(400.0),
+        "command_late",
+        "a limit to how fast they change",
     ),
     "velocity in cm/s, sway and heave exchanged": (
         both(data(lambda speed: 100.0 * speed, *SPEED), exchanged(*SPEED[1:])),
