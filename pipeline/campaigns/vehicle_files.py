@@ -17,7 +17,7 @@ from auvid.hydro.dynamics.viscous.coefficients import unit_of
 from auvid.hydro.dynamics.viscous.models import model_named
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
 from auvid.pipeline.campaigns.yaml_files import YamlFile, load_yaml, yaml_of
-from auvid.pipeline.store.atomic_files import readable
+from auvid.pipeline.store.atomic_files import document_bytes, readable
 
 FILES_KEPT = 32
 """Vehicle files that a process keeps as they were read."""
@@ -54,8 +54,8 @@ def load_vehicle(path: Path, *, named_in: object = None) -> VehicleFile:
     That path counts from the vehicle file. Raises `PipelineError` for a file that
     cannot be read and for what cannot be a vehicle.
     """
-    with readable(path, file=named_in if named_in is not None else path, what="vehicle"):
-        content = path.read_bytes()
+    file_named = named_in if named_in is not None else path
+    content = document_bytes(path, file=file_named, what="vehicle")
     file, document = _described(path, content)
     named = document.rigid_body.measured_inertia
     if named is None:

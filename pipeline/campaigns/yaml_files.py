@@ -18,7 +18,7 @@ from auvid.data_schemas.documents.model import M, parse
 from auvid.data_schemas.errors import CampaignError, ManyFaults, PipelineError
 from auvid.data_schemas.yaml_text import Loader
 from auvid.pipeline.campaigns.yaml_words import yaml_fault
-from auvid.pipeline.store.atomic_files import readable
+from auvid.pipeline.store.atomic_files import document_bytes
 
 NO_TEXT = re.compile("[\0\ud800-\udfff]")
 SAVE_AS_UTF_8 = "Save the file as UTF-8 in the editor."
@@ -74,9 +74,8 @@ def load_yaml(path: Path, *, named_in: object = None, what: str = "file") -> Yam
     Raises `CampaignError` for text that is no YAML or holds a key twice,
     `PipelineError` for a file that cannot be read.
     """
-    with readable(path, file=named_in if named_in is not None else path, what=what):
-        content = path.read_bytes()
-    return yaml_of(path, content)
+    file = named_in if named_in is not None else path
+    return yaml_of(path, document_bytes(path, file=file, what=what))
 
 
 def yaml_of(path: Path, content: bytes) -> YamlFile:

@@ -11,6 +11,8 @@ import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from auvid.pipeline.store.atomic_files import regular_text
+
 FILE = ".stamp"
 FOLDERS = ("data_schemas", "hydro", "stages")
 PRINTING = (*FOLDERS, "pipeline")
@@ -68,7 +70,7 @@ def unchanged(folder: Path, names: Iterable[str] | None = None) -> bool:
     `names`: those that must be among them.
     """
     try:
-        document = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        document = json.loads(regular_text(folder / FILE))
         files = document["files"]
         return bool(
             document["stamp"] == source_stamp()

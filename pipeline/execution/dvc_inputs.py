@@ -22,7 +22,12 @@ from auvid.pipeline.execution.code_stamp import (
     source_stamp,
 )
 from auvid.pipeline.execution.kept_output import Beginning, files_in, folders_of_vehicles
-from auvid.pipeline.store.atomic_files import FILES_READ, remove_temporary_files, write_atomically
+from auvid.pipeline.store.atomic_files import (
+    FILES_READ,
+    regular_text,
+    remove_temporary_files,
+    write_atomically,
+)
 from auvid.pipeline.store.package_versions import package_versions
 
 if TYPE_CHECKING:
@@ -36,7 +41,7 @@ def inputs_unchanged(workspace: Workspace, campaign: str) -> bool:
     """
     folder = workspace.code / workspace.campaign_folder(campaign).name
     try:
-        document = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        document = json.loads(regular_text(folder / FILE))
         looks = {path: _look(path) for path in _with_new(document["looks"], document["folders"])}
         return bool(
             document["setting"] == _setting()

@@ -20,7 +20,7 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.pipeline.campaigns.workspace import PARAMS_FILE, SHIPPED_VEHICLES, workspace_of
 from auvid.pipeline.execution.code_stamp import PRINTING, source_files, source_stamp
 from auvid.pipeline.output import plain_values
-from auvid.pipeline.store.atomic_files import FILES_READ, write_atomically
+from auvid.pipeline.store.atomic_files import FILES_READ, regular_text, write_atomically
 from auvid.pipeline.store.file_hashes import HASHES, SETTLED_S, FileHashes
 from auvid.pipeline.store.package_versions import package_versions
 
@@ -98,7 +98,7 @@ def _kept(campaign: str, setting: Mapping[str, Any]) -> Printed | None:
     try:
         workspace = workspace_of(campaign)
         name = workspace.campaign_folder(campaign).name
-        kept = json.loads((workspace.runs / name / FILE).read_text(encoding="utf-8"))
+        kept = json.loads(regular_text(workspace.runs / name / FILE))
         files, folders = kept["files"], kept["folders"]
         same = all(kept["setting"][key] == value for key, value in setting.items())
         if not same or not {str(path) for path in files_in(map(Path, folders))} <= set(files):

@@ -12,7 +12,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Generator, Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,7 +108,8 @@ def _run(task: Task) -> Record:
         outputs = {port.name: _write(task, port, results, written) for port in task.outputs}
     except BaseException:
         for path in written:
-            path.unlink(missing_ok=True)
+            with suppress(OSError):  # the fault that counts is the one before
+                path.unlink(missing_ok=True)
         raise
     return Record(
         key=task.key,

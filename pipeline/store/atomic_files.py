@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 TEMPORARY = ".part"
 OF_PROCESS = re.compile(rf"\..+\.(\d+){re.escape(TEMPORARY)}", re.DOTALL)
 NAMED_FILES = 5
+LARGEST_DOCUMENT = 16 << 20
+"""Bytes of a document that somebody writes: ten times those of 20 000 legs."""
 LARGEST_IN_MEMORY = 1 << 30
 FILES_READ: set[Path] = set()
 """Documents and logs that this process has read, or has looked for."""
@@ -231,6 +233,28 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
         raise PipelineError(
             f"{what} cannot be read: {fault.strerror or fault}", file=file, value=str(path)
         ) from fault
+
+
+def document_bytes(path: Path, *, file: object, what: str) -> bytes:
+    """Return the bytes of a document. Raises `PipelineError` as `readable`, or if large."""
+    with readable(path, file=file, what=what):
+        size = path.stat().st_size
+        if size > LARGEST_DOCUMENT:
+            raise PipelineError(
+                f"{what} is too large for a document",
+                file=file,
+                value=f"{path}, {size / 1e6:.0f} MB",
+                allowed=f"at most {LARGEST_DOCUMENT / 1e6:.0f} MB",
+                remedy="Is it a log, or a file that another program has spoiled?",
+            )
+        return path.read_bytes()
+
+
+def regular_text(path: Path) -> str:
+    """Return the text of a file. Raises `OSError` for a pipe, which would keep us waiting."""
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "no regular file", str(path))
+    return path.read_text(encoding="utf-8")
 
 
 def _neighbours(path: Path) -> str:

@@ -20,7 +20,7 @@ from auvid.hydro.identification.regression.assumed_figures import total_error
 from auvid.pipeline.commands.regress import golden_tables as golden
 from auvid.pipeline.commands.regress.golden_tables import Tables
 from auvid.pipeline.store.artefacts import to_json, to_plain
-from auvid.pipeline.store.atomic_files import write_atomically
+from auvid.pipeline.store.atomic_files import regular_text, write_atomically
 from auvid.pipeline.store.file_hashes import hash_value
 from auvid.pipeline.store.fingerprints import as_document
 from auvid.stages.page.first_screen import AXIS_WORDS
@@ -114,7 +114,7 @@ def damaged(folder: Path) -> list[Path]:
 
 def _read(path: Path) -> Entry | None:
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(regular_text(path))
         form, content = document.pop("format"), document.pop("content", None)
         if form not in FORMATS or (form == FORMAT and content != hash_value(document)):
             return None

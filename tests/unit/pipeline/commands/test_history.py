@@ -7,6 +7,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import os
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -126,9 +127,10 @@ def test_damaged_files_are_passed_over(tmp_path: Path, monkeypatch: pytest.Monke
     (folder / "000003.json").write_text("[]")
     (folder / "000004.json").write_text(text.replace('"format": 2', '"format": 99'))
     (folder / "000005.json").write_text(text.replace("2026-01-02", "2026-01-03"))
+    os.mkfifo(folder / "000006.json")
     assert [entry.number for entry in read(tmp_path)] == [1]
     assert [path.stem for path in history.damaged(tmp_path)] == [
-        f"{number:06d}" for number in (2, 3, 4, 5)
+        f"{number:06d}" for number in (2, 3, 4, 5, 6)
     ]
     (folder / "000002.json").write_text(
         to_json({"format": 1, **asdict(replace(ENTRY, number=2))})  # of an older version

@@ -126,6 +126,12 @@ def test_a_clock_set_back_while_a_run_goes_on_keeps_nothing(
     assert printed_before("toy", strict=False) is None
 
 
+def test_a_pipe_in_place_of_what_was_kept_is_not_waited_for(finished: Path) -> None:
+    (finished / "runs/toy" / kept_output.FILE).unlink()
+    os.mkfifo(finished / "runs/toy" / kept_output.FILE)
+    assert printed_before("toy", strict=False) is None
+
+
 def test_nothing_heavy_is_loaded_where_nothing_is_to_do(finished: Path) -> None:
     assert printed_before("toy", strict=False) is not None
     program = "import sys; sys.argv = ['auvid', 'run', 'toy']\nfrom auvid.pipeline import cli\n"

@@ -401,6 +401,13 @@ def test_broken_write_leaves_nothing_half_done(
     assert "a" in ran(open_run(campaign, runs, decode={"scale": 2.0}))["decode"]
 
 
+def test_a_file_in_place_of_a_folder_of_results_is_named(campaign: Path, runs: Path) -> None:
+    (runs / "toy").mkdir(parents=True)
+    (runs / "toy" / "decode").touch()
+    with pytest.raises(PipelineError, match=r"a/depth\.parquet: cannot be .*Not a directory"):
+        run_all(open_run(campaign, runs))
+
+
 def test_parts_of_killed_writers_are_swept(campaign: Path, runs: Path) -> None:
     run_all(open_run(campaign, runs))
     part = runs / "toy" / "decode" / "a" / f".depth.parquet.123{TEMPORARY}"

@@ -34,6 +34,7 @@ from auvid.pipeline.store.atomic_files import (
     SYSTEM_REFUSALS,
     TEMPORARY,
     contents,
+    document_bytes,
     refuse_linked_folders,
     remove_stale_files,
     remove_temporary_files,
@@ -267,6 +268,15 @@ def test_linked_folder_of_results_is_refused(tmp_path: Path, link: str) -> None:
         refuse_linked_folders(tmp_path / "decode")
     (tmp_path / "runs").symlink_to(tmp_path / "elsewhere")
     refuse_linked_folders(tmp_path / "runs" / "decode")
+
+
+def test_a_file_without_end_is_no_document(tmp_path: Path) -> None:
+    path = tmp_path / "campaign.yaml"
+    path.write_bytes(b"kind: twin")
+    assert document_bytes(path, file=path, what="file") == b"kind: twin"
+    os.truncate(path, 20_000_000_000)
+    with pytest.raises(PipelineError, match=r"too large for a document.* 20000 MB.*at most 17 MB"):
+        document_bytes(path, file=path, what="file")
 
 
 def test_output_goes_through_links_and_into_what_is_no_file(tmp_path: Path) -> None:
