@@ -236,7 +236,10 @@ def readable(path: Path, *, file: object, what: str) -> Iterator[None]:
 
 
 def document_bytes(path: Path, *, file: object, what: str) -> bytes:
-    """Return the bytes of a document. Raises `PipelineError` as `readable`, or if large."""
+    """Return the bytes of a document.
+
+    Raises `PipelineError` as `readable` does, and for what is too large.
+    """
     with readable(path, file=file, what=what):
         size = path.stat().st_size
         if size > LARGEST_DOCUMENT:
@@ -251,7 +254,10 @@ def document_bytes(path: Path, *, file: object, what: str) -> bytes:
 
 
 def regular_text(path: Path) -> str:
-    """Return the text of a file. Raises `OSError` for a pipe, which would keep us waiting."""
+    """Return the text of a file.
+
+    Raises `OSError` for a pipe, which would keep us waiting.
+    """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "no regular file", str(path))
     return path.read_text(encoding="utf-8")
