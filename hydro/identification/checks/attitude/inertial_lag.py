@@ -36,7 +36,7 @@ class InertialLag:
 
     `lag_s` by accelerometer and velocity, `better_than_none` the logarithm of its
     likelihood over that of none, and `better_than_velocity` over that of any lag of the
-    velocity alone; `by_depth` over none in the depth rate, None without depth.
+    velocity alone, or of the other arm; `by_depth` over none in the depth rate, None without depth.
     """
 
     lag_s: float
@@ -54,11 +54,13 @@ def inertial_lag(
     *,
     gravity: float,
     arm_m: Array,
+    other_arm_m: Array | None = None,
 ) -> InertialLag | None:
     """Return how late attitude and gyro come; None for too few windows.
 
     imu: times (n,), gyro (n, 3), specific force (n, 3); attitude: times, angles (m, 3);
     velocity: times, velocity (k, 3) of a sensor at an arm [m]; depth: times, values.
+    `other_arm_m`: where the sensor may sit instead, if that explains as much.
     """
     (t_imu, gyro, force), (t_attitude, euler), (t_velocity, speed) = imu, attitude, velocity
     clocks = [t_imu, t_attitude, t_velocity, *(() if depth is None else (depth[0],))]
@@ -70,12 +72,12 @@ def inertial_lag(
         return None
     felt = integrals(t_imu, force, at)
 
-    def of_origin(lag: float, late_s: float = 0.0) -> Array:
+    def of_origin(lag: float, late_s: float = 0.0, arm: Array = arm_m) -> Array:
         turning = [np.interp(t_velocity - late_s, t_imu - lag, rate) for rate in gyro.T]
-        return np.asarray(speed - np.cross(np.column_stack(turning), arm_m))
+        return np.asarray(speed - np.cross(np.column_stack(turning), arm))
 
-    def odds(lag: float, late_s: float = 0.0) -> float:
-        moved = of_origin(lag, late_s)
+    def odds(lag: float, late_s: float = 0.0, arm: Array = arm_m) -> float:
+        moved = of_origin(lag, late_s, arm)
         change = changes_of(t_imu - lag, gyro, t_velocity - late_s, moved, at)
         pulled = felt + gravity * integrals(t_imu, down_at(t_imu, t_attitude - lag, euler), at)
         return float(log_odds(*(side - np.median(side, axis=0) for side in (change, pulled))))
@@ -86,8 +88,11 @@ def inertial_lag(
     best = max(tried, key=lambda lag: tried[lag])
     better = tried[best] - tried[0.0]
     over_velocity = better
-    if better > 0.0:  # what a late velocity explains as well is no lag of the attitude
-        over_velocity = tried[best] - max(odds(0.0, late_s) for late_s in VELOCITY_LAGS_S.tolist())
+    if better > 0.0:  # what a late velocity or its arm explains as well is no lag of attitude
+        others = [odds(0.0, late_s) for late_s in VELOCITY_LAGS_S.tolist()]
+        if other_arm_m is not None:
+            others.append(odds(0.0, arm=other_arm_m))
+        over_velocity = tried[best] - max(others)
     by_depth = None
     if best and depth is not None:
         left = []

@@ -83,10 +83,18 @@ def _lag(log: CheckedLog) -> InertialLag | None:
     t, speed = log.t_s("velocity"), log.body_velocity()
     arm_m = np.zeros(3) if motion.arm_m is None else motion.arm_m
     arm = motion.free_arm()
+    other_arm_m = None
     if arm is not None:  # turns of a wrong arm are no lag
+        other_arm_m = arm_m + arm.offset
         arm_m = arm_m + arm.offset * clear_arm(arm)
     return inertial_lag(
-        motion.imu, motion.attitude, (t, speed), motion.depth, gravity=STANDARD_GRAVITY, arm_m=arm_m
+        motion.imu,
+        motion.attitude,
+        (t, speed),
+        motion.depth,
+        gravity=STANDARD_GRAVITY,
+        arm_m=arm_m,
+        other_arm_m=other_arm_m,
     )
 
 

@@ -73,5 +73,33 @@ def test_a_late_velocity_explains_more_than_a_lag_of_the_attitude() -> None:
     assert answer.better_than_velocity < -30.0
 
 
+def test_a_velocity_log_at_another_arm_is_no_lag() -> None:
+    """At a speed u ahead, an arm x adds x of the yaw acceleration, as a lag x/u does."""
+    t, arm = np.arange(0.0, 60.0, 0.02), np.array([0.5, 0.0, 0.0])
+    yaw = 0.5 * np.sin(0.8 * t) + 0.2 * np.sin(1.7 * t)
+    angles = np.column_stack([0.0 * t, 0.0 * t, yaw])
+    gyro = np.gradient(angles, t, axis=0)
+    speed = np.column_stack([1.6 + 0.0 * t, 0.1 * np.cos(0.4 * t), 0.0 * t])
+    force = np.gradient(speed, t, axis=0) + np.cross(gyro, speed) - G * down_at(t, t, angles)
+    noise = np.random.default_rng(0).normal(0.0, 0.01, force.shape)
+
+    def better(other_arm_m: Array | None) -> float:
+        answer = inertial_lag(
+            (t, gyro, force + noise),
+            (t, angles),
+            (t, speed + np.cross(gyro, arm) + 0.1 * noise),
+            None,
+            gravity=G,
+            arm_m=np.zeros(3),
+            other_arm_m=other_arm_m,
+        )
+        assert answer is not None
+        assert answer.better_than_none > 30.0
+        return answer.better_than_velocity
+
+    assert better(None) > 10.0
+    assert better(arm) < -30.0
+
+
 def _at(t: Array, clock: Array, values: Array) -> Array:
     return np.column_stack([np.interp(t, clock, column) for column in values.T])
