@@ -17,7 +17,12 @@ from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.axis_figures import CONSTANT, FORCE, AxisEquation
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.axes.coupled import CoupledFit, fit_coupled, one_by_one
+from auvid.hydro.identification.axes.coupled import (
+    CoupledFit,
+    fit_coupled,
+    one_by_one,
+    with_other_curves,
+)
 from auvid.hydro.identification.axes.drive import (
     CURVE,
     DEAD_BAND,
@@ -114,7 +119,7 @@ def fitted_together(
     tried = [_joined(group, axes, using, legs, vehicle, options, commands) for group in groups]
     # Axes that a group leaves out err in it as they do one by one.
     best = min(range(len(tried)), key=lambda place: _total(tried[place][1]))
-    joint, together = tried[best]
+    joint, together, fit = tried[best]
     speeds = [item.equation.speed for item in groups[best]]
     if any(other in speeds for item in groups[best] for other in SYMMETRIC[item.axis]):
         tell("couplings", len(AXES) - 1, len(AXES))
@@ -122,17 +127,28 @@ def fitted_together(
             groups[best], axes, using, legs, vehicle, options, commands, couplings=True
         )
         if coupled[1].error_ratio < WORTH * together.error_ratio:
-            joint, together = coupled
-    if not together.chosen:
-        return tuple(singles), together
+            joint, together, fit = coupled
     if options.fit_curve and commands.normalised:
         with_terms = any(len(item.equation.names) > 4 for item in joint.values())
-        bent = _bent(groups[best], axes, using, legs, vehicle, options, commands, with_terms)
-        if bent is not None and bent[1].error_ratio < BENT_WORTH * together.error_ratio:
-            joint, together = bent
-        mixed = _mixed(groups[best], axes, using, legs, vehicle, options, commands, with_terms)
-        if mixed is not None and flown_better(mixed[0], joint):
-            joint, together = mixed
+        others = []
+        for tried_curve in (_bent, _mixed):
+            curved = tried_curve(
+                groups[best], axes, using, legs, vehicle, options, commands, with_terms
+            )
+            if curved is None:
+                continue
+            better = curved[1].error_ratio < BENT_WORTH * together.error_ratio
+            if tried_curve is _mixed:
+                better = flown_better(curved[0], joint)
+            others.append(fit if better else curved[2])
+            if better:
+                joint, together, fit = curved
+        if others:
+            fit = with_other_curves(fit, others)
+            joint = {item.axis: _one_of(fit, item, using, legs) for item in groups[best]}
+            together = replace(together, inertia_shares=fitted_shares(fit))
+    if not together.chosen:
+        return tuple(singles), together
     return tuple(joint.get(item.axis, item) for item in singles), together
 
 
@@ -156,7 +172,7 @@ def _bent(
     options: FitOptions,
     commands: CommandForces,
     couplings: bool,
-) -> tuple[dict[str, FittedAxis], Together] | None:
+) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | None:
     """Return a common fit with dead band and curve, None where not clear.
 
     Axes that Coriolis force moves show neither by themselves. Where one does, the common
@@ -186,7 +202,7 @@ def _mixed(
     options: FitOptions,
     commands: CommandForces,
     couplings: bool,
-) -> tuple[dict[str, FittedAxis], Together] | None:
+) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | None:
     """Return a common fit with dead band and curve of thrusters that axes share.
 
     None where fewer than two such axes join, or where the layout of the thrusters is given.
@@ -212,7 +228,7 @@ def _joined(
     *,
     couplings: bool = False,
     shape: ForceDrive | None = None,
-) -> tuple[dict[str, FittedAxis], Together]:
+) -> tuple[dict[str, FittedAxis], Together, CoupledFit]:
     """Return some of the fitted `axes` of one common fit, and whether it is better.
 
     Better than one by one: both are judged on the same windows: those that the axes share.
@@ -230,7 +246,7 @@ def _joined(
     )
     chosen = options.together == "always" or ratio < 1.0
     names = tuple(item.axis for item in joining)
-    return by_axis, Together(names, chosen, ratio, pairs, fitted_shares(fit))
+    return by_axis, Together(names, chosen, ratio, pairs, fitted_shares(fit)), fit
 
 
 def _common_fit(

@@ -27,6 +27,7 @@ from auvid.stages.ingest.formats.csv.draft.draft_corrections import (
     reversals,
 )
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
+from auvid.stages.ingest.formats.csv.draft.units import UNITS_APART
 from auvid.stages.ingest.formats.csv.reader import CSV, header
 from auvid.stages.ingest.registry import reader_of
 
@@ -119,13 +120,16 @@ def _dives(
 
 
 def _one_convention(runs: Sequence[Path], drafts: Mapping[Path, ColumnDraft]) -> list[list[Path]]:
-    """Return runs of the same columns in groups of one unit of commands and one frame.
+    """Return runs of the same columns in groups of one unit and one frame.
 
-    A run whose commands show no frame goes with the most of its unit.
+    Of commands by their size, of positions by their noise: beside runs in mm one in m has a
+    thousandth. A run whose commands show no frame goes with the most of its unit.
     """
-    groups: dict[str, dict[str, list[Path]]] = {}
+    groups: dict[tuple[str, bool], dict[str, list[Path]]] = {}
+    noise = max(drafts[path].position_noise for path in runs)
     for path in runs:
-        own = groups.setdefault(drafts[path].command_unit, {})
+        quiet = 0.0 < drafts[path].position_noise < noise / UNITS_APART
+        own = groups.setdefault((drafts[path].command_unit, quiet), {})
         own.setdefault(drafts[path].commands_show, []).append(path)
     parts = []
     for by_frame in groups.values():

@@ -45,6 +45,8 @@ class ColumnDraft:
     remarks: tuple[str, ...] = field(default_factory=tuple)
     span_s: tuple[float, float] = (0.0, 0.0)
     """First and last time of the file."""
+    position_noise: float = 0.0
+    """Median change of slope of its positions from row to row, in their unit."""
     commands_show: str = ""
     """Axes of its pose that commands show: frd, flu, or '' where they show none."""
 
@@ -52,7 +54,7 @@ class ColumnDraft:
     def command_unit(self) -> str:
         """Return the unit that its commands show, '' where there are none."""
         units = {item.unit for item in self.columns if item.field.startswith("command_")}
-        return "percent" if "percent" in units else "1" if units else ""
+        return next((unit for unit in ("percent", "us") if unit in units), "1" if units else "")
 
     @property
     def matched(self) -> dict[str, str]:

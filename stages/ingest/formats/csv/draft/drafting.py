@@ -49,7 +49,9 @@ from auvid.stages.ingest.formats.csv.draft.units import (
     PRESSURES,
     accelerometer_of,
     are_pulses,
+    of_one_unit,
     repeating_streams,
+    roughness,
     unit_of,
 )
 from auvid.stages.ingest.formats.csv.names.lexicon import SOURCES
@@ -205,6 +207,8 @@ def _with_columns(
             and kind in (own, field_name.split("_")[0])
             and not field_name.startswith("quality")
         ]
+        if stream == "pose" and name in POSITION:
+            group = of_one_unit(values[item.name], group)
         group = [values[item.name], *group] if name.startswith("command_") else group
         unit, check = unit_of(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
@@ -250,6 +254,14 @@ def _with_columns(
         accelerometer=accelerometer_of(kept, values),
         repeating=repeating_streams(kept, values),
         unused=tuple(item.name for item in columns if item.name not in used),
+        position_noise=max(
+            (
+                roughness(values[i.column])
+                for i in kept
+                if i.stream == "pose" and i.field in POSITION
+            ),
+            default=0.0,
+        ),
         ahead=tuple(
             item.name
             for item in columns

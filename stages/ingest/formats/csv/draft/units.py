@@ -30,6 +30,8 @@ FURTHEST_FIN_RAD = 1.6
 FASTEST_RAD_S = 8.0
 """Larger rates (99th percentile) are in deg/s."""
 HELD_SHARE = 0.5
+UNITS_APART = 200.0
+"""Ratio of noises from which on two signals of one kind are in units of their own."""
 PRESSURES = ("mbar", "dbar", "bar", "kPa", "Pa", "psi")
 PULSES = (800.0, 2200.0)
 GLIDER_UNITS = {
@@ -116,6 +118,30 @@ def _glider_unit(name: str, size: float) -> tuple[str, str]:
     """Return the unit of a glider's column by the size of its values."""
     small, large, limit = GLIDER_UNITS[name]
     return (large if size > limit else small), "by its size"
+
+
+def roughness(values: Array) -> float:
+    """Return the median change of slope from sample to sample, 0 where there is none.
+
+    >>> roughness(np.array([0.0, 1.0, 0.0, 1.0]))
+    2.0
+    """
+    change = np.abs(np.diff(values[np.isfinite(values)], 2))
+    return float(np.median(change[change > 0.0])) if np.any(change > 0.0) else 0.0
+
+
+def of_one_unit(values: Array, group: Sequence[Array]) -> list[Array]:
+    """Return the signals of a group that are in the unit of one of them, by their noise.
+
+    Cameras see all three axes about alike; in mm and m noise differs by a thousand.
+    """
+    own = roughness(values)
+    sizes = [roughness(each) for each in group]
+    return [
+        each
+        for each, size in zip(group, sizes, strict=True)
+        if 0.0 in (own, size) or 1.0 / UNITS_APART < size / own < UNITS_APART
+    ]
 
 
 def percentile(group: Sequence[Array]) -> float:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auvid.hydro.arrays import Array
-from auvid.hydro.identification.axes.coupled import coupled_pool, fit_coupled
-from auvid.hydro.identification.axes.drive import ForceDrive
+from auvid.hydro.identification.axes.coupled import (
+    CoupledFit,
+    coupled_pool,
+    fit_coupled,
+    with_other_curves,
+)
+from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, ForceDrive
 from auvid.hydro.identification.axes.pooled_fit import Pool, PoolWork, loop_rows, motion
 from auvid.hydro.identification.axes.quantities import Scale
 from auvid.hydro.identification.axes.record import AxisRecord
@@ -79,6 +86,32 @@ def test_a_hull_that_nothing_drives_aside_tells_its_inertia_of_sway() -> None:
     truth = TRUTH["r"][2]
     assert c["v", "r"] == pytest.approx(truth, rel=0.02)
     assert abs(c[("r",)] / truth - 1.0) > 0.05
+
+
+def test_intervals_hold_what_another_curve_of_commands_would_change() -> None:
+    """A straight line through bent commands exchanges linear and quadratic drag."""
+    power = 1.6
+    bent = [
+        replace(item, force={key: np.sign(x) * np.abs(x) ** (1.0 / power)
+                             for key, x in item.force.items()})
+        for item in legs()
+    ]  # fmt: skip
+    straight = fit_coupled(bent, ("u",), free=(), leave_out=False)
+    curved = fit_coupled(
+        bent, ("u",), drive=ForceDrive(curve=1.3), free=(DEAD_BAND, CURVE), leave_out=False
+    )
+    truth = np.array(TRUTH["u"][:2])
+
+    def departs(fit: CoupledFit) -> Array:
+        values, covariance = fit.block("u")
+        half = fit.width * np.sqrt(np.diag(covariance))[:2]
+        return np.asarray(np.abs(values[:2] - truth) / half)
+
+    assert departs(straight).max() > 1.2
+    assert departs(with_other_curves(straight, [curved])).max() < 1.0
+    sure = with_other_curves(curved, [straight])
+    assert departs(sure).max() < 1.0
+    assert np.sqrt(np.diag(sure.fit.covariance) / np.diag(curved.fit.covariance))[0] < 1.5
 
 
 def test_sensitivities_are_differences() -> None:

@@ -392,6 +392,24 @@ def test_runs_in_other_units_and_frames_have_maps_of_their_own(tmp_path: Path, n
     assert conventions[2][1:] == ("flu", {1}) or not named
 
 
+def test_positions_in_mm_are_those_of_their_column_and_run(tmp_path: Path) -> None:
+    """One unit for all of them made runs in m stand still to a thousandth, without a word."""
+    files = []
+    for seed, in_mm in ((1, ""), (2, "x"), (3, "xyz")):
+        run = noisy(tank_run(seed), seed)
+        run = {key.removesuffix("_m"): values for key, values in run.items()
+               if not key.endswith(("mps", "radps"))}  # fmt: skip
+        run |= {key: 1000.0 * run[key] for key in in_mm}
+        files.append(write_csv(tmp_path / f"run_{seed}.csv", run))
+    units = []
+    for log in survey(files):
+        draft = log.files[0].draft
+        assert draft is not None
+        by_field = {item.field: item.unit for item in draft.columns}
+        units.append(tuple(by_field[name] for name in ("x_m", "y_m", "z_m")))
+    assert units == [("m", "m", "m"), ("mm", "m", "m"), ("mm", "mm", "mm")]
+
+
 def test_commands_that_the_user_names_are_taken_as_named(tmp_path: Path) -> None:
     files = tank_files(tmp_path)
     written = new_campaign("tank", files, commands="surge=cmd2,sway=cmd3,heave=-cmd1")
