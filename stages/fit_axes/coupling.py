@@ -131,7 +131,7 @@ def fitted_together(
     if options.fit_curve and commands.normalised:
         with_terms = any(len(item.equation.names) > 4 for item in joint.values())
         others = []
-        for tried_curve in (_bent, _mixed):
+        for tried_curve in (_bent, _mixed) if together.chosen else (_mixed,):
             curved = tried_curve(
                 groups[best], axes, using, legs, vehicle, options, commands, with_terms
             )

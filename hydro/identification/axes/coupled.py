@@ -17,6 +17,7 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive, changed
 from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
 from auvid.hydro.identification.axes.judgement import (
@@ -257,9 +258,9 @@ def coupled_pool(
 
 
 def with_other_curves(fit: CoupledFit, others: Sequence[CoupledFit]) -> CoupledFit:
-    """Return a fit with the errors of its curve of commands, by fits with other curves.
+    """Return a fit with the errors of its curve of commands, by other curves.
 
-    Each of these is one deviation: by how much it moves the terms of an axis, for so much of
+    Each of these is half of an interval: how far it moves the terms of an axis, for so much of
     the error as lasts. An error s of the fit that lasts for a share p (`lasting_shares`) is of
     forces that it lacks; another curve, of error t, moves it for t^2 - s^2 of that kind:
 
@@ -277,14 +278,14 @@ def with_other_curves(fit: CoupledFit, others: Sequence[CoupledFit]) -> CoupledF
             start = f"{AXES[VELOCITIES.index(velocity)]} "
             for i, name in enumerate(fit.fit.names):
                 if name.startswith(start) and name in values:
-                    change[i] = share * (values[name] - fit.fit.values[i])
+                    change[i] = share * (values[name] - fit.fit.values[i]) / NORMAL_95
         covariance = covariance + np.outer(change, change)
     wider = replace(fit.fit, covariance=covariance)
     return replace(fit, fit=wider, verdicts=verdicts_of(fit.pool, wider))
 
 
 def lasting_shares(fit: CoupledFit) -> Array:
-    """Return what share of the power of each velocity's error (k,) lasts for `LASTING_S`.
+    """Return what share of the power of errors (k,) lasts for `LASTING_S`.
 
     Noise, and poses that were smoothed, do not; a force that the form lacks does.
     """
@@ -294,7 +295,7 @@ def lasting_shares(fit: CoupledFit) -> Array:
     for number, window in enumerate(fit.pool.windows):
         data = fit.pool.prepared[window.leg]
         later = max(1, round(LASTING_S / data.step_s))
-        states = work.run(fit.fit.values, fit.fit.local[number], number)[:, :k, 0]
+        states = work.run(fit.fit.values, fit.fit.local, number)[:, :k, 0]
         error = states - data.channels[window.nodes, :k]
         both = error[later:] * error[:-later]
         power += np.nansum(error**2, axis=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -125,10 +125,11 @@ def _one_convention(runs: Sequence[Path], drafts: Mapping[Path, ColumnDraft]) ->
     Of commands by their size, of positions by their noise: beside runs in mm one in m has a
     thousandth. A run whose commands show no frame goes with the most of its unit.
     """
-    groups: dict[tuple[str, bool], dict[str, list[Path]]] = {}
-    noise = max(drafts[path].position_noise for path in runs)
-    for path in runs:
-        quiet = 0.0 < drafts[path].position_noise < noise / UNITS_APART
+    groups: dict[tuple[str, tuple[bool, ...]], dict[str, list[Path]]] = {}
+    noises = [drafts[path].position_noise for path in runs]
+    largest = [max(own) for own in zip_longest(*noises, fillvalue=0.0)]
+    for path, noise in zip(runs, noises, strict=True):
+        quiet = tuple(0.0 < x < most / UNITS_APART for x, most in zip(noise, largest, strict=False))
         own = groups.setdefault((drafts[path].command_unit, quiet), {})
         own.setdefault(drafts[path].commands_show, []).append(path)
     parts = []

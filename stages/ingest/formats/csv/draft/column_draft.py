@@ -45,8 +45,8 @@ class ColumnDraft:
     remarks: tuple[str, ...] = field(default_factory=tuple)
     span_s: tuple[float, float] = (0.0, 0.0)
     """First and last time of the file."""
-    position_noise: float = 0.0
-    """Median change of slope of its positions from row to row, in their unit."""
+    position_noise: tuple[float, ...] = ()
+    """Median change of slope of each of its positions from row to row, in their units."""
     commands_show: str = ""
     """Axes of its pose that commands show: frd, flu, or '' where they show none."""
 

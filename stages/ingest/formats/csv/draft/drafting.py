@@ -254,13 +254,10 @@ def _with_columns(
         accelerometer=accelerometer_of(kept, values),
         repeating=repeating_streams(kept, values),
         unused=tuple(item.name for item in columns if item.name not in used),
-        position_noise=max(
-            (
-                roughness(values[i.column])
-                for i in kept
-                if i.stream == "pose" and i.field in POSITION
-            ),
-            default=0.0,
+        position_noise=tuple(
+            roughness(values[item.column])
+            for item in kept
+            if item.stream == "pose" and item.field in POSITION
         ),
         ahead=tuple(
             item.name

@@ -131,7 +131,7 @@ def roughness(values: Array) -> float:
 
 
 def of_one_unit(values: Array, group: Sequence[Array]) -> list[Array]:
-    """Return the signals of a group that are in the unit of one of them, by their noise.
+    """Return the signals of a group in the unit of one of them, by their noise.
 
     Cameras see all three axes about alike; in mm and m noise differs by a thousand.
     """
