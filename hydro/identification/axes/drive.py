@@ -81,8 +81,9 @@ def acting(record: AxisRecord, axis: str, drive: ForceDrive) -> Array:
     """Return what the commands of an axis (n,) give, before any lag."""
     own = np.nan_to_num(force_of(record, axis, drive))
     if not drive.mixed or axis not in MIXED:
-        uneven = drive.heave_skew if axis == "Z" else 0.0
-        return np.asarray((1.0 + uneven * np.sign(own)) * shaped(own, drive))
+        if axis != "Z" or drive.heave_skew == 0.0:
+            return shaped(own, drive)
+        return np.asarray((1.0 + drive.heave_skew * np.sign(own)) * shaped(own, drive))
     others = [np.nan_to_num(force_of(record, name, drive)) for name in MIXED if name != axis]
     total = np.zeros_like(own)
     for a, b in SIGNS:

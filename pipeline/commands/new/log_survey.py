@@ -127,9 +127,9 @@ def _one_convention(runs: Sequence[Path], drafts: Mapping[Path, ColumnDraft]) ->
     """
     groups: dict[tuple[str, tuple[bool, ...]], dict[str, list[Path]]] = {}
     noises = [drafts[path].position_noise for path in runs]
-    largest = [max(own) for own in zip_longest(*noises, fillvalue=0.0)]
+    loudest = [max(own) for own in zip_longest(*noises, fillvalue=0.0)]
     for path, noise in zip(runs, noises, strict=True):
-        quiet = tuple(0.0 < x < most / UNITS_APART for x, most in zip(noise, largest, strict=False))
+        quiet = tuple(0.0 < x < most / UNITS_APART for x, most in zip(noise, loudest, strict=False))
         own = groups.setdefault((drafts[path].command_unit, quiet), {})
         own.setdefault(drafts[path].commands_show, []).append(path)
     parts = []
