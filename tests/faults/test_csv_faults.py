@@ -13,7 +13,12 @@ from auvid.data_schemas.errors import LogError, PipelineError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.decoded_log import DecodedLog
 from auvid.stages.ingest.formats.csv.reader import read_csv
-from auvid.stages.ingest.formats.csv.tolerant_lines import STRAY_QUOTE, UNREADABLE, WRONG_CELLS
+from auvid.stages.ingest.formats.csv.tolerant_lines import (
+    LONG_ROW,
+    STRAY_QUOTE,
+    UNREADABLE,
+    WRONG_CELLS,
+)
 
 GOOD = "t,d\n0,1\n1,2\n"
 DEPTH = {"column": "d", "stream": "depth", "field": "depth_m", "unit": "m"}
@@ -148,6 +153,7 @@ def rows(count: int) -> list[bytes]:
         (b'20,"20\n', STRAY_QUOTE),
         (b'20,2"0\n', STRAY_QUOTE),
         (b"20,20,\n", WRONG_CELLS.format(2)),
+        pytest.param(b"20," + b"7" * 3_000_000 + b"\n", LONG_ROW, id="long row"),
         (b"\x00\x01garbage\xfe\n", WRONG_CELLS.format(2)),
     ],
 )

@@ -35,6 +35,9 @@ PATTERNS = {
 UNREADABLE_SHARE = 0.05  # of the rows
 NAMED_CELLS = 3
 WRONG_CELLS = "row that has not {} cells"
+LONGEST_ROW = 1 << 19
+"""Bytes of a row: the reader of tables takes none longer than its blocks of twice that."""
+LONG_ROW = "row of more than half a megabyte"
 STRAY_QUOTE = "row with a stray quotation mark"
 UNREADABLE = "row with a cell that cannot be read"
 
@@ -141,6 +144,8 @@ def read_sound_rows(
 
 
 def _fault_of(row: bytes, form: Form, cell: re.Pattern[bytes]) -> str | None:
+    if len(row) >= LONGEST_ROW:
+        return LONG_ROW
     delimiter = form.delimiter.encode()
     count, place = row.count(delimiter) + 1, 0
     if b'"' in row:
