@@ -66,8 +66,11 @@ class Params:
         low=0.0,
         high=1.0,
     )
-    surge_in_heave: bool = param(
-        "1", False, meaning="fit a force ahead in heave beside it, under a prior around 0"
+    surge_in_heave: bool | None = param(
+        "1",
+        None,
+        meaning="fit a force ahead in heave beside it, under a prior around 0; null: where depth"
+        " measures heave and what is held out is flown better with it",
     )
     together: str = param(
         "1",

@@ -27,9 +27,11 @@ from auvid.hydro.identification.axes.single_axis import (
     SURGE,
     SingleAxisFit,
     fit_axis,
+    flown_better,
     refusal,
 )
 from auvid.hydro.identification.axes.structure import RIGHTING
+from auvid.hydro.identification.axes.windows import depth_measures
 from auvid.hydro.identification.fleet.thruster_ratios import ThrusterRatio
 from auvid.hydro.identification.regression.verdicts import WEAK
 from auvid.hydro.partial_model import apparent_inertia
@@ -75,6 +77,12 @@ DEPTH_LAG_SD_S = 0.1
 """How late a depth may be beside the motion: filters of barometers take 0 to .2 s."""
 AS_WELL = 2.0
 """Held-out fit [%] that a lag of other axes may cost."""
+SURGE_WORTH = 1.0
+"""Held-out fit [%] that a force ahead in heave has to gain in each part (decision 0127)."""
+BY_SURGE = (
+    "a force follows surge (part of the force ahead, behind the lag of its speed), which flies"
+    " what was held out better; surge_in_heave: false leaves it out"
+)
 AGAINST = (
     "it does not move the way that its force pushes: the commands are on another clock than the"
     " motion, or the sign of the command or of the actuator is wrong"
@@ -386,7 +394,7 @@ def _single(
         drive=ForceDrive(lag_s=options.lag_s),
         speed_share=hull.share,
         doubtful=doubts_of(using),
-        surge=options.surge_in_heave,
+        surge=bool(options.surge_in_heave),
         try_lag=options.fit_lag,
         lag_sd_s=options.lag_sd_s,
         try_shape=options.fit_curve,
@@ -402,6 +410,11 @@ def _fit(
     hull: HullSpeeds,
 ) -> FittedAxis:
     fit = _single(axis, using, vehicle, options, hull)
+    surge_words: tuple[str, ...] = ()
+    if _may_follow_surge(axis, using, options):
+        other = _single(axis, using, vehicle, replace(options, surge_in_heave=True), hull)
+        if flown_better("w", other.held_out, fit.held_out, by=SURGE_WORTH):
+            fit, surge_words = other, (BY_SURGE,)
     differ = [item for item in fit.legs if item.differ]
     word = AXIS_WORDS[axis].capitalize()
     warnings = [
@@ -428,13 +441,23 @@ def _fit(
         inertia=fit.inertia.word,
         quantities=fit.without_newtons(),
         warnings=tuple(warnings),
-        notes=tuple(f"{word}: {words}." for words in (*fit.notes, *_bend(fit.shape))),
+        notes=tuple(f"{word}: {words}." for words in (*fit.notes, *_bend(fit.shape), *surge_words)),
         surge=fit.beside_force(SURGE),
         righting=fit.beside_force(RIGHTING),
         **judged(
             FlownAxis(fit.velocity, fit.pool, fit.fit), fit.held_out, using, legs, rms=fit.speed
         ),
     )
+
+
+def _may_follow_surge(axis: str, using: Mapping[str, LegData], options: FitOptions) -> bool:
+    """Return whether a force that follows surge is tried in heave.
+
+    Where nobody decides it, depth measures heave, and X is pushed.
+    """
+    records = [leg.record for leg in using.values()]
+    by_depth = any(depth_measures(record, "w") for record in records)
+    return options.surge_in_heave is None and axis == "Z" and by_depth and pushed(records, "X")
 
 
 def _lag_word(lag: LagVerdict) -> Literal["identified", "weak", "assumed"]:

@@ -58,7 +58,8 @@ class FitOptions:
     given_inertia: axes whose apparent inertia is that of the vehicle file, with the
     relative standard deviation inertia_sd; of the others, it is free. together: whether
     axes are fitted together, `better`: where that moves better on what was held out.
-    lag_sd_s: deviation of a lag that is not fitted.
+    lag_sd_s: deviation of a lag that is not fitted. surge_in_heave: None decides by what is
+    held out, of heave by depth.
     newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
     marker_arm: whether velocities have the arm of the file or the one that the legs show.
     """
@@ -70,7 +71,7 @@ class FitOptions:
     fit_curve: bool = False
     given_inertia: Collection[str] = ("X", "Y", "Z")
     inertia_sd: float = 0.3
-    surge_in_heave: bool = False
+    surge_in_heave: bool | None = None
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
     marker_arm: ArmChoice = "where_assumed"

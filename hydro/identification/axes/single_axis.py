@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,12 +90,12 @@ least, where the lag that would be fitted is near the assumed one."""
 LEAST_OF_MOTION, AS_WELL = 0.5, 2.0
 """Share of what is known of a lag from which on the motion counts beside the assumed one, and
 held-out fit [%] that the lag between the two may cost."""
-HULL_LAG_SD_S = 0.05
-"""Least deviation of a lag that yaw hardly tells where the hull has a moment by speeds that
-nobody measures (decision 0124)."""
+HULL_LAGS_S, LAG_STEP_S, DRAG_STEP = (0.01, 0.5), 0.05, 0.1
+"""Ends of the lag of yaw and of the speeds of its hull [s]; steps of that lag and of the logarithm
+of the drag of the hull to each side, by which curvature is taken."""
 DRAG_SPREAD, LARGEST_DRAG, DRAG_WITHIN = 2.0, 8.0, 0.15
 """Standard factor and largest one of the drag of a hull whose speeds nobody measures, and how
-near its logarithm is sought; twice that to each side is the parabola that tells its deviation."""
+near its logarithm is sought before the lag is sought beside it."""
 LAG_KNOWN_S = 0.05
 """Largest deviation of a lag that is not fitted beside which an inertia is determined."""
 LAG_SHARE = 0.1
@@ -262,16 +263,17 @@ def fit_axis(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         surge and velocity == "w", loss, moment, speed_share,
     )  # fmt: skip
-    if velocity == "r" and moment is not None:
-        hull_drag, drag_sd = _hull_drag(fitted)
-        fitted = replace(fitted, hull_drag=hull_drag)
+    hull_motion: _HullMotion | None = None
+    if fitted.turns_hull:
+        hull_motion = _hull_motion(fitted, try_lag=try_lag)
+        fitted, drag_sd = replace(fitted, hull_drag=hull_motion.drag), hull_motion.drag_sd
     pool = fitted.pool()
     fit = fit_pool(pool, starting_values(pool))
-    by_drag = _moved_by_drag(fitted, fit, drag_sd)
     blocks = held_out_blocks(pool, fit.values)
     lag = LagVerdict(pool.drive.lag_s, float("nan"), False, lag_sd_s)
     if try_lag:
-        pool, fit, blocks, lag = _with_lag(fitted, pool, fit, blocks)
+        fitted, pool, fit, blocks, lag = _with_lag(fitted, pool, fit, blocks, hull_motion)
+    by_drag = _moved_by_drag(fitted, fit, drag_sd)
     shape = STRAIGHT
     if try_shape and records[0].normalised:
         bent = bent_commands(pool, fit, blocks)
@@ -282,7 +284,7 @@ def fit_axis(
             if legs_flown_better(*legs_apart):
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
-    fit = _with_change(_with_lag_error(pool, fit, lag.deviation_s), by_drag)
+    fit = _with_change(_with_lag_error(fitted, pool, fit, lag.deviation_s), by_drag)
     fit = with_doubts(pool, fit, doubtful)
     lag_known = lag.determined or (not try_lag and lag_sd_s <= LAG_KNOWN_S)
     names = (velocity, f"{velocity}|{velocity}|", FORCE, "constant")
@@ -359,6 +361,15 @@ class _Setup:
             extra=columns, loss=self.loss,
         )  # fmt: skip
 
+    @property
+    def turns_hull(self) -> bool:
+        """Return whether yaw has the moment of a hull whose speeds forces give."""
+        return self.hull is not None and self.velocity == "r"
+
+    def late(self, lag_s: float) -> _Setup:
+        """Return it with another lag, of the speeds of the hull too."""
+        return replace(self, drive=changed(self.drive, {LAG: lag_s}))
+
     @cached_property
     def hull_columns(self) -> tuple[dict[str, Array], ...]:
         """Return what the hull does by speeds of its forces (n,), of each record."""
@@ -369,7 +380,7 @@ class _Setup:
                 self.velocity,
                 self.hull,
                 drag=self.hull_drag,
-                lag_s=self.drive.lag_s if self.velocity == "r" else 0.0,
+                lag_s=self.drive.lag_s if self.turns_hull else 0.0,
             )
             for record in self.records
         )
@@ -415,27 +426,72 @@ def speed_share(records: Sequence[AxisRecord], inertia: Array, *, lag_s: float) 
     return float(best.x)
 
 
-def _hull_drag(setup: _Setup) -> tuple[float, float]:
-    """Return the share of `UNMEASURED_DRAG` whose speeds turn the hull as measured.
+class _HullMotion(NamedTuple):
+    """Drag of a hull whose speeds nobody measures, and lag.
 
-    And the deviation of its logarithm. The least of W ln sigma + (ln drag / ln
-    `DRAG_SPREAD`)^2 / 2, W: windows.
+    drag: in parts of `UNMEASURED_DRAG`. drag_sd: of its logarithm. lag_s,
+    lag_error_s: as the motion tells them, inf where not.
     """
-    from scipy.optimize import minimize_scalar
 
-    start = starting_values(setup.pool())
+    drag: float
+    drag_sd: float
+    lag_s: float
+    lag_error_s: float
 
-    def cost(logarithm: float) -> float:
-        pool = replace(setup, hull_drag=float(np.exp(logarithm))).pool()
-        size = float(np.log(fit_pool(pool, start).sigma[0]))
-        return len(pool.windows) * size + 0.5 * (logarithm / float(np.log(DRAG_SPREAD))) ** 2
 
-    ends = -np.log(LARGEST_DRAG), np.log(LARGEST_DRAG)
-    best = minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": DRAG_WITHIN})
-    wide = 2.0 * DRAG_WITHIN
-    bend = (cost(best.x - wide) - 2.0 * float(best.fun) + cost(best.x + wide)) / wide**2
-    least = np.log(DRAG_SPREAD) ** -2.0
-    return float(np.exp(best.x)), float(max(bend, least) ** -0.5)
+def _hull_motion(setup: _Setup, *, try_lag: bool) -> _HullMotion:
+    """Return the drag and the lag by which forces turn the hull as measured.
+
+    The least of W ln sigma + (ln drag / ln `DRAG_SPREAD`)^2 / 2 + ((lag - assumed) /
+    `LAG_SD_S`)^2 / 2, W: windows. One lag moves yaw and the speeds, and drag and lag
+    trade, so that they are sought together; curvature at the least gives errors.
+    """
+    from scipy.optimize import minimize, minimize_scalar
+
+    start, assumed = starting_values(setup.pool()), setup.drive.lag_s
+
+    def cost(place: Array) -> float:
+        logarithm, lag_s = float(place[0]) * DRAG_STEP, float(place[1]) * LAG_STEP_S
+        if not HULL_LAGS_S[0] <= lag_s <= HULL_LAGS_S[1]:
+            return np.inf
+        pool = replace(setup, hull_drag=float(np.exp(logarithm))).late(lag_s).pool()
+        size = len(pool.windows) * float(np.log(fit_pool(pool, start).sigma[0]))
+        by_prior = (logarithm / float(np.log(DRAG_SPREAD))) ** 2 + (
+            (lag_s - assumed) / LAG_SD_S
+        ) ** 2
+        return size + 0.5 * by_prior
+
+    end, late = float(np.log(LARGEST_DRAG)) / DRAG_STEP, assumed / LAG_STEP_S
+    first = minimize_scalar(
+        lambda x: cost(np.array([x, late])),
+        bounds=(-end, end),
+        method="bounded",
+        options={"xatol": DRAG_WITHIN / DRAG_STEP},
+    )
+    here, least = np.array([float(first.x), late]), float(first.fun)
+    if try_lag:
+        corners = here + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+        options = {"initial_simplex": corners, "xatol": 0.2, "fatol": 0.1, "maxfev": 24}
+        best = minimize(cost, here, method="Nelder-Mead", options=options)
+        here, least = np.asarray(best.x), float(best.fun)
+    one, other = np.eye(2)
+    bend = cost(here + one) - 2.0 * least + cost(here - one)
+    drag = float(np.exp(here[0] * DRAG_STEP))
+    bend = max(bend, (DRAG_STEP / float(np.log(DRAG_SPREAD))) ** 2)
+    if not try_lag:
+        return _HullMotion(drag, DRAG_STEP * bend**-0.5, assumed, np.inf)
+    step = min(1.0, here[1] - HULL_LAGS_S[0] / LAG_STEP_S)
+    lag_bend = (
+        (cost(here + step * other) - 2.0 * least + cost(here - step * other)) / step**2
+        if step > 0.0
+        else 0.0
+    )
+    prior = (LAG_STEP_S / LAG_SD_S) ** 2
+    own_bend, lag_s = lag_bend - prior, float(here[1] * LAG_STEP_S)
+    if not 0.0 < own_bend < np.inf:
+        return _HullMotion(drag, DRAG_STEP * bend**-0.5, assumed, np.inf)
+    by_motion = (lag_bend * lag_s - prior * assumed) / own_bend
+    return _HullMotion(drag, DRAG_STEP * bend**-0.5, by_motion, LAG_STEP_S * own_bend**-0.5)
 
 
 def _moved_by_drag(setup: _Setup, fit: PoolFit, deviation: float) -> dict[str, float]:
@@ -453,7 +509,7 @@ def _with_change(fit: PoolFit, by_name: Mapping[str, float]) -> PoolFit:
     return replace(fit, covariance=fit.covariance + np.outer(change, change))
 
 
-def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
+def _with_lag_error(setup: _Setup, pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
     """Return a fit with one deviation of its lag in its covariance.
 
     It is the change of the estimate where the lag is that much longer.
@@ -461,7 +517,8 @@ def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
     if lag_sd_s <= 0.0:
         return fit
     drive = changed(fit.drive, {LAG: fit.drive.lag_s + lag_sd_s})
-    other = replace(pool, drive=drive, free=tuple(name for name in pool.free if name != LAG))
+    own = setup.late(drive.lag_s).pool() if setup.turns_hull else pool
+    other = replace(own, drive=drive, free=tuple(name for name in pool.free if name != LAG))
     moved = fit_pool(other, fit.values[: len(pool.structure.terms)])
     kept = [fit.names.index(name) for name in moved.names]
     change = np.zeros(len(fit.values))
@@ -472,47 +529,62 @@ def _with_lag_error(pool: Pool, fit: PoolFit, lag_sd_s: float) -> PoolFit:
 
 
 def _with_lag(
-    setup: _Setup, pool: Pool, fit: PoolFit, blocks: tuple[HeldOut, ...]
-) -> tuple[Pool, PoolFit, tuple[HeldOut, ...], LagVerdict]:
+    setup: _Setup,
+    pool: Pool,
+    fit: PoolFit,
+    blocks: tuple[HeldOut, ...],
+    motion: _HullMotion | None,
+) -> tuple[_Setup, Pool, PoolFit, tuple[HeldOut, ...], LagVerdict]:
     """Return the fit with a free lag where it is clear and better held out.
 
     Otherwise that with the lag between what is assumed and what the motion tells.
     """
-    late = setup.pool(free=(LAG,))
-    other = fit_pool(late, fit.values)
-    value, error = float(other.values[-1]), float(np.sqrt(other.covariance[-1, -1]))
+    hull = motion is not None
+    if motion is None:
+        late = setup.pool(free=(LAG,))
+        other = fit_pool(late, fit.values)
+        value, error = float(other.values[-1]), float(np.sqrt(other.covariance[-1, -1]))
+        if other.at_bound[-1]:
+            error = np.inf
+    else:
+        value, error = motion.lag_s, motion.lag_error_s
+        late = setup.late(value).pool() if np.isfinite(error) else pool
+        other = fit_pool(late, fit.values)
     off_s = float(np.hypot(error, value - pool.drive.lag_s))
     fixed = LagVerdict(
         pool.drive.lag_s, float("nan"), False, min(max(off_s, LAG_FLOOR_S), LAG_SD_S)
     )
-    if other.at_bound[-1] or not 0.0 < error < np.inf:
-        return pool, fit, blocks, fixed
+    if not 0.0 < error < np.inf:
+        return setup, pool, fit, blocks, fixed
     if error * T_LIMIT < value:
         tried = held_out_blocks(late, fit.values)
-        if _flown_better(setup.velocity, tried, blocks, by=0.0):
+        if flown_better(setup.velocity, tried, blocks, by=0.0):
             share = LAG_SHARE * value if unmeasured(setup.records) else 0.0
-            return late, other, tried, LagVerdict(value, float(np.hypot(error, share)), True, share)
+            both = float(np.hypot(error, share))
+            verdict = LagVerdict(value, both, True, both if hull else share)
+            return setup.late(value) if hull else setup, late, other, tried, verdict
     if setup.records[0].normalised:
-        return pool, fit, blocks, fixed
+        return setup, pool, fit, blocks, fixed
     weight = LAG_SD_S**2 / (LAG_SD_S**2 + error**2)
     lag_s = pool.drive.lag_s + weight * (value - pool.drive.lag_s)
     moved = replace(pool, drive=changed(pool.drive, {LAG: lag_s}))
+    if hull:
+        setup = setup.late(lag_s)
+        moved = setup.pool()
     tried = held_out_blocks(moved, fit.values)
-    if weight < LEAST_OF_MOTION or not _flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
-        return pool, fit, blocks, fixed
+    if weight < LEAST_OF_MOTION or not flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
+        return setup.late(pool.drive.lag_s), pool, fit, blocks, fixed
     deviation = float(np.hypot(np.sqrt(weight) * error, LAG_SHARE * lag_s))
-    if setup.hull is not None:
-        deviation = max(deviation, HULL_LAG_SD_S)
     verdict = LagVerdict(lag_s, float("nan"), False, deviation, (value, error))
-    return moved, fit_pool(moved, fit.values), tried, verdict
+    return setup, moved, fit_pool(moved, fit.values), tried, verdict
 
 
-def _flown_better(
+def flown_better(
     velocity: str, tried: Sequence[HeldOut], blocks: Sequence[HeldOut], *, by: float
 ) -> bool:
     """Return whether each part that was held out is flown better by so much [%].
 
-    >>> _flown_better("w", (), (), by=0.0)  # nothing was held out
+    >>> flown_better("w", (), (), by=0.0)  # nothing was held out
     False
     """
     return len(tried) > 0 and all(

@@ -15,6 +15,7 @@ from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import ModelCard
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
+from auvid.hydro.identification.axes.single_axis import surge_input
 from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO, total_error
 from auvid.hydro.model_file import vehicle_of
 from auvid.hydro.partial_model import apparent_inertia
@@ -367,6 +368,24 @@ def test_the_surge_term_flies_validation_legs_too() -> None:
     options = replace(FREE, axes=("Z",), surge_in_heave=True)
     (heave,) = fit_all(legs, vehicle("bluerov2_heavy"), options).fitted
     assert heave.whole_legs["check"] > 60.0
+
+
+def test_a_force_that_follows_surge_is_in_heave_where_that_flies_better() -> None:
+    """A quarter of the force ahead pushes down; where none does, none is fitted."""
+    twin, random = leg(seconds=40.0), np.random.default_rng(7)
+    ahead = np.repeat(random.uniform(-60.0, 60.0, 21), 40)[: twin.record.t_s.size]
+    pushed = replace(twin.record, force={**twin.record.force, "X": ahead})
+    down = pushed.force["Z"] - 0.25 * surge_input(pushed)
+    follows = replace(pushed, force={**pushed.force, "Z": down})
+    options, body = replace(FREE, axes=("Z",)), vehicle("bluerov2_heavy")
+    plain, taken = (
+        fit_all({"one": replace(twin, record=record)}, body, options).fitted[0]
+        for record in (pushed, follows)
+    )
+    assert plain.surge is None
+    assert taken.surge is not None
+    assert taken.surge.value("surge") / taken.surge.value("force") == pytest.approx(0.25, abs=0.05)
+    assert any("surge_in_heave" in note for note in taken.notes)
 
 
 @pytest.mark.parametrize("first", ["depth", "velocity"])
