@@ -21,6 +21,7 @@ from auvid.hydro.long_series.long_arrays import let_go
 
 MOST_RESULTS = 1024
 """Results of each comparison; they are small, the records are not kept."""
+ROWS_AT_ONCE = 16_384
 Taken = ParamSpec("Taken")
 Result = TypeVar("Result")
 
@@ -75,7 +76,9 @@ def contents(*values: Any) -> bytes:
 def _add(digest: Any, value: Any) -> None:
     if isinstance(value, np.ndarray):
         digest.update(f"{value.dtype.str}{value.shape}".encode())
-        digest.update(np.ascontiguousarray(value).data)
+        rows = value if value.ndim else value[None]
+        for start in range(0, len(rows), ROWS_AT_ONCE):
+            digest.update(np.ascontiguousarray(rows[start : start + ROWS_AT_ONCE]).data)
     elif isinstance(value, (list, tuple)):
         digest.update(f"{type(value).__name__}{len(value)}".encode())
         for item in value:

@@ -27,6 +27,11 @@ OF_CAMPAIGN: Mapping[str, tuple[float, float]] = {
     "report": (455e6, 720.0),
 }
 """The same by the longest leg, in stages of all legs together, with ten models."""
+PER_LEG_BYTES = 0.6e6
+"""Of each leg of a campaign in any stage: its documents, and what a page draws of it.
+
+Check_installation grows so from 36 legs to 144, other stages by less (decision 0129).
+"""
 STARTING_BYTES = 150e6
 """Of the process that starts others, which run stages of single legs."""
 MARGIN = 1.15
@@ -98,8 +103,8 @@ def _bytes_to_own_limit() -> float:
     return max(0.0, float(limit) - pages * resource.getpagesize())
 
 
-def needed_bytes(samples: Sequence[float]) -> float:
-    """Return what legs of so many samples take, the longest first, side by side.
+def needed_bytes(samples: Sequence[float], legs: int) -> float:
+    """Return what legs of so many samples take side by side, the longest of all `legs`.
 
     Stages of all legs run in one process, and hold one leg at a time.
     """
@@ -112,7 +117,7 @@ def needed_bytes(samples: Sequence[float]) -> float:
     together = max(
         fixed + per_sample * max(samples, default=0.0) for fixed, per_sample in OF_CAMPAIGN.values()
     )
-    return MARGIN * max(side_by_side, together)
+    return MARGIN * (max(side_by_side, together) + PER_LEG_BYTES * legs)
 
 
 def shortage(
@@ -132,11 +137,11 @@ def shortage(
         for name, leg in campaign.legs.items()
     }
     longest = sorted(lengths, key=lengths.__getitem__, reverse=True)[:workers]
-    needed = needed_bytes([rate_hz * lengths[name] for name in longest])
+    needed = needed_bytes([rate_hz * lengths[name] for name in longest], len(lengths))
     if available is None or needed <= available:
         return None
     fitting_s = min(
-        (available / MARGIN - fixed) / (per_sample * rate_hz)
+        (available / MARGIN - PER_LEG_BYTES * len(lengths) - fixed) / (per_sample * rate_hz)
         for fixed, per_sample in (*OF_LEGS.values(), *OF_CAMPAIGN.values())
     )
     parts = [

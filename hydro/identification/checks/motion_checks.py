@@ -423,7 +423,10 @@ def accelerometer_changes(
     down += specific_force
     force = integrals(t_imu, down, at)
     del down
-    transport = integrals(t_imu, -np.cross(gyro, speed), at)
+    moved = np.cross(gyro, speed)
+    del speed
+    transport = integrals(t_imu, np.negative(moved, out=moved), at)
+    del moved
     change = [
         np.stack([np.interp(side + lag_s, t_velocity, column) for column in velocity.T], axis=1)
         for side in (at, at + WINDOW_S)

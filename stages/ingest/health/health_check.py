@@ -198,6 +198,13 @@ def _listed_of_long(findings: Iterable[Finding]) -> list[Finding]:
     return list(findings)
 
 
+def _put_away(log: CheckedLog) -> None:
+    """Give back what was freed and what was read of a log, where it is long."""
+    if max(table.num_rows for table in log.tables.values()) > LONG_ROWS:
+        give_back_heap()
+        let_go()
+
+
 def with_hold_lag(log: CheckedLog, findings: list[Finding]) -> list[Finding]:
     """Say of a late velocity that its samples are held, where that explains its lag.
 
@@ -274,6 +281,7 @@ def _of_sensors(log: CheckedLog) -> Generator[Finding, None, tuple[CheckedLog, V
         yield from wrong
         measured += wrong
     for check in OF_SENSORS:
+        _put_away(log)
         wrong = list(check(log))
         yield from wrong
         measured += wrong
@@ -281,16 +289,20 @@ def _of_sensors(log: CheckedLog) -> Generator[Finding, None, tuple[CheckedLog, V
     if any(item["id"] in OF_GRAVITY and item["stream"] == "imu" for item in measured):
         log = log.without_accelerometer()  # it is no evidence against others
     elif not turns:
+        _put_away(log)
         log, late = with_inertial_lag(log)
         yield from late
         turns = any(item["id"] in OF_TURNS for item in late)
+    _put_away(log)
     if not turns:
         log, wrong = with_one_velocity(log)
         yield from wrong
+        _put_away(log)
     beams = list(beam_findings(log.in_time())) or list(ground_findings(log.in_time()))
     yield from beams
     if beams:
         log = log.without("velocity")  # nor is it of clocks, signs and forces
+    _put_away(log)
     return log, velocity_evidence(log.in_time())
 
 
@@ -316,7 +328,9 @@ def _of_commands(
     tone = list(one_tone(log))
     signs = dict(push_responses(log, "uvwr")) if tone else {}
     of_tone = [*tone, *response_signs(log, signs), *(force_findings(log) if tone else ())]
+    _put_away(log)
     unrelated = of_tone or list(unrelated_commands(log))
+    _put_away(log)
     if unrelated:
         log = log.without("actuators")
     answers = responses(log)

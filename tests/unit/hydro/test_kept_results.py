@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from hashlib import sha256
+
 import numpy as np
 import pytest
 
 from auvid.hydro import kept_results
 from auvid.hydro.identification.checks.motion_checks import gains_by_lag
-from auvid.hydro.kept_results import kept
+from auvid.hydro.kept_results import ROWS_AT_ONCE, contents, kept
 
 
 def test_the_same_contents_are_compared_once_and_any_other_contents_again() -> None:
@@ -26,6 +29,19 @@ def test_the_same_contents_are_compared_once_and_any_other_contents_again() -> N
     assert [total(each) for each in others] == [16.0] * 5
     assert total(values, times=2.0) == 32.0
     assert len(compared) == 7
+
+
+def test_contents_of_a_column_of_many_are_read_block_by_block() -> None:
+    rows = 7 * ROWS_AT_ONCE + 3
+    columns = np.arange(3.0 * rows).reshape(rows, 3)
+    plain = sha256(f"<f8{columns[:, 1:].shape}".encode() + columns[:, 1:].tobytes()).digest()
+    tracemalloc.start()
+    own = contents(columns[:, 1:])
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert own == plain
+    assert used < 0.25 * columns.nbytes  # a copy of both columns takes .67
+    assert contents(np.array(1.0)) == sha256(b"<f8()" + np.array(1.0).tobytes()).digest()
 
 
 def test_only_so_many_results_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -180,6 +180,7 @@ def push_lags(
             force = np.column_stack([force, np.sin(np.interp(t_s, log.t_s("attitude"), angle))])
         at = log.t_s(stream)
         turns = coupling(log, axis, at) if turning else None
+        let_go()
         yield "uvwpqr"[axis], gains_by_lag(t_s, force, at, motion, lags_s=lags_s, coupled=turns)
 
 

@@ -382,11 +382,14 @@ def _changes(log: CheckedLog) -> tuple[Array, Array, Array] | None:
     accelerometer = log.accelerometer()
     if accelerometer is None or log.info.accelerometer not in (None, "specific_force"):
         return None
-    good = np.isfinite(accelerometer).all(axis=1)
+    t_s, gyro, good = log.t_s("imu"), log.values("imu", GYRO), np.isfinite(accelerometer)
+    if not good.all():  # else copies, each as large as the record
+        rows = good.all(axis=1)
+        t_s, gyro, accelerometer = t_s[rows], gyro[rows], accelerometer[rows]
     changes = accelerometer_changes(
-        log.t_s("imu")[good],
-        log.values("imu", GYRO)[good],
-        accelerometer[good],
+        t_s,
+        gyro,
+        accelerometer,
         *_poses(log),
         gravity=STANDARD_GRAVITY,
     )
