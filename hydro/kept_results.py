@@ -79,6 +79,8 @@ def _add(digest: Any, value: Any) -> None:
         rows = value if value.ndim else value[None]
         for start in range(0, len(rows), ROWS_AT_ONCE):
             digest.update(np.ascontiguousarray(rows[start : start + ROWS_AT_ONCE]).data)
+        if len(rows) > ROWS_AT_ONCE:
+            let_go()
     elif isinstance(value, (list, tuple)):
         digest.update(f"{type(value).__name__}{len(value)}".encode())
         for item in value:

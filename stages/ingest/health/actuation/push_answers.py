@@ -172,6 +172,7 @@ def push_lags(
         motion = body_motion(log, stream, name)
         if float(motion.std()) < SMALLEST_MOTION:
             continue
+        let_go()
         force = pushed[:, [axis]]
         let_go()
         if axis in RIGHTED and log.has("attitude"):
@@ -433,6 +434,7 @@ def _moving_forces(log: CheckedLog, thrusters: Thrusters) -> Array:
     """Return the forces (n, k) of the thrusters that change theirs."""
     forces = forces_along(log, thrusters)
     moves = np.ptp(forces, axis=0) > 0.0
+    let_go()
     return laid_down(forces if moves.all() else forces[:, moves])
 
 
