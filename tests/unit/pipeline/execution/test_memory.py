@@ -48,13 +48,20 @@ def test_a_leg_of_hours_is_refused_with_the_length_that_fits(campaign: Campaign)
 
 
 @pytest.mark.parametrize(
-    ("length_s", "measured"), [(600.0, 473e6), (3600.0, 664e6), (7200.0, 712e6)]
+    ("length_s", "legs", "measured"),
+    [(600.0, 1, 473e6), (3600.0, 1, 664e6), (7200.0, 1, 712e6), (600.0, 7, 461e6)],
 )
 def test_what_a_leg_takes_is_reckoned_a_little_above_what_was_measured(
-    length_s: float, measured: float
+    length_s: float, legs: int, measured: float
 ) -> None:
-    """Peaks of a process from log to report, one leg at 50 Hz (decision 0122)."""
-    assert measured < memory.needed_bytes([50.0 * length_s], 1) < 1.3 * measured
+    """Peaks of a process from log to report at 50 Hz (decisions 0122, 0129)."""
+    assert measured < memory.needed_bytes([50.0 * length_s], legs) < 1.3 * measured
+
+
+def test_more_legs_take_more_memory() -> None:
+    """Check_installation: 327 MB for 36 legs and 389 for 144 (decision 0129)."""
+    more = memory.needed_bytes([30_000.0], 144) - memory.needed_bytes([30_000.0], 36)
+    assert 62e6 < more < 1.3 * 62e6
 
 
 def test_legs_side_by_side_count_together(campaign: Campaign) -> None:
