@@ -92,6 +92,8 @@ MIN_STEP_RATIO = 4.0
 """Median step in smallest steps: below it a signal repeats because it hardly moves by
 more than its resolution.
 """
+MOST_LEVELS, FEWEST_CHANGES = 3, 3
+"""Values of a depth that is rounded to steps as large as it moves, and how often it changes."""
 LEAST_OF_SIZE_M_S = 0.03
 """Standard deviation of a surge that moves."""
 SINKS_M = 0.2
@@ -330,6 +332,15 @@ def _sampled_hz(t_s: Array, clock: ClockStatistics) -> float:
     return max(clock.rate_hz, 1.0 / clock.step_s if np.mean(regular) > MOSTLY_REGULAR else 0.0)
 
 
+def _between_levels(depth: Array) -> float | None:
+    """Return the step of a depth (n,) that has two or three values only, and goes on."""
+    levels = np.unique(depth[np.isfinite(depth)])
+    changes = int(np.count_nonzero(np.diff(depth)))
+    if not 1 < levels.size <= MOST_LEVELS or changes < FEWEST_CHANGES:
+        return None
+    return float(np.diff(levels).min())
+
+
 def sample_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield constant, stuck and held samples, and a gyro at the end of its range."""
     for stream, names in MOTION.items():
@@ -369,6 +380,8 @@ def coarse_findings(log: CheckedLog) -> Iterator[Finding]:
             continue
         there = [name for name in names if name in log.tables[stream].column_names]
         steps = {name: rounding_step(log.column(stream, name)) for name in there}
+        if stream == "depth" and steps["depth_m"] is None:
+            steps["depth_m"] = _between_levels(log.column("depth", "depth_m"))
         coarse = {
             name: step
             for name, step in steps.items()

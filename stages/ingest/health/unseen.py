@@ -89,6 +89,12 @@ def _attitude(log: CheckedLog) -> Iterator[Unseen]:
         )
     if log.accelerometer() is None and log.has("attitude"):
         yield "zero and signs of roll and pitch", "there is no accelerometer that shows gravity"
+    elif log.has("attitude"):
+        yield (
+            "zero of roll and pitch (to 3 degrees)",
+            "units of sound logs are mounted up to 2.2 degrees askew, by gravity; level the vehicle"
+            " in still water and read them",
+        )
 
 
 def _forces(log: CheckedLog) -> Iterator[Unseen]:
@@ -198,6 +204,11 @@ def _velocity(log: CheckedLog, evidence: VelocityEvidence) -> Iterator[Unseen]:
             "turn of the velocity log about the vertical (below 45 degrees)",
             _why(log, evidence),
         )
+    if evidence.of_accelerometer is None and log.has("imu"):
+        yield (
+            "turn of the inertial unit about the vertical (below 45 degrees)",
+            f"{_why(log, evidence)}; gyro and attitude of one unit turn alike",
+        )
     least = min((_least_scale(turn) for turn in turns), default=1.0)
     if least > SURE_SCALE:
         near = f" (below {percent(least)})" if least < LARGEST_SCALE else ""
@@ -263,6 +274,11 @@ def _clocks(
     odds = 0.0 if answer is None else float(answer.odds.max())
     if log.has("velocity") and odds < SURE_ODDS:
         yield "clock of the velocity against the inertial unit", "nothing shows it clearly"
+    elif log.has("velocity"):
+        yield (
+            f"a velocity that is late by less than {limit('velocity_delay'):g} s",
+            "velocity logs of sound vehicles are; a moving mean comes late by half its length",
+        )
     best = max((item.explained for item in answers.values()), default=0.0)
     if log.has("actuators") and best < SURE_ANSWER:
         yield (

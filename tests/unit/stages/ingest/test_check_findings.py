@@ -1797,6 +1797,20 @@ def test_a_depth_is_stuck_where_the_velocity_moves_it(moves: bool) -> None:
     assert ("depth" in stuck) == moves
 
 
+def test_a_depth_in_steps_as_large_as_it_moves_is_coarse() -> None:
+    log = sound()
+    depth = log.streams["depth"]["depth_m"]
+    log.streams["depth"]["depth_m"] = 0.2 * np.round(depth / 0.2)
+    assert np.unique(log.streams["depth"]["depth_m"]).size <= 3
+    assert log.finding("values_coarse")["value"] == pytest.approx(0.2)  # m
+
+
+def test_a_turn_of_the_inertial_unit_is_unseen_without_an_accelerometer() -> None:
+    name = "turn of the inertial unit about the vertical (below 45 degrees)"
+    for log, listed in ((sound(), False), (_without_accelerometer(), True)):
+        assert (name in [item["name"] for item in log.health()["unseen"]]) == listed
+
+
 def test_a_speed_over_ground_is_no_surge() -> None:
     log = sound()
     speeds = log.streams["velocity"]
