@@ -333,7 +333,7 @@ def _sampled_hz(t_s: Array, clock: ClockStatistics) -> float:
 
 
 def _between_levels(depth: Array) -> float | None:
-    """Return the step of a depth (n,) that has two or three values only, and goes on."""
+    """Return the step of a depth (n,) of two or three values between which it goes."""
     levels = np.unique(depth[np.isfinite(depth)])
     changes = int(np.count_nonzero(np.diff(depth)))
     if not 1 < levels.size <= MOST_LEVELS or changes < FEWEST_CHANGES:

@@ -110,7 +110,8 @@ def axis_out_of_time(answers: Mapping[str, Response]) -> tuple[str, float] | Non
     """Return the axis of the velocity that is late by itself, and by how much [s].
 
     It follows the outputs much later than the other axes do, or comes before them while
-    the others follow: negative.
+    the others follow: negative. Heave that is late is told by the depth: where a hull holds
+    its depth it is slow (1.18 s for .57 s on a recorded dive).
     """
     lags = {axis: answers[axis].lag_s for axis in "uvw" if axis in answers}
     if len(lags) < 2:
@@ -120,7 +121,7 @@ def axis_out_of_time(answers: Mapping[str, Response]) -> tuple[str, float] | Non
         usual = float(np.mean(others))
         if lag < -EARLY_S and min(others) > EARLY_S:
             return axis, lag - usual
-        if max(others) < LATEST_S and lag > max(others) + LATER_S:
+        if axis != "w" and max(others) < LATEST_S and lag > max(others) + LATER_S:
             return axis, lag - usual
     return None
 

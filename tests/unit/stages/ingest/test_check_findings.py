@@ -27,6 +27,7 @@ from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
 from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder
 from auvid.hydro.identification.checks.relation import Relation
+from auvid.hydro.identification.checks.response import Response
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.signals.pose.frames import (
     euler_of_quaternion,
@@ -41,6 +42,7 @@ from auvid.stages.ingest.health.actuation import (
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.plausible_forces import MIRRORED, OWN
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
+from auvid.stages.ingest.health.actuation.responses import axis_out_of_time
 from auvid.stages.ingest.health.agreement.gyro import _quiet_axes
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
@@ -1795,6 +1797,14 @@ def test_a_depth_is_stuck_where_the_velocity_moves_it(moves: bool) -> None:
         at("velocity", from_s - 1.0, until_s + 1.0, u_m_s=0.0, v_m_s=0.0, w_m_s=1e-3)(log)
     stuck = {item["stream"] for item in log.health()["findings"] if item["id"] == "stuck_sensor"}
     assert ("depth" in stuck) == moves
+
+
+def test_a_heave_that_holds_its_depth_is_slow_and_not_late() -> None:
+    answers = {axis: Response(lag, 0.8) for axis, lag in (("u", 0.57), ("v", 0.47), ("w", 1.18))}
+    assert axis_out_of_time(answers) is None
+    answers["v"] = Response(1.47, 0.8)
+    answers["w"] = Response(0.6, 0.8)
+    assert axis_out_of_time(answers) == ("v", pytest.approx(0.885))
 
 
 def test_a_depth_in_steps_as_large_as_it_moves_is_coarse() -> None:

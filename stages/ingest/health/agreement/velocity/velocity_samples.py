@@ -86,7 +86,7 @@ def outlier_findings(log: CheckedLog) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class _Step:
-    """A step of an axis of the velocity: its size [m/s], and its time behind [s]."""
+    """A step of an axis of the velocity: its size [m/s], when it is over [s]."""
 
     axis: int
     size: float
