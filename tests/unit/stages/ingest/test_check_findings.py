@@ -1807,6 +1807,14 @@ def test_a_heave_that_holds_its_depth_is_slow_and_not_late() -> None:
     assert axis_out_of_time(answers) == ("v", pytest.approx(0.885))
 
 
+def test_a_velocity_whose_samples_are_held_is_not_cut_off() -> None:
+    log = sound()
+    for name in SPEED_COLUMNS:
+        speed = log.streams["velocity"][name]
+        log.streams["velocity"][name] = speed[8 * (np.arange(speed.size) // 8)]
+    assert "velocity_saturated" not in log.ids()
+
+
 def test_a_depth_in_steps_as_large_as_it_moves_is_coarse() -> None:
     log = sound()
     depth = log.streams["depth"]["depth_m"]

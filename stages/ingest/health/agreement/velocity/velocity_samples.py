@@ -217,6 +217,7 @@ def _saturated(log: CheckedLog) -> Iterator[Finding]:
     if not log.has("velocity") or log.tables["velocity"].num_rows < FEWEST_SAMPLES:
         return
     values = log.values("velocity", LINEAR_VELOCITY)
+    values = values[np.append(True, (np.diff(values, axis=0) != 0.0).any(axis=1))]  # none held
     parts, shares = [], []
     for axis, name in enumerate(SPEEDS):
         speed = values[np.isfinite(values[:, axis]), axis]
