@@ -170,9 +170,9 @@ def passive_axes(motions: PassiveMotions) -> list[PassiveAxis]:
 
 def _of_tow(motions: PassiveMotions, channel: str) -> PassiveAxis:
     fit = motions.tow_fits[channel]
-    both = fit.free[1] and fit.free[2]
+    weak = not (fit.free[1] and fit.free[2]) or channel in motions.odd
     errors = np.sqrt(np.diag(fit.covariance))
-    verdicts = [_verdict(fit.values[at], errors[at], weak=not both) for at in (1, 2)]
+    verdicts = [_verdict(fit.values[at], errors[at], weak=weak) for at in (1, 2)]
     about = float(np.sqrt(np.mean((fit.forces_N - fit.forces_N.mean()) ** 2)))
     return PassiveAxis(
         LETTERS[channel][0],

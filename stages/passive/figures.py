@@ -32,7 +32,7 @@ def passive_results(motions: PassiveMotions, vehicle: Vehicle) -> dict[str, Any]
     """Return all figures as a `results` document."""
     rows: list[Figure] = []
     for channel, fit in motions.tow_fits.items():
-        rows += _of_tow(channel, fit)
+        rows += _of_tow(channel, fit, "weak" if channel in motions.odd else "")
     for channel, decay in motions.coast_fits.items():
         guessed = channel in motions.guessed
         rows += _of_coasts(channel, decay, vehicle, motions.tow_fits.get(channel), guessed=guessed)
@@ -77,7 +77,7 @@ def _row(
     )
 
 
-def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
+def _of_tow(channel: str, fit: TowFit, doubt: str) -> list[Figure]:
     force, velocity = LETTERS[channel]
     errors = np.sqrt(np.diag(fit.covariance))
     speed = _as_named(float(np.sqrt(np.mean(fit.speeds**2))))
@@ -89,6 +89,7 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
             drag_error,
             "N",
             f"by the tow force, {fit.forces_N.size} windows",
+            verdict=doubt,
             headline=True,
         )
     ]
@@ -103,7 +104,7 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
                     errors[at],
                     unit,
                     note,
-                    verdict="" if both else "weak",
+                    verdict=doubt if both else "weak",
                 )
             )
     note = "by how it gathers speed" if fit.free[0] else "too steady a tow: that of the file"
@@ -114,7 +115,7 @@ def _of_tow(channel: str, fit: TowFit) -> list[Figure]:
             errors[0],
             "kg",
             note,
-            verdict="" if fit.free[0] else "from the prior",
+            verdict=doubt if fit.free[0] else "from the prior",
         )
     )
     rows.append(figure(f"held-out tow force in {channel}", 100.0 * fit.held_out, "percent"))

@@ -12,6 +12,7 @@ from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import (
     LEAST_COASTS,
@@ -40,6 +41,10 @@ SWINGS = {"roll": 0, "pitch": 1}
 DEGREES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 LEAST_SWING = {"roll": 0.05, "pitch": 0.05, "heave": 0.1}
 """Amplitude [rad, m] from which a swing is looked for where no leg names one."""
+UNEVEN, LEAST_HELD_OUT = 0.2, 0.5
+"""Scatter of the force over its size, from which on half of the windows must tell the others."""
+ODD_MASS, ODD_MASS_ERRORS = 3.0, 3.0
+"""Factor beside the mass of the file, clear by so many standard errors; lbf give 4.4."""
 WAIT_S = 0.2
 """After a release, for the line to fall slack."""
 SMOOTHED_S = 0.4
@@ -114,6 +119,8 @@ class PassiveMotions:
     by: dict[str, str] = field(default_factory=dict)
     oblique: dict[str, float] = field(default_factory=dict)
     """Leg that is towed with a sideslip -> angle between hull and path [rad]."""
+    odd: dict[str, str] = field(default_factory=dict)
+    """Channel whose tows no drag and no mass explain as the file has them -> in words."""
     guessed: set[str] = field(default_factory=set)
     """Channels whose coasts begin at a peak of speed, where no force says that it ended."""
 
@@ -212,6 +219,9 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
             # A mass that is assumed only says how large it may be.
             assumed = spread if vehicle.spreads else mass
             out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=assumed)
+            unbound = fit_tow(records, mass_kg=mass, mass_sd_kg=10.0 * mass)
+            if words := _odd_tow(unbound, mass):
+                out.odd[channel] = f"In {channel} {words} Figures of the tow are weak."
         except DataError as fault:
             out.left_out.append(f"tow, {channel}: {fault}")
     for channel, coasts in out.coasts.items():
@@ -222,6 +232,28 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
                 f"coasts in {channel}: {len(coasts)}, {LEAST_COASTS} and more are needed"
             )
     return out
+
+
+def _odd_tow(fit: TowFit, mass_kg: float) -> str:
+    """Return what is odd of tows: forces without speeds, or far another mass.
+
+    `fit`: one whose mass that of the file, `mass_kg`, does not hold.
+    """
+    size = float(np.mean(np.abs(fit.forces_N)))
+    if float(np.std(fit.forces_N)) > UNEVEN * size and fit.held_out < LEAST_HELD_OUT:
+        return (
+            "the force of the line changes and the speed does not follow it: is one of them stuck,"
+            " on another clock, or the line slack?"
+        )
+    own, error = float(fit.values[0]), float(np.sqrt(fit.covariance[0, 0]))
+    clear = ODD_MASS_ERRORS * error
+    if own + clear > mass_kg / ODD_MASS and own - clear < mass_kg * ODD_MASS:
+        return ""
+    return (
+        f"the tows show an apparent mass of {own:.3g} ± {NORMAL_95 * error:.2g} kg, the vehicle"
+        f" file {mass_kg:.3g} kg: is the force in another unit (kgf, lbf), or on another clock than"
+        " the speed?"
+    )
 
 
 def apparent_mass(vehicle: Vehicle, channel: str) -> tuple[float, float]:

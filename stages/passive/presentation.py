@@ -142,6 +142,7 @@ def _sentences(motions: PassiveMotions) -> list[tuple[str, bool]]:
                 " negative: linear and quadratic drag are not told apart."
             )
             words.append((line, False))
+    words += [(line, False) for line in motions.odd.values()]
     for channel, decay in motions.coast_fits.items():
         tail = "" if channel in motions.tow_fits else "; newtons need a tow force or a known mass"
         line = f"{decay.coasts} coasts in {channel} give drag over apparent mass{tail}."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -59,6 +60,45 @@ def test_one_decay_is_weak_for_nothing_tells_what_water_adds() -> None:
         rows = passive_results(motions, shipped_vehicle("bluerov2_heavy"))["rows"]
         assert rows[0]["quantity"] == "frequency in roll"
         assert rows[0]["verdict"] == verdict
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({}, None),
+        ({"tow_force_n": 1.0 / 9.81}, "in another unit"),
+        ({"u_m_s": 0.0}, "the speed does not follow it"),
+    ],
+)
+def test_tows_that_no_body_of_the_file_makes_are_weak(
+    change: dict[str, float], words: str | None
+) -> None:
+    body = towed_body(3)
+    for name, factor in change.items():
+        body[name] = 0.3 * (factor == 0.0) + factor * body[name]
+    names = ("time_us", "u_m_s", "v_m_s", "w_m_s")
+    micro = (1e6 * body["time_s"]).astype(np.int64)
+    tables = {
+        "velocity": make_table("velocity", {"time_us": micro} | {n: body[n] for n in names[1:]}),
+        "tow": make_table("tow", {"time_us": micro, "tow_force_n": body["tow_force_n"]}),
+    }
+    vehicle = replace(
+        shipped_vehicle("bluerov2_heavy"), mass_kg=33.6, spreads={"mass": 2.0, "added_mass": 0.1}
+    )
+    leg = read_leg(
+        LegEntry(id="a", log="a"),
+        tables,
+        cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1]))),
+        vehicle,
+        rate_hz=20.0,
+        max_gap_s=1.0,
+    )
+    motions = motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+    rows = passive_results(motions, vehicle)["rows"]
+    assert rows[0]["verdict"] == ("identified" if words is None else "weak")
+    page = str(passive_section(motions, {"rows": rows}))
+    assert ("Figures of the tow are weak" in page) == (words is not None)
+    assert (words or "") in page
 
 
 def test_of_as_many_the_larger_swings_are_taken() -> None:
