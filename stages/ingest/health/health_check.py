@@ -60,6 +60,7 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     velocity_evidence,
 )
+from auvid.stages.ingest.health.agreement.velocity.velocity_clock import axis_findings
 from auvid.stages.ingest.health.agreement.velocity.velocity_samples import (
     outlier_findings,
     step_findings,
@@ -335,7 +336,10 @@ def _of_commands(
         log = log.without("actuators")
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
-    return answers, (unrelated, moving, *(check(log, answers) for check in OF_ANSWERS))
+    of_axis = list(axis_findings(log, answers))
+    of_outputs = response_findings(log, answers, of_axis=bool(of_axis))
+    others = (check(log, answers) for check in OF_ANSWERS)
+    return answers, (unrelated, moving, of_axis, of_outputs, *others)
 
 
 def _once(findings: Iterable[Finding], name: str) -> Iterator[Finding]:
@@ -392,7 +396,7 @@ OF_GRAVITY = (
 """Findings of an accelerometer that is no evidence against other sensors."""
 OF_TURNS = ("attitude_unit", "gyro_sign", "gyro_axes", "gyro_scale", "gyro_lag")
 """Findings of attitude and gyro, which do not agree so that both could be late alike."""
-OF_ANSWERS = (response_findings, clock_lag_findings, of_forces)
+OF_ANSWERS = (clock_lag_findings, of_forces)
 """Checks that also read how the motion follows the outputs, which is computed once."""
 
 

@@ -7,12 +7,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from auvid.hydro.identification.checks.answers import slow_answer
-from auvid.hydro.identification.checks.response import Response, response_lag, tone_share
-from auvid.stages.columns import LINEAR_VELOCITY
+from auvid.hydro.identification.checks.response import Response, response_lag
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.actuation.push_answers import push_responses
-from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
+from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 from auvid.stages.number_format import percent
 
 LAGS_S = (-1.5, 2.5)
@@ -24,12 +23,6 @@ than commands that are early.
 RESPONSE_HZ = 20.0
 SMALLEST_MOTION = 0.03
 LEAST_EXPLAINED = 0.6
-EARLY_S, LATER_S, LATEST_S = 0.15, 0.5, 0.9
-"""Lead over the outputs, and lag over all other axes of the velocity, from which on an axis
-is out of time by itself; and lag of the others that hulls and thrusters make at most.
-"""
-LARGEST_TONE = 0.7
-"""Part of the power of a motion that one frequency may have where its lag tells."""
 DRIVES_SD = 6.0
 """Gain of the outputs over its standard deviation from which on they drive a motion."""
 
@@ -85,83 +78,38 @@ def late_outputs(log: CheckedLog, answers: Mapping[str, Response]) -> tuple[str,
     lead = command_lead(answers)
     if lead is None:
         return None
-    return None if _drives(log, lead[0]) else lead
+    return None if drives(log, lead[0]) else lead
 
 
-def _drives(log: CheckedLog, axis: str) -> bool:
+def drives(log: CheckedLog, axis: str) -> bool:
     """Return whether the force of the outputs accelerates an axis at its own time."""
     own = dict(push_responses(log)).get(axis)
     return own is not None and bool(own.gain[0] > DRIVES_SD * own.sd[0])
 
 
-def _slow(log: CheckedLog, axis: str) -> bool:
-    """Return whether drag and inertia explain by themselves how late a motion comes."""
+def slow_by_itself(log: CheckedLog, axis: str, less: float = EQUALLY_WELL) -> bool:
+    """Return whether drag and inertia explain by themselves how late a motion comes.
+
+    less: by how much less of the motion they may explain than commands that are early.
+    """
     at, motion, _ = motions(log)[axis]
     commands = np.nan_to_num(log.values("actuators", log.thrusters() + log.commands()))
     answer = slow_answer(log.t_s("actuators"), commands, at, motion, lags_s=ANSWER_LAGS_S)
     return (
         answer is not None
         and answer.time_constant_s < SLOWEST_S
-        and answer.slow > answer.late - EQUALLY_WELL
+        and answer.slow > answer.late - less
     )
 
 
-def axis_out_of_time(answers: Mapping[str, Response]) -> tuple[str, float] | None:
-    """Return the axis of the velocity that is late by itself, and by how much [s].
+def response_findings(
+    log: CheckedLog, answers: Mapping[str, Response], *, of_axis: bool
+) -> Iterator[Finding]:
+    """Yield how much later motion follows the outputs, per axis.
 
-    It follows the outputs much later than the other axes do, or comes before them while
-    the others follow: negative. Heave that is late is told by the depth: where a hull holds
-    its depth it is slow (1.18 s for .57 s on a recorded dive).
+    of_axis: one axis of the velocity is out of time by itself, so that the outputs are not.
     """
-    lags = {axis: answers[axis].lag_s for axis in "uvw" if axis in answers}
-    if len(lags) < 2:
-        return None
-    for axis, lag in lags.items():
-        others = [each for name, each in lags.items() if name != axis]
-        usual = float(np.mean(others))
-        if lag < -EARLY_S and min(others) > EARLY_S:
-            return axis, lag - usual
-        if axis != "w" and max(others) < LATEST_S and lag > max(others) + LATER_S:
-            return axis, lag - usual
-    return None
-
-
-def _axis_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
-    """Yield an axis of the velocity with another clock, or filter, than the others."""
-    single = axis_out_of_time(answers)
-    if single is None or log.estimated("velocity"):
-        return
-    axis, off_s = single
-    at, motion, _ = motions(log)[axis]
-    if tone_share(at, motion[:, None])[1] > LARGEST_TONE:
-        return  # lags repeat with the period
-    if off_s < 0.0 and _drives(log, axis):
-        return  # a controller answers the motion
-    others = [
-        f"{MOTION_WORDS[name]} by {answers[name].lag_s:.2f} s"
-        for name in "uvw"
-        if name in answers and name != axis
-    ]
-    late = "late" if off_s > 0.0 else "early"
-    yield finding(
-        "velocity_lag",
-        f"{MOTION_WORDS[axis].capitalize()} of the velocity ({log.source('velocity')}) follows the"
-        f" outputs by {answers[axis].lag_s:.2f} s, {listed(others)}: {MOTION_WORDS[axis]} alone is"
-        f" some {abs(off_s):.1f} s {late}"
-        f"{', by a filter or another clock' if off_s > 0.0 else ': a setpoint, or another clock'}.",
-        stream="velocity",
-        value=abs(off_s),
-        fields=(LINEAR_VELOCITY["uvw".index(axis)],),
-        remedy=f"Map the measured {MOTION_WORDS[axis]} as it is, no setpoint and no filtered one,"
-        " or mend the time of this column before the export.",
-    )
-
-
-def response_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:
-    """Yield how much later motion follows the outputs, per axis."""
-    single = list(_axis_findings(log, answers))
-    yield from single
-    lead = None if single else late_outputs(log, answers)
+    lead = None if of_axis else late_outputs(log, answers)
     if lead is not None:
         axis, best = lead
         drifts = -best.lag_s > limit("clock_drift")
@@ -178,7 +126,7 @@ def response_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Itera
     if len(far) > 1 and len(far) == len(answers):
         axis = max(far, key=lambda name: answers[name].explained)
         best = answers[axis]
-        if best.explained > LEAST_EXPLAINED and not all(_slow(log, name) for name in far):
+        if best.explained > LEAST_EXPLAINED and not all(slow_by_itself(log, name) for name in far):
             yield finding(
                 "commands_early",
                 f"{MOTION_WORDS[axis].capitalize()} follows the outputs that drive it by"

@@ -42,8 +42,8 @@ from auvid.stages.ingest.health.actuation import (
 from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.plausible_forces import MIRRORED, OWN
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
-from auvid.stages.ingest.health.actuation.responses import axis_out_of_time
 from auvid.stages.ingest.health.agreement.gyro import _quiet_axes
+from auvid.stages.ingest.health.agreement.velocity.velocity_clock import axis_out_of_time
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
 from auvid.stages.ingest.health.vehicle import missing_findings
@@ -1856,6 +1856,28 @@ def test_a_depth_of_another_sensor_is_named_where_the_hull_moves_slowly(alike: b
     noise = np.random.default_rng(5).normal(0.0, 0.004, t_depth.size)
     log.streams["depth"]["depth_m"] = 12.0 + noise - alike * np.cos(0.3 * t_depth) / 12.0
     assert ("depth_unrelated" not in log.ids()) == alike
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.8])
+def test_a_hull_that_answers_slowly_along_one_axis_is_no_late_velocity(late_s: float) -> None:
+    """The accelerometer is as slow as the hull."""
+    log = sound()
+
+    def surge(t_s: Array) -> Array:
+        return np.asarray(sum(0.1 * np.sin(w * t_s + 3.0 * w * w) for w in (0.7, 1.0, 1.4, 1.9)))
+
+    def rate(t_s: Array) -> Array:
+        return np.asarray(np.gradient(surge(t_s), t_s))
+
+    imu, t_s, t = log.streams["imu"], log.t_s("imu"), log.t_s("actuators")
+    more = surge(t_s) - velocity(t_s)[:, 0]
+    of_axes = (np.gradient(more, t_s), imu["gyro_z_rad_s"] * more, -imu["gyro_y_rad_s"] * more)
+    for axis, push in zip("xyz", of_axes, strict=True):
+        imu[f"accel_{axis}_m_s2"] = imu[f"accel_{axis}_m_s2"] + push
+    log.streams["velocity"]["u_m_s"] = surge(log.t_s("velocity") - late_s)
+    log.streams["actuators"]["pwm_1_us"] = 1500.0 + 200.0 * (surge(t + 0.3) + 4.0 * rate(t + 0.3))
+    findings = [i for i in log.health()["findings"] if i["id"] == "velocity_lag"]
+    assert [i["fields"] for i in findings] == [["u_m_s"]] * bool(late_s)
 
 
 def _without_accelerometer() -> Log:
