@@ -1880,6 +1880,22 @@ def test_a_hull_that_answers_slowly_along_one_axis_is_no_late_velocity(late_s: f
     assert [i["fields"] for i in findings] == [["u_m_s"]] * bool(late_s)
 
 
+def test_a_steady_speed_in_coarse_steps_is_not_cut_off() -> None:
+    log = sound()
+    t_s = log.t_s("velocity")
+    steady = np.clip(0.1 * (t_s % 20.0), 0.0, 1.0) - np.clip(0.1 * (t_s % 20.0) - 1.5, 0.0, 0.5)
+    log.streams["velocity"]["u_m_s"] = 0.05 * np.round(steady / 0.05)
+    assert "velocity_saturated" not in log.ids()
+
+
+def test_turns_of_a_dive_that_is_logged_seldom_are_no_outliers() -> None:
+    log = sound()
+    t_s = log.t_s("depth")
+    log.streams["depth"]["depth_m"] = 20.0 + np.abs(t_s % 20.0 - 10.0)
+    log.keep("depth", np.arange(t_s.size) % 10 == 0)
+    assert "depth_outliers" not in log.ids()
+
+
 def _without_accelerometer() -> Log:
     log = sound()
     for name in ("accel_x_m_s2", "accel_y_m_s2", "accel_z_m_s2"):

@@ -10,7 +10,7 @@ import numpy as np
 from auvid.hydro.arrays import Array, Mask, runs_of
 from auvid.hydro.constants import NORMAL_SPREAD, STANDARD_GRAVITY
 from auvid.hydro.identification.checks.motion_checks import WINDOW_S
-from auvid.hydro.identification.checks.signal_checks import flat_top, jumps, repeats, slow_speed
+from auvid.hydro.identification.checks.signal_checks import jumps, repeats, slow_speed
 from auvid.hydro.identification.checks.velocity_answer import pulled_by
 from auvid.stages.columns import LINEAR_VELOCITY, OF_FIXES, OF_POSES, SPEEDS
 from auvid.stages.ingest.health.agreement.velocity.velocity_arm import inertial_motion
@@ -28,10 +28,14 @@ from auvid.stages.number_format import percent, significant
 
 LEAP_M_S, LEAP_M, LEAP_SPREADS = 1.0, 0.5, 10.0
 """An outlier is so far from the median of five samples, and so many times what most are."""
+TURN_STEPS = 2.0
+"""Usual steps from sample to sample that an outlier is off at least."""
 LEAST_TOP_M_S, ONE_RUN = 0.1, 0.8
 """Largest value from which on an axis may be cut off, and the part of such samples that one
 run has at most: a longer one is that of a sensor that is stuck.
 """
+COARSE_STEPS = 1.5
+"""Smallest steps of a sensor by which a speed comes to the end of its range if it is cut off."""
 FASTEST_M_S2 = 1.5
 """A step of the velocity that is slower may be an acceleration."""
 STOPPED = 0.25
@@ -222,7 +226,7 @@ def _saturated(log: CheckedLog) -> Iterator[Finding]:
     for axis, name in enumerate(SPEEDS):
         speed = values[np.isfinite(values[:, axis]), axis]
         top = max(np.abs(speed), default=0.0)
-        share = flat_top(speed) / max(speed.size, 1)
+        share = _cut_share(speed)
         is_stuck = _longest_share(speed) >= ONE_RUN * share
         if top > LEAST_TOP_M_S and share > limit("velocity_saturated") and not is_stuck:
             parts.append(f"{name} at {significant(float(top))} m/s in {percent(share)}")
@@ -238,6 +242,21 @@ def _saturated(log: CheckedLog) -> Iterator[Finding]:
         )
 
 
+def _cut_share(speed: Array) -> float:
+    """Return the part of a speed (n,) that is cut off at an end of its range.
+
+    A steady speed in coarse steps comes to its end by the smallest step of the sensor, one
+    that is cut off by any.
+    """
+    at = ((speed == speed.max()) | (speed == speed.min())) & (speed != 0.0)
+    steps = np.abs(np.diff(speed))
+    runs = [(start, end) for start, end in runs_of(at) if end - start >= 3]
+    entries = [steps[start - 1] for start, _ in runs if start]
+    if not entries or np.median(entries) < COARSE_STEPS * steps[steps > 0.0].min():
+        return 0.0
+    return sum(end - start for start, end in runs) / speed.size
+
+
 def _longest_share(values: Array) -> float:
     """Return the part of values (n,) that is the longest run of one of them."""
     return repeats(values[:, None]).run_count / max(values.size, 1)
@@ -248,8 +267,10 @@ def _leaps(values: Array, least: float) -> Mask:
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     five = np.stack([padded[start : start + len(values)] for start in range(5)])
     off = np.abs(values - np.partition(five, 2, axis=0)[2])
-    usual = np.nanpercentile(off, 90.0, axis=0)
-    return np.asarray((off > np.maximum(least, LEAP_SPREADS * usual)).any(axis=1))
+    usual = LEAP_SPREADS * np.nanpercentile(off, 90.0, axis=0)
+    # Where a dive turns into a climb the sample between is one step off.
+    steps = TURN_STEPS * np.nanpercentile(np.abs(np.diff(values, axis=0)), 75.0, axis=0)
+    return np.asarray((off > np.maximum(least, np.maximum(usual, steps))).any(axis=1))
 
 
 def short_zeros(t_s: Array, values: Array, moving: float) -> Mask:
