@@ -91,7 +91,7 @@ def coriolis(nu, matrix={coriolis_mass}):
 def derivative(nu, eta, tau{propeller}):
     """Return nu_dot [m/s^2, rad/s^2] under a force tau [N, N m] of actuators and all else."""
     total = [a + float(b) for a, b in zip(force(nu, eta{argument}), tau)]
-    return product(MASS_INVERSE, total)
+{at_rest}    return product(MASS_INVERSE, total)
 
 
 def pose_rate(nu, eta):
@@ -216,6 +216,10 @@ def propulsion_excess(nu, rev_s):
 '''
 
 
+_LACKING = "        math.nan,  # {}: lacking\n"
+_AT_REST = """\
+    total = [item if axis in AXES else 0.0 for axis, item in zip("XYZKMN", total)]
+"""
 _PARTIAL = '''\
 
 
@@ -324,7 +328,11 @@ def functions(body: Body) -> str:
         argument=", propeller_rev_s" if ratio else "",
         preparation=preparation,
         coriolis_mass="MASS" if body.coriolis else "((0.0,) * 6,) * 6",
-        sums="".join(_sum_of(body.terms, axis) for axis in range(6)),
+        at_rest="" if set(body.axes) == set(AXES) else _AT_REST,
+        sums="".join(
+            _sum_of(body.terms, axis) if AXES[axis] in body.axes else _LACKING.format(AXES[axis])
+            for axis in range(6)
+        ),
     )
     if body.curve is not None:
         curve = body.curve

@@ -251,7 +251,10 @@ def _partial_lines(part: PartialFigures) -> list[str]:
         for axis, item in part.lacking.items()
     ]
     if part.lacking:
-        lines.append("Velocities of lacking axes are held: their acceleration is 0 here.")
+        lines.append(
+            "Velocities of lacking axes are held: their acceleration is 0 here, and their forces"
+            " are not known."
+        )
     lines += [
         f"{MOTION_WORDS[axis].capitalize()} was not fitted to this log, it is from the"
         f" {item.source}: {item.name}."

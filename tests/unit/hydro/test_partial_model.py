@@ -133,7 +133,7 @@ def test_targets_that_hold_parts_say_so(target: str, unit: str | None) -> None:
 
 @pytest.mark.parametrize("unit", [None, "Z"])
 def test_the_python_file_computes_what_the_model_does(unit: str | None) -> None:
-    """Accelerations of the axes that it has; those that it lacks have none."""
+    """Accelerations of the axes that it has; those that it lacks have none, and no force."""
     file = partial_file(unit_of_mass=unit)
     scope: dict[str, object] = {}
     exec(prepare(file, "python", name="rov").files["rov.py"], scope)
@@ -148,6 +148,9 @@ def test_the_python_file_computes_what_the_model_does(unit: str | None) -> None:
         total += vehicle.weight - vehicle.buoyancy if axis == "Z" else 0.0
         assert rates[place] == pytest.approx(total / vehicle.mass_matrix[place, place], rel=1e-9)
     assert [rates[AXES.index(axis)] for axis in "XYKM"] == [0.0] * 4
+    for name, arguments in (("viscous", ([1.0] * 6,)), ("force", ([1.0] * 6, [0.0] * 6))):
+        parts = np.array(scope[name](*arguments))  # type: ignore[operator]
+        np.testing.assert_array_equal(np.isfinite(parts), [axis in "ZN" for axis in AXES])
     if unit is not None:
         pull = scope["command_force"]({"Z": 0.5})  # type: ignore[operator]
         assert pull[2] == pytest.approx(20.0 * scale)
