@@ -60,7 +60,10 @@ from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     velocity_evidence,
 )
-from auvid.stages.ingest.health.agreement.velocity.velocity_clock import axis_findings
+from auvid.stages.ingest.health.agreement.velocity.velocity_clock import (
+    axis_findings,
+    axis_out_of_time,
+)
 from auvid.stages.ingest.health.agreement.velocity.velocity_samples import (
     outlier_findings,
     step_findings,
@@ -337,7 +340,9 @@ def _of_commands(
     answers = responses(log)
     moving = motion_findings(log, answers, evidence)
     of_axis = list(axis_findings(log, answers))
-    of_outputs = response_findings(log, answers, of_axis=bool(of_axis))
+    single = axis_out_of_time(answers)  # early by itself: it is wrong, or a controller answers it
+    early = single is not None and single[1] < 0.0
+    of_outputs = response_findings(log, answers, of_axis=bool(of_axis) or early)
     others = (check(log, answers) for check in OF_ANSWERS)
     return answers, (unrelated, moving, of_axis, of_outputs, *others)
 

@@ -1880,6 +1880,26 @@ def test_a_hull_that_answers_slowly_along_one_axis_is_no_late_velocity(late_s: f
     assert [i["fields"] for i in findings] == [["u_m_s"]] * bool(late_s)
 
 
+@pytest.mark.parametrize("early_s", [0.0, 1.0])
+def test_a_controller_that_answers_waves_is_no_early_velocity(early_s: float) -> None:
+    """The accelerometer feels the waves when the velocity shows them."""
+    log = sound()
+
+    def sway(t_s: Array) -> Array:
+        return np.asarray(sum(0.1 * np.sin(w * t_s + 3.0 * w * w) for w in (0.7, 1.0, 1.4, 1.9)))
+
+    imu, t_s, t = log.streams["imu"], log.t_s("imu"), log.t_s("actuators")
+    more = sway(t_s) - velocity(t_s)[:, 1]
+    of_axes = (-imu["gyro_z_rad_s"] * more, np.gradient(more, t_s), imu["gyro_x_rad_s"] * more)
+    for axis, push in zip("xyz", of_axes, strict=True):
+        imu[f"accel_{axis}_m_s2"] = imu[f"accel_{axis}_m_s2"] + push
+    log.streams["velocity"]["v_m_s"] = sway(log.t_s("velocity") + early_s)
+    log.streams["actuators"]["pwm_1_us"] = 1500.0 - 200.0 * sway(t - 0.3 + early_s)
+    named = {"velocity_lag", "command_late"}
+    findings = [i for i in log.health()["findings"] if i["id"] in named]
+    assert [i["fields"] for i in findings] == [["v_m_s"]] * bool(early_s)
+
+
 def test_a_steady_speed_in_coarse_steps_is_not_cut_off() -> None:
     log = sound()
     t_s = log.t_s("velocity")

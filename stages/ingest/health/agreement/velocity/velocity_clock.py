@@ -47,11 +47,11 @@ def axis_out_of_time(answers: Mapping[str, Response]) -> tuple[str, float] | Non
     return None
 
 
-def _is_late(log: CheckedLog, axis: str, off_s: float) -> bool:
-    """Return whether an axis of the velocity is late, and not slow to answer.
+def _is_off(log: CheckedLog, axis: str, off_s: float) -> bool:
+    """Return whether an axis of the velocity is late or early, and not the hull.
 
-    By the accelerometer, which is as slow as the hull; without one, by how well drag and
-    inertia explain the motion against any delay.
+    By the accelerometer, which is as slow as the hull and moves with its waves; without one,
+    a late axis by how well drag and inertia explain the motion against any delay.
     """
     motion = inertial_motion(log.in_time())
     odds = None
@@ -64,7 +64,7 @@ def _is_late(log: CheckedLog, axis: str, off_s: float) -> bool:
             motion.imu, motion.attitude, t_s, speeds, gravity=STANDARD_GRAVITY
         )
     if odds is None or float(odds.max()) <= SURE_ODDS:
-        return not slow_by_itself(log, axis, less=0.0)
+        return off_s < 0.0 or not slow_by_itself(log, axis, less=0.0)
     return bool(odds[1:].max() > odds[0])
 
 
@@ -79,8 +79,8 @@ def axis_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[
         return  # lags repeat with the period
     if off_s < 0.0 and drives(log, axis):
         return  # a controller answers the motion
-    if off_s > 0.0 and not _is_late(log, axis, off_s):
-        return  # a hull that answers more slowly along this axis
+    if not _is_off(log, axis, off_s):
+        return  # a hull that answers more slowly along this axis, or a controller its waves
     others = [
         f"{MOTION_WORDS[name]} by {answers[name].lag_s:.2f} s"
         for name in "uvw"
