@@ -227,14 +227,15 @@ def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> Axis
     axis, forces = item.axis, scaled.forces[item.axis]
     kept = [place for place, name in enumerate(forces.names) if name != FORCE]
     terms = [_term(item, forces, place, scaled, vehicle) for place in kept]
-    moved = [term.assumed_shifts.get("thrust", 0.0) * np.sign(term.value or 0.0) for term in terms]
+    shifts = [term.assumed_shifts.get("thrust", 0.0) for term in terms]
+    moved = shifts * np.sign(forces.values[kept])
     return few_axes.axis_card(
         unit_of(axis, CONSTANT, scaled),
         terms,
         forces.covariance[np.ix_(kept, kept)],
         samples=item.samples,
         rms=(item.rate_rms, item.error_rms),
-        shifts={"thrust": np.array(moved)} if any(moved) else None,
+        shifts={"thrust": moved} if any(shifts) else None,
     )
 
 
@@ -242,9 +243,8 @@ def _term(
     item: FittedAxis, forces: AxisForces, place: int, scaled: ScaledAxes, vehicle: Vehicle
 ) -> TermCard:
     axis, name = item.axis, forces.names[place]
-    value = float(forces.values[place])
-    if name == CONSTANT:
-        value -= _net_weight(axis, scaled, vehicle)
+    measured = float(forces.values[place])
+    value = measured - (_net_weight(axis, scaled, vehicle) if name == CONSTANT else 0.0)
     error = float(np.sqrt(forces.covariance[place, place]))
     ratio_sd = scaled.ratio_sd.get(axis, 0.0)
     return TermCard(
@@ -254,9 +254,9 @@ def _term(
         standard_error=error or None,
         verdict=cast(Verdict, item.verdict(name)),
         assumed_shifts=(
-            {INERTIA_RATIO: ratio_sd * abs(value)}
+            {INERTIA_RATIO: ratio_sd * abs(measured)}
             if ratio_sd
-            else _thrust_shift(value, scaled, vehicle)
+            else _thrust_shift(measured, scaled, vehicle)
         ),
     )
 

@@ -98,6 +98,16 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
     assert all(item.whole_legs["check"] > 85.0 for item in fitted.fitted)
 
 
+def test_the_whole_constant_force_scales_with_the_thrust() -> None:
+    body = vehicle("bluerov2_heavy")
+    light = replace(body, displaced_mass_kg=body.displaced_mass_kg + 1.0)
+    card = card_of(fits(False), light)
+    constant = next(item for item in card.axes["Z"].terms if item.term == "constant")
+    measured = values(card, "Z")["constant"] + light.weight - light.buoyancy
+    expected = light.spreads["thrust"] * abs(measured)
+    assert constant.assumed_shifts["thrust"] == pytest.approx(expected)
+
+
 def test_a_thrust_curve_that_gives_too_much_is_in_the_errors_of_inertia_and_damping() -> None:
     body, twin = vehicle("bluerov2_heavy"), leg()
     force = {axis: 1.1 * values for axis, values in twin.record.force.items()}
