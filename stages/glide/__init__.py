@@ -16,7 +16,7 @@ from auvid.data_schemas.records.models import ModelCard, RankingRecord
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.dynamics.gliding.steady_glide import net_buoyancy
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.glide.comparison import GlideComparison, compare
+from auvid.hydro.identification.glide.comparison import GlideComparison, compare, trim_step
 from auvid.hydro.identification.glide.drive_gap import (
     ALL_FIGURES,
     doubted,
@@ -145,9 +145,15 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     if lift := odd_lift(comparison.estimate, glider.lift_slope):
         glides = replace(glides, warnings=(*glides.warnings, lift))
     in_doubt = bool(lift or glides.pitch_zero or flat > MOST_FLAT * total)
-    if in_doubt or (gap is not None and gap.named):
+    steps = trim_step(glides.rows, comparison.estimate, glides.stroke_m3) is not None
+    if in_doubt or steps or glides.is_drive_stuck or (gap is not None and gap.named):
         estimate = doubted(comparison.estimate, *ALL_FIGURES)
-        comparison = replace(comparison, estimate=estimate)
+        bare = comparison.without_speed
+        comparison = replace(
+            comparison,
+            estimate=estimate,
+            without_speed=None if bare is None else doubted(bare, *ALL_FIGURES),
+        )
     results = glide_results(comparison, glides, glider)
     card = glide_card(comparison, glides, inputs.vehicle)
     return Outputs(

@@ -45,6 +45,7 @@ class GlideLegs:
 
     `leg_of_glide`: leg of each glide, numbered over all legs. `pitch_zero`: what speaks
     for a zero of the pitch or a wrong speed where speed is known one way only, in words.
+    `is_drive_stuck`: glides against their drive were left out; its column may lie elsewhere.
     """
 
     rows: GlideRows
@@ -54,6 +55,7 @@ class GlideLegs:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default_factory=tuple)
     pitch_zero: str = ""
+    is_drive_stuck: bool = False
 
     @property
     def directions(self) -> list[str]:
@@ -298,7 +300,7 @@ def _with_drive(glides: GlideLegs, glider: Glider, warnings: list[str]) -> Glide
             field="buoyancy_drive_m3",
             remedy="Is the drive at its stop, or its column another one?",
         )
-    return replace(glides, rows=rows.where(kept))
+    return replace(glides, rows=rows.where(kept), is_drive_stuck=True)
 
 
 def _span(t_s: Array) -> tuple[float, float]:

@@ -22,7 +22,13 @@ from auvid.hydro.identification.coasting.decay import (
     fit_decay,
 )
 from auvid.hydro.identification.passive.free_swing import FreeSwing, fit_free_swing
-from auvid.hydro.identification.passive.releases import fading, onsets, released, towed
+from auvid.hydro.identification.passive.releases import (
+    LEAST_TOW_S,
+    fading,
+    onsets,
+    released,
+    towed,
+)
 from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.signals.resampling import uniform_clock
@@ -332,7 +338,14 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
         along_tow = force is not None and channel == channel_of_tow and channel in TOWED_ALONG
         pulled = leg.towed_speed(channel)
         if force is not None and along_tow and np.isfinite(pulled).any():
-            for first, last in towed(force, step):
+            pulls = towed(force, step)
+            if not pulls:
+                out.left_out.append(
+                    f"{leg.entry.id}: the line pulls in no stretch of {LEAST_TOW_S:g} s (mean force"
+                    f" {np.nanmean(force):.2g} N): it is slack, or tow_force_n another column."
+                    " Take legs in which it is taut"
+                )
+            for first, last in pulls:
                 part = slice(first, last)
                 record = TowRecord(leg.t_s[part], pulled[part], force[part])
                 _note_slip(out, leg, channel, part)

@@ -18,6 +18,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index
+from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.regression.standard_errors import widened_by
 
 WINDOW_S = 4.0
@@ -30,6 +31,9 @@ it: there they share what the form of the drag misses."""
 LEAST_RATIO = 1.6
 """Fastest over slowest window; below it linear and quadratic drag are one figure."""
 LEAST_SPEED = 0.05
+SLACK, CLEAR = 1e-3, 2.0
+"""Mean force as a share of the weight, below which a line may be slack; it is where the
+force is no more than so many of its standard errors."""
 EXPONENTS = np.linspace(0.8, 2.8, 81)
 """Of drag by a power of the speed, c x^n: what linear and quadratic drag may miss."""
 
@@ -76,9 +80,11 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
     """Fit drag and apparent mass; the mass under a prior, drag never negative.
 
     Covariance clustered by pairs of windows, and by steady speeds. Raises `DataError` for
-    fewer than `LEAST_WINDOWS` windows that move, and for a force against the motion.
+    fewer than `LEAST_WINDOWS` windows that move, for a line that is slack, and for a force
+    against the motion.
     """
     rows, target = _windows(tows)
+    _check_taut(tows, rows, target, SLACK * STANDARD_GRAVITY * mass_kg)
     if target.size < LEAST_WINDOWS:
         raise DataError(
             "too short a tow",
@@ -119,6 +125,40 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
         float(np.sqrt(np.mean(error**2))),
         1.0 - float(np.sum(missed**2)) / about if about > 0.0 else float("nan"),
         _power(rows, target, error) if wide else None,
+    )
+
+
+def _check_taut(tows: Sequence[TowRecord], rows: Array, target: Array, least_N: float) -> None:
+    """Raise `DataError` for a line that does not pull, or a body that stays where it is."""
+    pull = target * np.sign(rows[:, 1])
+    if 0 < pull.size < LEAST_WINDOWS:
+        return
+    if pull.size:
+        mean, error = float(pull.mean()), float(pull.std()) / np.sqrt(pull.size)
+        if abs(mean) > min(least_N, CLEAR * error):
+            return
+        how = f"while the body moves at {np.median(np.abs(rows[:, 1])):.2g} m/s"
+    else:
+        good = [np.isfinite(tow.speed) & np.isfinite(tow.force_N) for tow in tows]
+        force = np.concatenate([tow.force_N[own] for tow, own in zip(tows, good, strict=True)])
+        speed = np.concatenate([tow.speed[own] for tow, own in zip(tows, good, strict=True)])
+        if not force.size:
+            return
+        mean, fastest = float(force.mean()), float(np.percentile(np.abs(speed), 99.0))
+        if fastest > 2.0 * LEAST_SPEED:
+            return  # it moves, for less than a window
+        how = f"and the body does not move (up to {fastest:.2g} m/s)"
+    slack = abs(mean) <= least_N
+    raise DataError(
+        "the line is slack" if slack else "the line pulls a body that does not move",
+        field="tow_force_n",
+        value=f"a mean force of {mean:.2g} N {how}",
+        remedy=(
+            "Take legs in which the line is taut, and look whether the load cell is joined; a body"
+            " that moves by itself is a leg of role coast or drift."
+            if slack
+            else "Is the body moored, or the speed of another sensor or unit?"
+        ),
     )
 
 

@@ -101,6 +101,33 @@ def test_tows_that_no_body_of_the_file_makes_are_weak(
     assert (words or "") in page
 
 
+@pytest.mark.parametrize("role", [None, "tow"])
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_slack_line_is_named_whether_or_not_the_body_moves(
+    role: str | None, speed: float
+) -> None:
+    body = towed_body(5)
+    micro = (1e6 * body["time_s"]).astype(np.int64)
+    noise = 0.1 * np.random.default_rng(5).standard_normal(micro.size)
+    pull = {"tow_force_n": noise, "tow_speed_m_s": speed * body["u_m_s"] + 0.02 * noise}
+    vehicle = shipped_vehicle("bluerov2_heavy")
+    leg = read_leg(
+        LegEntry(id="a", log="a", role=role),
+        {"tow": make_table("tow", {"time_us": micro} | pull)},
+        cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1]))),
+        vehicle,
+        rate_hz=20.0,
+        max_gap_s=1.0,
+    )
+    motions = motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+    assert motions.tow_fits == {}
+    (words,) = motions.left_out
+    assert "slack" in words
+    assert "taut" in words
+    if role is not None:
+        assert ("while the body moves" if speed else "the body does not move") in words
+
+
 def test_of_as_many_the_larger_swings_are_taken() -> None:
     large, small = swing("both", (6.0, 0.4, 0.3), 0.4), swing("linear", (6.0, 0.5, 0.0), 0.2)
     assert alike_damped([small, large]) == [large]

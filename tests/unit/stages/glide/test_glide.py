@@ -167,6 +167,7 @@ def test_glides_against_a_drive_at_its_stop_are_left_out_and_named(
     words = " ".join(block.get("text", "") for block in outputs.section["blocks"])
     assert "the drive stands on the side of the other direction" in words
     assert "43" in words  # the first of them starts at 4300 s and some
+    assert "identified" not in {row["verdict"] for row in outputs.results["rows"]}
 
 
 def test_ballast_that_is_thrown_under_way_is_named(ingested: ingest.Outputs) -> None:
@@ -179,10 +180,12 @@ def test_ballast_that_is_thrown_under_way_is_named(ingested: ingest.Outputs) -> 
     def words(outputs: glide.Outputs) -> str:
         return " ".join(block.get("text", "") for block in outputs.section["blocks"])
 
-    assert "ballast" not in words(run(ingested))
+    sound, lighter = run(ingested), run(ingested, thrown)
+    assert "ballast" not in words(sound)
+    assert figures(sound)["C_D"]["verdict"] == "identified"
+    assert "identified" not in {row["verdict"] for row in lighter.results["rows"]}
     named = re.search(
-        r"From the glide at 4\d{3} s .* is ([.\d]+) ± [.\d]+ g lighter",
-        words(run(ingested, thrown)),
+        r"From the glide at 4\d{3} s .* is ([.\d]+) ± [.\d]+ g lighter", words(lighter)
     )
     assert named is not None
     assert float(named[1]) == pytest.approx(30.0, abs=5.0)
