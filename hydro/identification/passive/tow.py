@@ -129,7 +129,7 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
 
 
 def _check_taut(tows: Sequence[TowRecord], rows: Array, target: Array, least_N: float) -> None:
-    """Raise `DataError` for a line that does not pull, or a body that stays in place."""
+    """Raise `DataError` for a slack line, or a body that stays in place."""
     pull = target * np.sign(rows[:, 1])
     if 0 < pull.size < LEAST_WINDOWS:
         return
