@@ -354,6 +354,15 @@ def _refused(
             f" {fit_in_percent(percent)})"
         )
         return Lacking(fit.axis, "wrong sign", words)
+    for key in using if len(using) > 1 else ():
+        turned = turned_round(fit.axis, using, vehicle, options, (key,))
+        if turned >= SIMULATED_PERCENT and turned > percent:
+            words = (
+                f"in leg {key} it moves against its force, unlike in the others: the sign of its"
+                f" command there is wrong (turned round all are flown to {fit_in_percent(turned)},"
+                f" as they are to {fit_in_percent(percent)})"
+            )
+            return Lacking(fit.axis, "wrong sign", words)
     if percent < 0.0:
         words = f"on what was held out its mean is the better guess ({fit_in_percent(percent)})"
         return Lacking(fit.axis, "not predicted", words)
@@ -361,18 +370,25 @@ def _refused(
 
 
 def turned_round(
-    axis: str, using: Mapping[str, LegData], vehicle: Vehicle, options: FitOptions
+    axis: str,
+    using: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    only: Sequence[str] = (),
 ) -> float:
-    """Return the held-out fit [%] of an axis with its force the other way round."""
+    """Return the held-out fit [%] of an axis with its force the other way round.
+
+    In `only` these legs, where there are any; -inf where it then pushes against the motion.
+    """
     turned = {
         key: replace(leg, record=replace(
             leg.record, force={**leg.record.force, axis: -leg.record.force[axis]}
-        ), doubts={})
+        ), doubts={}) if key in (only or using) else leg
         for key, leg in using.items()
     }  # fmt: skip
     fit = _single(axis, turned, vehicle, replace(options, fit_lag=False), HullSpeeds())
     percent = [i.percent[fit.velocity] for i in fit.held_out if fit.velocity in i.percent]
-    return min(percent, default=-np.inf)
+    return min(percent, default=-np.inf) if fit.values[2] > 0.0 else -np.inf
 
 
 def _single(

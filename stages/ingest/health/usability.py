@@ -11,7 +11,7 @@ from auvid.data_schemas.checks import checks
 from auvid.hydro.identification.regression.excitation import THRESHOLDS, velocity_excitation
 from auvid.hydro.identification.signals.resampling import gaps
 from auvid.stages.base import Document
-from auvid.stages.columns import FINS
+from auvid.stages.columns import FINS, OF_POSES
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS, motions
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
@@ -52,6 +52,13 @@ GLIDER_FIELDS = {
     "density_kg_m3": "density",
 }
 """What stage glide needs of a log, with its words."""
+SPEED_AXES = ("u", "v", "w")
+POSE_UNIT = (
+    "If it did move, the unit of the position may be wrong: cm taken for mm makes all speeds a"
+    " tenth, m a thousandth. Then set unit: cm (or m) at x_m, y_m and z_m in the column map; else"
+    " add legs that move in this axis."
+)
+"""Remedy where velocities are those of poses."""
 COVERING = ("attitude", "imu", "depth", "velocity", "actuators")
 
 
@@ -103,7 +110,11 @@ def excitation_findings(excited: Mapping[str, Mapping[str, Any]]) -> Iterator[Fi
             f"Hardly any motion in {listed(parts)} (RMS; threshold {least:g} m/s,"
             f" {factor * least:.1f} {unit})."
         )
-        yield finding("not_excited", text, value=max(float(item["rms"]) for _, item in still))
+        of_poses = any(
+            axis in SPEED_AXES and str(item["source"]).startswith(OF_POSES) for axis, item in still
+        )
+        largest = max(float(item["rms"]) for _, item in still)
+        yield finding("not_excited", text, value=largest, remedy=POSE_UNIT if of_poses else "")
 
 
 def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:

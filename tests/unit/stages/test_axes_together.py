@@ -109,7 +109,7 @@ WITHOUT_LIFT = 0.3
 """What lift leaves of the moment of the added mass by u v."""
 
 
-def coupled_motion(item: LegData, seed: int) -> LegData:
+def coupled_motion(item: LegData, seed: int, noise_m_s: float = 0.005) -> LegData:
     """Return a leg whose forces move a hull that couples sway and yaw, by Euler's method."""
     record, m, parts = item.record, file_inertia(), 20
     step = float(record.t_s[1] - record.t_s[0])
@@ -130,7 +130,7 @@ def coupled_motion(item: LegData, seed: int) -> LegData:
             own[1] += -m[0] / m[1] * u * r + SWAY_BY_TURNING * r
             own[2] += WITHOUT_LIFT * (m[0] - m[1]) / m[5] * u * v + TURN_BY_SWAY * v
             nu = [x + h * change for x, change in zip(nu, own, strict=True)]
-    noise = 0.005 * np.random.default_rng(seed).standard_normal((len(rows), 3))
+    noise = noise_m_s * np.random.default_rng(seed).standard_normal((len(rows), 3))
     rate = {**record.rate, **dict(zip("uvr", (np.array(rows) + noise).T, strict=True))}
     return LegData(replace(record, rate=rate), item.windows)
 
@@ -561,6 +561,19 @@ def test_a_leg_in_another_unit_is_refused_by_its_motion() -> None:
     assert turned_round("X", using, body(), options) < 0.0
 
 
+def test_a_leg_whose_command_has_another_sign_is_named() -> None:
+    """Surge of one leg the other way round: the axis is refused, and the leg named."""
+    legs = legs_of(file_inertia(), coriolis=False, seconds=20.0)
+    for key, sign in (("leg_1", 1.0), ("leg_2", -1.0)):
+        record = legs[key].record
+        force = {**record.force, "X": sign * record.force["X"]}
+        legs[key] = replace(legs[key], record=replace(record, force=force))
+    options = FitOptions(axes=("X",), lag_s=0.08, fit_lag=False, together="never")
+    (item,) = [item for item in fit_all(legs, body(), options).lacking if item.axis == "X"]
+    assert item.verdict == "wrong sign"
+    assert "in leg leg_2 it moves against its force" in item.words, item.words
+
+
 def test_thrusters_that_run_one_by_one_are_told_apart() -> None:
     """Three of four push ahead in turn, and the third gives half."""
     one = legs_of(file_inertia())["leg_1"]
@@ -602,7 +615,7 @@ def by_bent_thrusters(commands: Array) -> Array:
 def test_commands_that_thrusters_share_have_the_curve_of_each() -> None:
     """Axis by axis they look straight, and linear drag comes out up to twice the true one."""
     moved = {}
-    for number, (key, item) in enumerate(legs_of(file_inertia()).items()):
+    for number, (key, item) in enumerate(legs_of(file_inertia(), seconds=24.0).items()):
         strong = {axis: 1.6 * values for axis, values in item.record.force.items()}
         record = replace(item.record, force=strong)
         thrust = by_bent_thrusters(np.column_stack([record.force[axis] for axis in "XYN"]))
@@ -614,7 +627,8 @@ def test_commands_that_thrusters_share_have_the_curve_of_each() -> None:
         linear, quadratic = item.equation.values[:2]
         truth = TRUTH[item.equation.speed]
         assert item.shape.mixed
-        assert linear == pytest.approx(truth[0], abs=3.0 * item.equation.error(item.equation.speed))
+        error = item.equation.error(item.equation.speed)
+        assert linear == pytest.approx(truth[0], abs=min(0.1, 3.0 * error))
         assert quadratic == pytest.approx(truth[1], rel=0.1)
     shape = fitted.fitted[0].shape
     assert shape.dead_band == pytest.approx(BAND, abs=0.01)

@@ -345,6 +345,16 @@ def test_poses_with_y_up_that_are_declared_so_are_sound() -> None:
     assert np.sqrt(np.mean((matrix(outputs.velocity, LINEAR_VELOCITY) - speeds) ** 2)) < 0.03
 
 
+def test_small_motion_of_poses_names_the_unit_of_the_position() -> None:
+    """Centimetres taken for millimetres: a tenth of all speeds."""
+    columns, entries = tank_poses(noisy(tank_run(1), 1))
+    small = ingested(columns | {name: 0.1 * columns[name] for name in POSITION}, entries)
+    (item,) = of(small, "not_excited")
+    assert "set unit: cm" in item["remedy"]
+    (tilt,) = of(ingested(columns, entries), "not_excited")
+    assert "position" not in tilt["remedy"]
+
+
 def test_a_vehicle_that_loops_has_no_y_up() -> None:
     """Its poses look the same, but the commands of its axes as they are move it."""
     columns, entries = with_y_up(noisy(tank_run(2), 2), "ned")

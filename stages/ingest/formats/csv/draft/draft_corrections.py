@@ -112,6 +112,12 @@ def _change(item: Mapping[str, Any]) -> Callable[[DraftColumn], DraftColumn] | N
             if column.field.startswith("accel_")
             else column
         )
+    if name == "pose_up":
+        return lambda column: (
+            replace(column, frame="y_up", check=f"{column.unit}, y up: only so heave is down")
+            if column.stream == "pose" and not column.frame
+            else column
+        )
     if name == "velocity_axes":
         return lambda column: (
             replace(
