@@ -342,12 +342,11 @@ def _refused(
 
     What is not predicted is fitted once more with its force the other way round.
     """
-    if fit.equation.value(FORCE) <= 0.0:
-        return Lacking(fit.axis, "wrong sign", AGAINST)
+    against = fit.equation.value(FORCE) <= 0.0
     percent = fit.held_out_percent
     if fit.predicts or percent is None:
-        return None
-    turned = turned_round(fit.axis, using, vehicle, options)
+        return Lacking(fit.axis, "wrong sign", AGAINST) if against else None
+    turned = -np.inf if against else turned_round(fit.axis, using, vehicle, options)
     if turned >= SIMULATED_PERCENT and turned > percent:
         words = (
             f"{AGAINST} (turned round it is flown to {fit_in_percent(turned)}, as it is to"
@@ -363,6 +362,8 @@ def _refused(
                 f" as they are to {fit_in_percent(percent)})"
             )
             return Lacking(fit.axis, "wrong sign", words)
+    if against:
+        return Lacking(fit.axis, "wrong sign", AGAINST)
     if percent < 0.0:
         words = f"on what was held out its mean is the better guess ({fit_in_percent(percent)})"
         return Lacking(fit.axis, "not predicted", words)

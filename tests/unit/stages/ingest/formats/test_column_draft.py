@@ -288,12 +288,12 @@ def test_a_forward_left_up_body_is_a_frame_and_one_axis_is_none() -> None:
 def test_poses_whose_y_is_up_are_drafted_so() -> None:
     pose = {"t_s": T_S, **{name: wave(1.0) for name in ("x", "y", "z", "roll", "pitch", "yaw")}}
     draft = drafted(pose)
-    found = [{"id": "pose_up", "fields": [], "text": "The poses look as if.", "value": 1.0}]
-    better = corrected(draft, found)
+    findings = [{"id": "pose_up", "fields": [], "text": "The poses look as if.", "value": 1.0}]
+    better = corrected(draft, findings)
     assert {item.frame for item in better.columns if item.stream == "pose"} == {"y_up"}
     assert "y up: only so heave is down" in better.columns[0].check
     stated = replace(draft, columns=tuple(replace(i, frame="enu") for i in draft.columns))
-    assert corrected(stated, found) == stated
+    assert corrected(stated, findings) == stated
 
 
 def test_numbered_commands_go_to_the_axes_that_answer_them() -> None:
