@@ -116,18 +116,13 @@ def fitted_together(
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
     axes = [item.axis for item in singles]
-    tried = [_joined(group, axes, using, legs, vehicle, options, commands) for group in groups]
+    tried = [
+        _joined_with_couplings(group, axes, using, legs, vehicle, options, commands)
+        for group in groups
+    ]
     # Axes that a group leaves out err in it as they do one by one.
     best = min(range(len(tried)), key=lambda place: _total(tried[place][1]))
     joint, together, fit = tried[best]
-    speeds = [item.equation.speed for item in groups[best]]
-    if any(other in speeds for item in groups[best] for other in SYMMETRIC[item.axis]):
-        tell("couplings", len(AXES) - 1, len(AXES))
-        coupled = _joined(
-            groups[best], axes, using, legs, vehicle, options, commands, couplings=True
-        )
-        if coupled[1].error_ratio < WORTH * together.error_ratio:
-            joint, together, fit = coupled
     if options.fit_curve and commands.normalised:
         with_terms = any(len(item.equation.names) > 4 for item in joint.values())
         others = []
@@ -150,6 +145,28 @@ def fitted_together(
     if not together.chosen:
         return tuple(singles), together
     return tuple(joint.get(item.axis, item) for item in singles), together
+
+
+def _joined_with_couplings(
+    group: Sequence[FittedAxis],
+    axes: Sequence[str],
+    using: Mapping[str, LegData],
+    legs: Mapping[str, LegData],
+    vehicle: Vehicle,
+    options: FitOptions,
+    commands: CommandForces,
+) -> tuple[dict[str, FittedAxis], Together, CoupledFit]:
+    """Return the common fit of some axes, with linear couplings where those err less.
+
+    Before groups are compared: a coupling may be what an axis lacks to predict.
+    """
+    plain = _joined(group, axes, using, legs, vehicle, options, commands)
+    speeds = [item.equation.speed for item in group]
+    if not any(other in speeds for item in group for other in SYMMETRIC[item.axis]):
+        return plain
+    tell("couplings", len(AXES) - 1, len(AXES))
+    coupled = _joined(group, axes, using, legs, vehicle, options, commands, couplings=True)
+    return coupled if coupled[1].error_ratio < WORTH * plain[1].error_ratio else plain
 
 
 def flown_better(tried: Mapping[str, FittedAxis], before: Mapping[str, FittedAxis]) -> bool:

@@ -22,6 +22,7 @@ from auvid.hydro.identification.axes.drive import ForceDrive, acting
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.models import _force_of
+from auvid.stages.fit_axes import coupling
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.clocks import MOST_PASSES, clock_words
 from auvid.stages.fit_axes.coupling import (
@@ -35,6 +36,8 @@ from auvid.stages.fit_axes.fitted import (
     DRAG_AHEAD,
     AxisFits,
     CommandForces,
+    HeldOutFit,
+    Together,
 )
 from auvid.stages.fit_axes.fitting import fit_all, turned_round
 from auvid.stages.fit_axes.flight import FitOptions, LegData
@@ -318,6 +321,28 @@ def test_an_axis_that_predicts_nothing_by_itself_is_fitted_with_the_others() -> 
     for item in fitted.fitted[:2]:
         assert item.predicts
         assert item.equation.value("force") == pytest.approx(2.0, rel=0.03)
+
+
+def test_a_coupling_counts_where_axes_that_do_not_predict_are_left_out_or_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Yaw by itself flies 10 % of what was held out, with the moment of sway as well as all."""
+    legs = legs_of(file_inertia())
+    lost = (HeldOutFit("even windows", 10.0, 9), HeldOutFit("odd windows", 10.0, 9))
+    every = [
+        item if item.axis != "N" else replace(item, held_out=lost) for item in fits(True).fitted
+    ]
+    ratios = {("XYN", False): 1.0, ("XYN", True): 0.7, ("XY", False): 0.9, ("XY", True): 0.9}
+
+    def joined(group: Any, *_: Any, couplings: bool = False) -> tuple[Any, ...]:
+        axes = "".join(item.axis for item in group)
+        together = Together(tuple(axes), True, ratios[axes, couplings], 4 * len(axes))
+        return {item.axis: item for item in group}, together, None
+
+    monkeypatch.setattr(coupling, "_joined", joined)
+    _, together = fitted_together(every, legs, body(), FitOptions(), CommandForces(True, {}, {}))
+    assert together is not None
+    assert (together.axes, together.error_ratio) == (("X", "Y", "N"), 0.7)
 
 
 def test_a_body_without_coriolis_force_is_fitted_one_by_one() -> None:
