@@ -62,6 +62,10 @@ REMEDIES = {
 """Axis -> what would give it, where nothing measures it, and of tilts at all."""
 MOVE = "Drive the axis by itself, both ways, for some minutes."
 """What would give surge, sway, heave or yaw that is measured."""
+OUTPUTS_FIRST = (
+    "Is a motor reversed, are two outputs exchanged, or is the frame another one (FRAME_CONFIG,"
+    " MOT_n_DIRECTION, actuators of the vehicle file)? Else drive"
+)
 COMMAND = "Command the axis both ways in a dive"
 ELSEWHERE = "ake its damping from a published set or a bench (`fill` of the campaign)."
 REMEDY_OF = {
@@ -163,6 +167,8 @@ def lacking_axis(item: Lacking) -> LackingAxis:
     measured = item.verdict in ("not excited", "not predicted")
     by_axis = MOVE if measured and item.axis in "XYZN" else REMEDIES[item.axis]
     remedy = REMEDY_OF.get(item.verdict, FINER_FIXES if TOO_COARSE in item.words else by_axis)
+    if item.verdict == "not predicted" and by_axis is MOVE:
+        remedy = f"{OUTPUTS_FIRST}{MOVE.removeprefix('Drive')}"
     if item.verdict == "not commanded" and item.axis in "XYZN":
         remedy = {
             True: f"T{ELSEWHERE}",

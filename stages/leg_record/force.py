@@ -47,6 +47,10 @@ FRAME_REMEDY = (
     "Name the frame of the autopilot in the vehicle file (actuators.commands.frame), or give"
     " actuators.thrusters with position and axis, or effect."
 )
+OUTPUTS_REMEDY = (
+    "Log these outputs, or map their columns to pwm_n_us. A vehicle with fewer thrusters has"
+    f" another frame. {FRAME_REMEDY}"
+)
 
 
 @dataclass(frozen=True)
@@ -266,7 +270,7 @@ def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters
             field="actuators",
             value=", ".join(lacking),
             allowed=", ".join(output_columns(choice)),
-            remedy=FRAME_REMEDY,
+            remedy=OUTPUTS_REMEDY,
         )
     return choice, source, vehicle.commands.thrusters is not None or frame is None
 

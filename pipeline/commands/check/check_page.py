@@ -108,10 +108,11 @@ def _unseen(rows: Sequence[UnseenRecord]) -> Iterator[Text]:
 def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
     """Yield what axes can be fitted one by one, where no force model can."""
     assert page.outputs is not None
+    outputs = page.outputs
     uses = {item.name: item.possible for item in health.capabilities}
     if any(good for name, good in uses.items() if name.startswith("synthesise")):
         return
-    fed = axes_fed(CheckedLog(page.streams, page.outputs.log_info, page.outputs.dropped))
+    fed = axes_fed(CheckedLog(page.streams, outputs.log_info, outputs.dropped, page.vehicle))
     mark = ("✓ ", "bold green") if fed.axes else ("✗ ", "bold red")
     yield Text.assemble(mark, (plain(fed.words), "bold"))
     yield from (Text.assemble(("! ", "bold yellow"), plain(words)) for words in fed.warnings)

@@ -35,6 +35,7 @@ class LogPage:
     refused: str | None = None
     legs: tuple[Mapping[str, Any], ...] = ()
     outputs: ingest.Outputs | None = field(default=None, repr=False)
+    vehicle: Vehicle | None = field(default=None, repr=False)
 
     @property
     def losses(self) -> bool:
@@ -145,4 +146,5 @@ def page_of_log(
     check_document(outputs.health, "health")
     page = LogPage(name, outputs.health, outputs=outputs)
     recorded = CheckedLog(page.streams, outputs.log_info, outputs.dropped, vehicle)
-    return LogPage(name, outputs.health, legs=tuple(legs(recorded, leg_entries)), outputs=outputs)
+    in_it = tuple(legs(recorded, leg_entries))
+    return LogPage(name, outputs.health, legs=in_it, outputs=outputs, vehicle=vehicle)

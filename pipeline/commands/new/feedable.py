@@ -28,7 +28,13 @@ from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, listed
 from auvid.stages.ingest.health.leg_pieces import pieces_of
-from auvid.stages.ingest.health.usability import NO_STATE, SHORTEST_DRIVEN_S, driven_s, glider_lacks
+from auvid.stages.ingest.health.usability import (
+    NO_STATE,
+    PASSIVE,
+    SHORTEST_DRIVEN_S,
+    driven_s,
+    glider_lacks,
+)
 from auvid.stages.passive.motions import MotionRules, motions_of, read_leg
 
 CHANNELS = ("u", "v", "w", "r")
@@ -62,6 +68,8 @@ def force_model(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed | st
     """Return the feed of a force model in six axes, or what the log lacks for it."""
     if log.under_water is False:
         return NOT_UNDER_WATER
+    if log.vehicle is not None and is_passive(log.vehicle):
+        return PASSIVE
     rows = {item["name"]: item for item in health["capabilities"]}
     needed = ("resample", "fuse (kinematic)", "residual")
     lacking = [str(rows[name]["reason"]) for name in needed if not rows[name]["possible"]]

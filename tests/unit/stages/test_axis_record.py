@@ -163,6 +163,15 @@ def test_an_unknown_frame_is_refused_with_those_there_are(dive):
     assert "actuators.commands.frame" in str(refusal.value)
 
 
+def test_outputs_that_the_frame_has_and_the_log_lacks_are_named(dive):
+    logged = copy.copy(dive)
+    logged.parameters = {"FRAME_CONFIG": 2.0}  # eight motors, and the log has six
+    with pytest.raises(DataError, match=r"frame vectored_6dof of FRAME_CONFIG.*pwm_7_us") as fault:
+        outputs(logged, without_curve())
+    assert "map their columns to pwm_n_us" in str(fault.value)
+    assert "fewer thrusters has another frame" in str(fault.value)
+
+
 def test_slow_outputs_are_interpolated_not_held(dive):
     slow = copy.copy(dive)
     slow.streams = dict(dive.streams)

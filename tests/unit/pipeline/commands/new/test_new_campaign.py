@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.commands.check.check_command import check
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
 from auvid.pipeline.commands.new.log_survey import apart_words, survey, unused_words
@@ -223,6 +225,21 @@ def test_a_named_vehicle_is_taken() -> None:
     assert "named by --vehicle" in text
     title = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())["title"]
     assert read_yaml(text)["title"] == f"{title}, {DIVE.name}"
+
+
+def test_a_vehicle_without_thrusters_takes_axes_in_full_commands_by_a_frame(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its velocity log would feed a force model, and nothing gives newtons."""
+    document = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
+    document["actuators"] = {"commands": {"frame": "vectored_6dof"}}
+    path = tmp_path / "own.yaml"
+    path.write_text(json.dumps(document))
+    result = new_campaign("pier", [DIVE], vehicle=str(path))
+    assert result.stop == ""
+    assert read_yaml((result.folder / "campaign.yaml").read_text())["kind"] == "axes"
+    check([str(result.folder)])
+    assert "in full commands, not newtons" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
