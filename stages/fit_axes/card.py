@@ -233,7 +233,7 @@ def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> Axis
     axis, forces = item.axis, scaled.forces[item.axis]
     kept = [place for place, name in enumerate(forces.names) if name != FORCE]
     terms = [_term(item, forces, place, scaled, vehicle) for place in kept]
-    shifts = [term.assumed_shifts.get("thrust", 0.0) for term in terms]
+    shifts = np.array([term.assumed_shifts.get("thrust", 0.0) for term in terms])
     moved = shifts * np.sign(forces.values[kept])
     return few_axes.axis_card(
         unit_of(axis, CONSTANT, scaled),
@@ -241,7 +241,7 @@ def _fitted_card(item: FittedAxis, scaled: ScaledAxes, vehicle: Vehicle) -> Axis
         forces.covariance[np.ix_(kept, kept)],
         samples=item.samples,
         rms=(item.rate_rms, item.error_rms),
-        shifts={"thrust": moved} if any(shifts) else None,
+        shifts={"thrust": moved} if shifts.any() else None,
     )
 
 

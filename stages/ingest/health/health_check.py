@@ -20,7 +20,6 @@ from auvid.hydro.long_series.heap import give_back_heap
 from auvid.hydro.long_series.long_arrays import let_go
 from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import LINEAR_VELOCITY
-from auvid.stages.ingest.health.actuation.clocks import clock_lag_findings
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
@@ -56,6 +55,7 @@ from auvid.stages.ingest.health.agreement.velocity.beam_velocity import (
     beam_findings,
     ground_findings,
 )
+from auvid.stages.ingest.health.agreement.velocity.output_clocks import clock_lag_findings
 from auvid.stages.ingest.health.agreement.velocity.velocity_axes import (
     VelocityEvidence,
     velocity_evidence,

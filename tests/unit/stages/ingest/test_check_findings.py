@@ -43,6 +43,7 @@ from auvid.stages.ingest.health.actuation.output_order import _order_words
 from auvid.stages.ingest.health.actuation.plausible_forces import MIRRORED, OWN
 from auvid.stages.ingest.health.actuation.push_answers import pushes_apart
 from auvid.stages.ingest.health.agreement.gyro import _quiet_axes
+from auvid.stages.ingest.health.agreement.velocity import output_clocks
 from auvid.stages.ingest.health.agreement.velocity.velocity_clock import axis_out_of_time
 from auvid.stages.ingest.health.finding import CheckedLog
 from auvid.stages.ingest.health.usability import legs
@@ -1880,9 +1881,8 @@ def test_a_hull_that_answers_slowly_along_one_axis_is_no_late_velocity(late_s: f
     assert [i["fields"] for i in findings] == [["u_m_s"]] * bool(late_s)
 
 
-@pytest.mark.parametrize("early_s", [0.0, 1.0])
-def test_a_controller_that_answers_waves_is_no_early_velocity(early_s: float) -> None:
-    """The accelerometer feels the waves when the velocity shows them."""
+def answering_waves(early_s: float) -> Log:
+    """Return a log whose sway is that of waves, which an output answers."""
     log = sound()
 
     def sway(t_s: Array) -> Array:
@@ -1895,9 +1895,33 @@ def test_a_controller_that_answers_waves_is_no_early_velocity(early_s: float) ->
         imu[f"accel_{axis}_m_s2"] = imu[f"accel_{axis}_m_s2"] + push
     log.streams["velocity"]["v_m_s"] = sway(log.t_s("velocity") + early_s)
     log.streams["actuators"]["pwm_1_us"] = 1500.0 - 200.0 * sway(t - 0.3 + early_s)
+    return log
+
+
+@pytest.mark.parametrize("early_s", [0.0, 1.0])
+def test_a_controller_that_answers_waves_is_no_early_velocity(early_s: float) -> None:
+    """The accelerometer feels the waves when the velocity shows them."""
     named = {"velocity_lag", "command_late"}
-    findings = [i for i in log.health()["findings"] if i["id"] in named]
+    findings = [i for i in answering_waves(early_s).health()["findings"] if i["id"] in named]
     assert [i["fields"] for i in findings] == [["v_m_s"]] * bool(early_s)
+
+
+@pytest.mark.parametrize("early_s", [0.0, 1.0])
+def test_a_velocity_before_its_outputs_is_early_where_the_accelerometer_says_so(
+    early_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Outputs far behind the waves lead the velocity as another clock would."""
+
+    def lag(_t_s: Array, _commands: Array, measured: list[tuple[Array, Array]]) -> float:
+        of_velocity = np.median(np.diff(measured[0][0])) > 0.05
+        return -0.8 if of_velocity else 0.5
+
+    monkeypatch.setattr(output_clocks, "_lag", lag)
+    log = answering_waves(0.0)
+    log.streams["velocity"]["time_us"] = log.streams["velocity"]["time_us"] - int(early_s * 1e6)
+    findings = log.health()["findings"]
+    early = [i for i in findings if i["id"] == "velocity_lag" and "outputs -0.8 s" in i["text"]]
+    assert len(early) == bool(early_s)
 
 
 def test_a_steady_speed_in_coarse_steps_is_not_cut_off() -> None:

@@ -47,25 +47,34 @@ def axis_out_of_time(answers: Mapping[str, Response]) -> tuple[str, float] | Non
     return None
 
 
+def felt_elsewhen(log: CheckedLog, axes: str, off_s: float) -> bool | None:
+    """Return whether the accelerometer feels these axes of the velocity at other times.
+
+    It is as slow as the hull and moves with its waves. off_s: how late they may be at most,
+    negative early. None where it does not tell, or there is none.
+    """
+    motion = inertial_motion(log.in_time())
+    if motion is None:
+        return None
+    t_s, speed = motion.velocity
+    speeds = [speed.copy() for _ in (0.0, *SHARES)]
+    for share, each in zip(SHARES, speeds[1:], strict=True):
+        for column in map("uvw".index, axes):
+            each[:, column] = np.interp(t_s + share * off_s, t_s, speed[:, column])
+    odds = odds_of_velocities(motion.imu, motion.attitude, t_s, speeds, gravity=STANDARD_GRAVITY)
+    if odds is None or float(odds.max()) <= SURE_ODDS:
+        return None
+    return bool(odds[1:].max() > odds[0])
+
+
 def _is_off(log: CheckedLog, axis: str, off_s: float) -> bool:
     """Return whether an axis of the velocity is late or early, and not the hull.
 
-    By the accelerometer, which is as slow as the hull and moves with its waves; without one,
-    a late axis by how well drag and inertia explain the motion against any delay.
+    Without an accelerometer a late axis is told by how well drag and inertia explain the
+    motion against any delay.
     """
-    motion = inertial_motion(log.in_time())
-    odds = None
-    if motion is not None:
-        (t_s, speed), column = motion.velocity, "uvw".index(axis)
-        speeds = [speed.copy() for _ in (0.0, *SHARES)]
-        for share, each in zip(SHARES, speeds[1:], strict=True):
-            each[:, column] = np.interp(t_s + share * off_s, t_s, speed[:, column])
-        odds = odds_of_velocities(
-            motion.imu, motion.attitude, t_s, speeds, gravity=STANDARD_GRAVITY
-        )
-    if odds is None or float(odds.max()) <= SURE_ODDS:
-        return off_s < 0.0 or not slow_by_itself(log, axis, less=0.0)
-    return bool(odds[1:].max() > odds[0])
+    felt = felt_elsewhen(log, axis, off_s)
+    return felt if felt is not None else off_s < 0.0 or not slow_by_itself(log, axis, less=0.0)
 
 
 def axis_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iterator[Finding]:

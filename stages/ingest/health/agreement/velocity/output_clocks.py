@@ -11,6 +11,7 @@ from auvid.hydro.identification.checks.relation import LAGS_S, relation
 from auvid.hydro.identification.checks.response import Response
 from auvid.stages.ingest.health.actuation.motions import motions
 from auvid.stages.ingest.health.actuation.unrelated_commands import actuator_commands
+from auvid.stages.ingest.health.agreement.velocity.velocity_clock import felt_elsewhen
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit
 
 GROUPS = {"velocity": "uvw", "gyro": "pqr"}
@@ -44,6 +45,8 @@ def clock_lag_findings(log: CheckedLog, answers: Mapping[str, Response]) -> Iter
         yield from drift
     elif not _inside("velocity", velocity):
         off = velocity - USUAL_LAG_S
+        if felt_elsewhen(log, GROUPS["velocity"], off) is False:
+            return  # a controller that answers waves
         late, early = ("velocity", "gyro") if off > 0.0 else ("gyro", "velocity")
         yield finding(
             "velocity_lag",
