@@ -31,7 +31,7 @@ from auvid.hydro.dynamics.actuators.thrusters import (
     thruster_force,
     thruster_forces,
 )
-from auvid.hydro.dynamics.vehicle.logged_directions import turned_as_logged
+from auvid.hydro.dynamics.vehicle.logged_directions import joined_as_logged, turned_as_logged
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.stages.columns import Samples
@@ -251,7 +251,8 @@ def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters
         choice, source = vehicle.commands.thrusters, "the layout of the vehicle file"
     elif frame is not None:
         where = "the vehicle file" if vehicle.commands.frame else "FRAME_CONFIG of the log"
-        choice, source = frame_thrusters(frame), f"frame {frame} of {where}"
+        choice = joined_as_logged(frame_thrusters(frame), info.parameters)
+        source = f"frame {frame} of {where}"
     else:
         of_px4 = px4_thrusters(info.parameters)
         if of_px4 is None:

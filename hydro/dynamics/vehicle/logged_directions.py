@@ -42,6 +42,21 @@ def with_logged_directions(
     )
 
 
+def joined_as_logged(thrusters: Thrusters, parameters: Mapping[str, float | None]) -> Thrusters:
+    """Return the motors of a frame at the outputs that SERVOc_FUNCTION gives them.
+
+    Motor n stays at its output where the log does not name an output for every motor.
+    """
+    outputs = {
+        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION") or 0.0): output
+        for output in range(16, 0, -1)
+    }
+    motors = range(1, len(thrusters.outputs) + 1)
+    if not set(motors) <= set(outputs):
+        return thrusters
+    return replace(thrusters, outputs=tuple(outputs[motor] for motor in motors))
+
+
 def turned_as_logged(
     thrusters: Thrusters, parameters: Mapping[str, float | None]
 ) -> Thrusters | None:

@@ -172,6 +172,26 @@ def test_outputs_that_the_frame_has_and_the_log_lacks_are_named(dive):
     assert "fewer thrusters has another frame" in str(fault.value)
 
 
+def test_motors_of_a_frame_are_at_the_outputs_of_the_log(dive):
+    """Outputs 9 to 14 in the opposite order, by SERVOn_FUNCTION."""
+    own, moved = copy.copy(dive), copy.copy(dive)
+    own.parameters = {f"MOT_{n}_DIRECTION": THRUSTERS.direction[n - 1] for n in range(1, 7)}
+    own.parameters["FRAME_CONFIG"] = 1.0
+    moved.parameters = own.parameters | {f"SERVO{15 - n}_FUNCTION": 32.0 + n for n in range(1, 7)}
+    moved.streams = dict(dive.streams)
+    table = dive.streams["actuators"]
+    moved.streams["actuators"] = {"time_us": table["time_us"]} | {
+        f"pwm_{15 - n}_us": table[f"pwm_{n}_us"] for n in range(1, 7)
+    }
+    forces = [
+        axis_record_of(item.axis_record, item.axis_windows).force
+        for item in (outputs(own, without_curve()), outputs(moved, without_curve()))
+    ]
+    for axis in "ZN":
+        assert np.nanstd(forces[0][axis]) > 0.05
+        assert forces[1][axis] == pytest.approx(forces[0][axis], nan_ok=True)
+
+
 def test_slow_outputs_are_interpolated_not_held(dive):
     slow = copy.copy(dive)
     slow.streams = dict(dive.streams)
