@@ -63,8 +63,9 @@ REMEDIES = {
 MOVE = "Drive the axis by itself, both ways, for some minutes."
 """What would give surge, sway, heave or yaw that is measured."""
 OUTPUTS_FIRST = (
-    "Is a motor reversed, are two outputs exchanged, or is the frame another one (FRAME_CONFIG,"
-    " MOT_n_DIRECTION, actuators of the vehicle file)? Else drive"
+    "Is a motor reversed, are two outputs exchanged, is a pose's marker frame turned (in one leg"
+    " or all), or is the frame another one (FRAME_CONFIG, MOT_n_DIRECTION, actuators of the vehicle"
+    " file)? Else drive"
 )
 COMMAND = "Command the axis both ways in a dive"
 ELSEWHERE = "ake its damping from a published set or a bench (`fill` of the campaign)."

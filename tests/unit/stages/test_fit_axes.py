@@ -164,7 +164,7 @@ def test_a_run_that_is_lost_has_words_in_place_of_a_fit_in_percent() -> None:
     ("axis", "verdict", "word"),
     [
         ("Y", "not observable", "DVL"),
-        ("Y", "not predicted", "Is a motor reversed"),
+        ("Y", "not predicted", "marker frame turned"),
         ("N", "not excited", "Drive"),
         ("M", "not predicted", "Tilt"),
         ("K", "not commanded", "Tilt"),
