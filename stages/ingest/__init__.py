@@ -39,6 +39,7 @@ from auvid.stages.ingest.multi_file import (
 )
 from auvid.stages.ingest.pose_motion import pose_motion
 from auvid.stages.ingest.rejection import (
+    BACKWARD,
     FEW,
     IMPOSSIBLE,
     REPEATED,
@@ -217,6 +218,8 @@ def _check_share(rejected: list[Rejected], count: int, share: float, log: str) -
         )
         if sum(item.count for item in rejected if item.reason == REPEATED) > 0.5 * lost:
             usual = "Stamps repeat where a time in s is declared as us, or is cut to seconds. "
+        if sum(item.count for item in rejected if item.reason == BACKWARD) > 0.5 * lost:
+            usual = "Rows of a CSV log that run backwards or in no order: sort them by time. "
         raise DataError(
             f"{lost} of {count} samples of stream '{rejected[0].stream}' cannot be used: {reasons}",
             file=f"log '{log}'",

@@ -61,6 +61,6 @@ def reader_of(file: RawFile, forced: str | None = None) -> LogReader:
         allowed=names,
         remedy=(
             "Name the format in the manifest (reader: NAME) if the beginning of the file is"
-            " damaged."
+            " damaged. A CSV log has a comma, a semicolon or a tab between its columns."
         ),
     )

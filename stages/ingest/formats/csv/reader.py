@@ -70,8 +70,13 @@ CLOCK = re.compile(rb"\d\d?:\d\d")
 """What stands behind late columns: a time of day."""
 TIME_OF_DAY = re.compile(r"\s*\d\d?:\d\d:\d\d(\.\d+)?\s*$")
 SECOND_US = 1e6
+UNIX_US = 9e14
+"""Unix time of this century in microseconds is beyond this number."""
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 TO_UTF_8 = "Save it as UTF-8: iconv -f UTF-16 -t UTF-8 %s > utf8_%s"
+MARKS = (b",", b";", b"\t")
+SEEN_LINES, FEWEST_COLUMNS = 40, 3
+"""Lines at the start of a file in which names are looked for, and the fewest of them."""
 NO_VALUE = "no value in the row"
 REPEATED = "held value repeated"
 
@@ -90,9 +95,42 @@ class Head:
 def recognises(head: bytes) -> bool:
     """Return whether this is text whose first line has separated columns."""
     first = head.split(b"\n", 1)[0]
-    return head.startswith(UTF_16) or (
-        b"\0" not in head[:1024] and any(mark in first for mark in (b",", b";", b"\t"))
+    if _is_utf_16(head):
+        return True
+    if b"\0" in head[:1024]:
+        return False
+    return any(mark in first for mark in MARKS) or _names_row(head) is not None
+
+
+def _is_utf_16(head: bytes) -> bool:
+    """Return whether a text is UTF-16, by its mark or the zeros between letters."""
+    start = head[:64]
+    zeros = (start[::2], start[1::2])
+    letters = len(start) > 8 and any(
+        not any(zero) and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in other)
+        for zero, other in (zeros, zeros[::-1])
     )
+    return head.startswith(UTF_16) or letters
+
+
+def _names_row(start: bytes) -> int | None:
+    """Return the row of the names of columns (2 ...) where other lines are above it.
+
+    That is the first of as many cells as the rows below it, which holds no numbers, where
+    the first line has less than half as many.
+    """
+    if any(byte < 32 and byte not in b"\t\r\n" for byte in start[:1024]):
+        return None
+    lines = [line.rstrip(b"\r") for line in start.split(b"\n")[:-1][:SEEN_LINES]]
+    for mark in MARKS:
+        counts = [line.count(mark) + 1 for line in lines]
+        width = max(counts[-3:], default=1)
+        if width < FEWEST_COLUMNS or counts[0] > width / 2 or min(counts[-3:]) < width:
+            continue
+        row = counts.index(width)
+        if not any(re.fullmatch(rb"\s*[-+]?\d[\d.eE+-]*\s*", it) for it in lines[row].split(mark)):
+            return row + 1
+    return None
 
 
 CSV = LogReader("csv", recognises, lambda file, message_types: read_csv(file, message_types)[0])
@@ -174,12 +212,22 @@ def header(file: RawFile, delimiter: str | None) -> Head:
     start = file.buffer[:HEADER_BYTES].tobytes()
     if not start.strip():
         raise LogError("the file is empty", file=file.name)
-    if start.startswith(UTF_16):
+    if _is_utf_16(start):
         raise LogError(
             "the file is UTF-16 text",
             file=file.name,
             allowed="UTF-8 or Latin-1",
             remedy=TO_UTF_8 % (file.name, file.name),
+        )
+    row = _names_row(start)
+    if row is not None:
+        lines = "line" if row == 2 else f"{row - 1} lines"
+        raise LogError(
+            f"the names of the columns stand in row {row}, and not in the first",
+            file=file.name,
+            row=1,
+            value=start.split(b"\n", 1)[0][:60].decode("utf-8", errors="replace"),
+            remedy=f"Delete the {lines} above the names: tail -n +{row} {file.name}",
         )
     encoding = "utf-8"
     line = start.split(b"\n", 1)[0]
@@ -309,6 +357,17 @@ def _time(table: pa.Table, mapping: ColumnMap, rows: Ints, file: str) -> Array:
                 field=mapping.time,
                 value=float(numbers[0]),
                 remedy=f"Set unit: {CLOCK_DIGITS} for the time column.",
+            )
+        size = float(np.nanmedian(numbers)) if np.isfinite(numbers).any() else 0.0
+        if mapping.time_factor == SECOND_US and size > UNIX_US:
+            unit = "us" if size < UNIX_US * 1e3 else "ns"
+            raise LogError(
+                f"the time column is no seconds but Unix time in {unit}",
+                file=file,
+                row=int(rows[0]),
+                field=mapping.time,
+                value=float(numbers[0]),
+                remedy=f"Set unit: {unit} for the time column, and epoch: unix.",
             )
         if mapping.nanoseconds is not None:
             within = column(table, mapping.nanoseconds)

@@ -10,10 +10,10 @@ import numpy as np
 from auvid.hydro.arrays import Array
 from auvid.hydro.constants import STANDARD_GRAVITY
 from auvid.hydro.identification.checks.attitude.rate_agreement import rate_agreement
-from auvid.hydro.identification.checks.motion_checks import tilt_gains
+from auvid.hydro.identification.checks.motion_checks import down_at, tilt_gains
 from auvid.hydro.identification.checks.robust_gains import AxisGains
 from auvid.hydro.identification.checks.signal_checks import Gravity, gravity
-from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, OF_FIXES, OF_POSES
+from auvid.stages.columns import ACCELEROMETER, ATTITUDE, GYRO, OF_FIXES, OF_POSES, RATES
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
 SURE_TILT_SD, LEAST_TILT_SHARE = 0.1, 0.6
@@ -93,7 +93,8 @@ def _gravity(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
         )
     if size > STANDARD_GRAVITY / 2.0 or abs(size - 1.0) < limit("accelerometer_unit"):
         wrong = list(_direction(log, accelerometer, estimate.angle))
-        yield from wrong or _tilt_axes(log, accelerometer)
+        wrong = wrong or list(_tilt_axes(log, accelerometer))
+        yield from wrong or _constant_tilt(log, accelerometer)
 
 
 def _cause(size: float, estimate: Gravity) -> str:
@@ -154,6 +155,34 @@ def _tilt_axes(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
         stream="imu",
         value=float(min(abs(x_other.gain[0]), abs(y_other.gain[0]))),
         fields=ACCELEROMETER[:2],
+    )
+
+
+def _constant_tilt(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
+    """Yield a constant tilt between the accelerometer and the attitude."""
+    good = np.isfinite(accelerometer).all(axis=1)
+    if not log.has("attitude") or not good.any():
+        return
+    attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
+    size = np.maximum(np.linalg.norm(accelerometer[good], axis=1), 1e-9)
+    up = accelerometer[good] / size[:, None]
+    turn = np.median(np.cross(down_at(log.t_s("imu")[good], *attitude), up), axis=0)
+    tilt = math.degrees(math.asin(min(float(np.linalg.norm(turn)), 1.0)))
+    if tilt <= limit("accelerometer_tilt"):
+        return
+    by_axis = np.degrees(turn)
+    parts = [
+        f"{RATES[axis]} {by_axis[axis]:+.0f} degrees"
+        for axis in (0, 1)
+        if abs(by_axis[axis]) > tilt / 3.0
+    ]
+    yield finding(
+        "accelerometer_tilt",
+        f"The accelerometer is tilted by {tilt:.0f} degrees against the attitude ({listed(parts)}),"
+        " which no acceleration does all along.",
+        stream="imu",
+        value=tilt,
+        fields=ACCELEROMETER,
     )
 
 

@@ -515,6 +515,14 @@ def _turned_accelerometer(log: Log) -> None:
     imu[ACCEL[0]], imu[ACCEL[1]] = imu[ACCEL[1]], imu[ACCEL[0]]
 
 
+@spoils("accelerometer_tilt")
+def _pitched_accelerometer(log: Log) -> None:
+    imu = log.streams["imu"]
+    cos, sin = np.cos(np.radians(8.0)), np.sin(np.radians(8.0))
+    x, z = imu[ACCEL[0]], imu[ACCEL[2]]
+    imu[ACCEL[0]], imu[ACCEL[2]] = cos * x - sin * z, sin * x + cos * z
+
+
 @spoils("depth_zero_unseen")
 def _absolute_pressure(log: Log) -> None:
     log.info["files"][0]["format"] = "CSV"
@@ -1349,6 +1357,7 @@ def test_measured_values() -> None:
             180.0,
             1.0,
         ),  # deg, attitude and accelerometer agree within their noise
+        "accelerometer_tilt": (8.0, 0.3),  # deg
         "stuck_sensor": (5.0, 0.3),  # s
         "low_actuator_rate": (2.0, 0.01),  # Hz
     }

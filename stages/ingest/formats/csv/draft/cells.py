@@ -40,6 +40,15 @@ def cells_of(
         )
     except pa.ArrowInvalid as fault:
         raise LogError(f"cannot be read as CSV: {fault}", file=file.name) from None
+    if not table.num_rows:
+        raise LogError(
+            f"no row has {len(names)} cells as the first line, which names the columns",
+            file=file.name,
+            row=2,
+            allowed=f"rows of {len(names)} cells separated by {delimiter!r}",
+            remedy="Rows with more cells have a decimal comma between commas (export them with"
+            " semicolons), or separators at their end (take these off).",
+        )
     once = {name for name in names if list(names).count(name) == 1}
     cells = {
         name: [text.strip() for text in table[str(index)].to_pylist()]
@@ -48,7 +57,17 @@ def cells_of(
     }
     sample = [text for column in cells.values() for text in column[:50] if text]
     commas = sum(bool(re.fullmatch(r"-?\d+,\d+(e-?\d+)?", text)) for text in sample)
-    return cells, "," if delimiter != "," and commas > 0.2 * len(sample) else "."
+    # Beside numbers with a point, a comma separates thousands.
+    points = any(
+        re.fullmatch(r"-?\d*\.\d+(e-?\d+)?", text) and not _is_grouped(text) for text in sample
+    )
+    are_decimal = delimiter != "," and commas > 0.2 * len(sample) and not points
+    return cells, "," if are_decimal else "."
+
+
+def _is_grouped(text: str) -> bool:
+    """Return whether a point in a number may separate thousands."""
+    return re.fullmatch(r"-?[1-9]\d{0,2}(\.\d{3})+", text) is not None
 
 
 def is_number(text: str) -> bool:
@@ -63,6 +82,8 @@ def numbers_of(cells: Sequence[str], decimal: str) -> Array:
     """Return cells as numbers (n,), nan for what is none."""
     array = np.full(len(cells), np.nan)
     for row, text in enumerate(cells):
+        if decimal == "," and "." in text:
+            continue
         try:
             array[row] = float(text.replace(",", ".") if decimal == "," else text)
         except ValueError:

@@ -20,6 +20,7 @@ from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
     named_columns,
 )
+from auvid.stages.ingest.formats.csv.draft.cell_faults import check_cells
 from auvid.stages.ingest.formats.csv.draft.cells import cells_of, is_number, numbers_of
 from auvid.stages.ingest.formats.csv.draft.column_draft import NO_NAME, ColumnDraft, DraftColumn
 from auvid.stages.ingest.formats.csv.draft.commands import (
@@ -101,7 +102,9 @@ def draft_columns(
             remedy="Put a line with the names of the columns above it: time_s,depth_m,...",
         )
     values = {name: numbers_of(cells, decimal) for name, cells in texts.items()}
-    columns = [item for item in named_columns(head.names) if item.name in texts]
+    columns = named_columns(head.names)
+    check_cells(columns, head.names, texts, values, file.name)
+    columns = [item for item in columns if item.name in texts]
     time, time_check = time_column(columns, values, texts, file.name)
     of_time = {time["column"], time.get("nanoseconds")}
     rest = [item for item in columns if item.name not in of_time]

@@ -12,6 +12,7 @@ from auvid.data_schemas.errors import LogError
 from auvid.hydro.arrays import Array
 from auvid.stages.ingest.formats.csv.clock_digits import (
     CLOCK_DIGITS,
+    DAY_S,
     clock_seconds,
     counts_like_a_clock,
 )
@@ -19,6 +20,7 @@ from auvid.stages.ingest.formats.csv.column_map import TEXT_TIMES
 from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
 )
+from auvid.stages.ingest.formats.csv.draft.cell_faults import time_fault
 from auvid.stages.ingest.formats.csv.reader import TIME_OF_DAY, iso_microseconds
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -27,6 +29,8 @@ UNIX_TIMES = ((9e17, "ns"), (9e14, "us"), (9e11, "ms"), (9e8, "s"))
 """Unix time of this century in the unit is beyond this number."""
 NANOSECONDS = re.compile(r" ?\b(?:secs?|seconds|n(?:ano)?secs?|nanoseconds|ns)$")
 """How stamps in two columns call them."""
+SPREADSHEET_DAYS = (2e4, 8e5)
+"""Days since 1900 of spreadsheets, and since the year 0, in this century."""
 POSSIBLE_STEPS = (5e-4, 10.0)
 """Steps [s] between rows of a log."""
 
@@ -43,28 +47,45 @@ def time_column(
     )
     unnamed = [item for item in columns if item not in named]
     for item in named:
+        _check_days(item, values[item.name], file)
         entry = _clock(item, values[item.name], texts[item.name])
         if entry is not None:
             return entry[0] | _nanoseconds(item, entry[0], columns, values), entry[1]
     for item in unnamed:
         steps = np.diff(values[item.name])
         if item.place is None and steps.size > 10 and (steps > 0.0).all():
+            _check_days(item, values[item.name], file)
             entry = _clock(item, values[item.name], texts[item.name])
             if entry is not None:
                 return entry[0], f"no name says time; this column rises in every row; {entry[1]}"
-    of_day = next(
-        (item.name for item in named if re.match(r"\d\d?:\d\d", next(iter(texts[item.name]), ""))),
-        None,
-    )
-    what = f"column {of_day} is a time of day, which has no date" if of_day else "no column rises"
+    faults = [time_fault(item, values[item.name], texts[item.name]) for item in named]
+    what = next(filter(None, faults), "no column rises")
     raise LogError(
         f"no column is the time of the rows: {what}",
         file=file,
         row=1,
         value=", ".join(item.name for item in named or columns[:6]) or "no column",
-        allowed="seconds, ms, us or ns that rise, Unix time, or ISO 8601 text",
+        allowed="seconds, ms, us or ns that rise, Unix time, ISO 8601 text, or hh:mm:ss",
         remedy="Export the log with such a column, named time_s.",
     )
+
+
+def _check_days(item: NamedColumn, values: Array, file: str) -> None:
+    """Raise `LogError` for a time that counts days, as those of spreadsheets do."""
+    finite = values[np.isfinite(values)]
+    if finite.size < 3 or not SPREADSHEET_DAYS[0] < np.median(finite) < SPREADSHEET_DAYS[1]:
+        return
+    step_s = DAY_S * float(finite[-1] - finite[0]) / (finite.size - 1)
+    if POSSIBLE_STEPS[0] <= step_s <= POSSIBLE_STEPS[1]:
+        raise LogError(
+            f"the time counts days, as spreadsheets do: one row every {step_s:.3g} s",
+            file=file,
+            row=2,
+            field=item.name,
+            value=float(finite[0]),
+            allowed="seconds, ms, us or ns that rise, Unix time, ISO 8601 text, or hh:mm:ss",
+            remedy=f"Multiply it by {DAY_S:.0f} for seconds, with all its digits.",
+        )
 
 
 def _clock(
@@ -95,8 +116,9 @@ def _clock(
         if POSSIBLE_STEPS[0] <= step * factor <= POSSIBLE_STEPS[1]
     ]
     unix = next((unit for least, unit in UNIX_TIMES if size > least), None)
-    if unix in possible and item.unit in ("", unix):
-        return {"column": item.name, "unit": unix, "epoch": "unix"}, ""
+    if unix in possible and (item.unit in ("", unix) or item.unit not in possible):
+        check = f"its name says {item.unit}" if item.unit not in ("", unix) else ""
+        return {"column": item.name, "unit": unix, "epoch": "unix"}, check
     if item.unit in SECONDS:
         check = f"one row every {step * SECONDS[item.unit]:.3g} s in this unit"
         entry = {"column": item.name, "unit": item.unit, "epoch": "boot"}

@@ -481,3 +481,65 @@ def test_the_force_of_a_line_has_its_unit(name: str, unit: str) -> None:
     assert named_columns(["speed_kn"])[0].unit == "knot"
     newtons = {"N": 1.0, "kgf": 9.80665, "lbf": 4.4482216, "kN": 1000.0}
     assert factor_and_offset(unit, "N")[0] == pytest.approx(newtons[unit])
+
+
+def _log(
+    times: list[str], pulses: list[str], mark: str = ",", names: str = "time_s,u_m_s,pwm_1"
+) -> RawFile:
+    rows = [
+        mark.join((t, f"{0.01 * n % 0.3:.3f}", p))
+        for n, (t, p) in enumerate(zip(times, pulses, strict=True))
+    ]
+    text = "\n".join([names.replace(",", mark), *rows]) + "\n"
+    return RawFile("log.csv", np.frombuffer(text.encode(), np.uint8), None)
+
+
+TIMES = [f"{0.1 * row:.1f}" for row in range(60)]
+PULSE_TEXTS = [str(1500 + row) for row in range(60)]
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        (_log(TIMES[::-1], PULSE_TEXTS), "the rows run backwards. Sort them by time"),
+        (_log(TIMES[:20] * 3, PULSE_TEXTS), r"falls in 2 rows, first in row 22 \('0.0'\)"),
+        (_log(["7e3"] * 60, PULSE_TEXTS), "lacks the digits"),
+        (_log([f"{46000 + row / 864000:.8f}" for row in range(60)], PULSE_TEXTS), "counts days"),
+        (
+            _log([f"0{row // 10}:0{row % 10} PM" for row in range(60)], PULSE_TEXTS),
+            "nor a time of day",
+        ),
+        (_log(TIMES, [f'"1,{p[1:]}"' for p in PULSE_TEXTS]), "have a separator of thousands"),
+        (_log(TIMES, [f"1,{p[1:]}" for p in PULSE_TEXTS], ";"), "have a separator of thousands"),
+        (_log(TIMES, [f"1 {p[1:]}" for p in PULSE_TEXTS]), "have a separator of thousands"),
+        (_log(TIMES, [f"{p} us" for p in PULSE_TEXTS]), "a unit in the cell; found '1500 us'"),
+        (_log(TIMES, [f"'{p}'" for p in PULSE_TEXTS]), "have quotation marks"),
+        (
+            _log(TIMES, PULSE_TEXTS, names="time_s,u_m_s,u_m_s"),
+            "2 columns of this name; found 'columns 2 and 3'",
+        ),
+        (_log([t.replace(".", ",") for t in TIMES], PULSE_TEXTS), "a decimal comma between commas"),
+        (_log(TIMES, [p + "," for p in PULSE_TEXTS]), "separators at their end"),
+    ],
+)
+def test_forms_of_numbers_and_rows_that_cannot_be_read_are_named(file: RawFile, words: str) -> None:
+    with pytest.raises(LogError, match=words):
+        draft_columns(file)
+
+
+def test_unix_time_in_a_column_of_seconds_is_drafted_in_its_own_unit() -> None:
+    draft = draft_columns(
+        _log([str(1772406000000000 + 100000 * row) for row in range(60)], PULSE_TEXTS)
+    )
+    assert draft.time == {"column": "time_s", "unit": "us", "epoch": "unix"}
+    assert "its name says s" in draft.text()
+
+
+def test_points_between_thousands_are_no_decimal_points() -> None:
+    times = [t.replace(".", ",") for t in TIMES]
+    text = "time_s;u_m_s;pwm_1\n" + "".join(
+        f"{t};0,{row % 9}1;1.{p[1:]}\n"
+        for row, (t, p) in enumerate(zip(times, PULSE_TEXTS, strict=True))
+    )
+    with pytest.raises(LogError, match=r"separator of thousands; found '1\.500'"):
+        draft_columns(RawFile("log.csv", np.frombuffer(text.encode(), np.uint8), None))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.errors import CampaignError, LogError
 from auvid.stages.base import RawFile
 from auvid.stages.ingest.formats.csv.reader import CSV, read_csv
 
@@ -278,3 +278,25 @@ def test_columns_that_nobody_mapped_are_listed() -> None:
 )
 def test_recognises_text_with_columns(head: bytes, expected: bool) -> None:
     assert CSV.recognises(head) is expected
+
+
+@pytest.mark.parametrize("above", ["# dive 29\n", "\n\n", "# a, pool\nVehicle: ROV\n", "sep=,\n"])
+def test_lines_above_the_names_are_named(above: str) -> None:
+    text = above + "t,d,e,f\n" + "".join(f"{row},{row}.5,1,2\n" for row in range(9))
+    file = csv_file(text, DEPTH)
+    row = above.count("\n") + 1
+    assert CSV.recognises(text.encode())
+    with pytest.raises(LogError, match=f"names of the columns stand in row {row}, and not in the"):
+        read_csv(file)
+
+
+def test_utf_16_without_a_mark_is_named() -> None:
+    data = "time_s,depth_m\n0,1\n".encode("utf-16-le")
+    assert CSV.recognises(data)
+    with pytest.raises(LogError, match="UTF-16"):
+        read_csv(RawFile("dive.csv", np.frombuffer(data, np.uint8), None))
+
+
+def test_unix_microseconds_declared_as_seconds_are_named() -> None:
+    with pytest.raises(LogError, match="Set unit: us for the time column, and epoch: unix"):
+        read_one("t,d\n1772406020000000,1\n1772406020100000,2\n", DEPTH, "depth")
