@@ -91,8 +91,8 @@ def _attitude(log: CheckedLog) -> Iterator[Unseen]:
         yield "zero and signs of roll and pitch", "there is no accelerometer that shows gravity"
     elif log.has("attitude"):
         yield (
-            "zero of roll and pitch (to 3 degrees)",
-            "units of sound logs are mounted up to 2.2 degrees askew, by gravity; level the vehicle"
+            "zero of roll and pitch (to 5 degrees)",
+            "units of sound logs are mounted up to 3 degrees askew, by gravity; level the vehicle"
             " in still water and read them",
         )
 
@@ -130,6 +130,12 @@ def _forces(log: CheckedLog) -> Iterator[Unseen]:
         "each axis shows its force over its inertia alone, places that are all too far out too;"
         " pulls on the bench in surge, sway and yaw (docs/bench.md), or a pendulum, tell them",
     )
+    if not log.has("velocity"):
+        yield (
+            "order and directions of the outputs, but for what is named above",
+            "attitude and depth answer several orders alike where nothing measures surge and sway;"
+            " turn one thruster after the other on land",
+        )
     if not tells_shape(log, CLEAR_SHAPE):
         yield (
             "shape of the thrust curve, and a limit to how fast outputs change",

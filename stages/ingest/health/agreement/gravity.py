@@ -166,7 +166,11 @@ def _constant_tilt(log: CheckedLog, accelerometer: Array) -> Iterator[Finding]:
     attitude = log.t_s("attitude"), log.values("attitude", ATTITUDE)
     size = np.maximum(np.linalg.norm(accelerometer[good], axis=1), 1e-9)
     up = accelerometer[good] / size[:, None]
-    turn = np.median(np.cross(down_at(log.t_s("imu")[good], *attitude), up), axis=0)
+    turns = np.cross(down_at(log.t_s("imu")[good], *attitude), up)
+    turns = turns[np.isfinite(turns).all(axis=1)]
+    if not turns.size:
+        return
+    turn = np.median(turns, axis=0)
     tilt = math.degrees(math.asin(min(float(np.linalg.norm(turn)), 1.0)))
     if tilt <= limit("accelerometer_tilt"):
         return

@@ -269,7 +269,9 @@ def _leaps(values: Array, least: float) -> Mask:
     off = np.abs(values - np.partition(five, 2, axis=0)[2])
     usual = LEAP_SPREADS * np.nanpercentile(off, 90.0, axis=0)
     # Where a dive turns into a climb the sample between is one step off.
-    steps = TURN_STEPS * np.nanpercentile(np.abs(np.diff(values, axis=0)), 75.0, axis=0)
+    changes = np.abs(np.diff(values, axis=0))
+    changes[:, np.isnan(changes).all(axis=0)] = 0.0  # every other value is missing
+    steps = TURN_STEPS * np.nanpercentile(changes, 75.0, axis=0)
     return np.asarray((off > np.maximum(least, np.maximum(usual, steps))).any(axis=1))
 
 
