@@ -23,6 +23,8 @@ from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
 from auvid.stages.number_format import fixed, percent, significant
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
+REASONS = "(why: --json, unseen; report, Health)"
+"""Where it stands why a log does not show something."""
 MOST_SPANS = 5
 STATUS = {"complete": "green", "truncated": "yellow", "damaged": "red"}
 
@@ -100,9 +102,10 @@ def _findings(findings: Sequence[FindingRecord]) -> Iterator[Table | Text]:
 
 
 def _unseen(rows: Sequence[UnseenRecord]) -> Iterator[Text]:
-    """Yield what nothing in the log tells."""
-    for item in rows:
-        yield Text.assemble((f"? not observable: {item.name}", "bold"), f" ({item.reason})")
+    """Yield what nothing in the log tells, in one paragraph: reasons fill a screen."""
+    if rows:
+        names = "; ".join(item.name for item in rows)
+        yield Text.assemble(("? not observable: ", "bold"), names, (f"  {REASONS}", "dim"))
 
 
 def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
