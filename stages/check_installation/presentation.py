@@ -79,7 +79,7 @@ def findings(record: InstallationRecord) -> list[str]:
             remedy = f"turn sensors.dvl by {size:+.2g} {unit} about {item.name[-1]}"
         words.append(
             f"{what} departs by {size:+.2g} +- {error:.1g} {unit} from the vehicle file: {remedy}."
-            " Correct the file, or set stages.fuse.installation: estimate."
+            " Correct the file; stages.fuse.installation: estimate takes what these legs say."
         )
     for sensor, ratio in record.innovations.items():
         if ratio > LARGE_INNOVATION and not words:
