@@ -27,6 +27,10 @@ TEXT_TIME = rf"{ISO_8601}|^\s*\d\d?:\d\d:\d\d(\.\d{{1,9}})?\s*$"
 ISO_TIME = pa.timestamp("us")  # stands for a column of ISO 8601 texts, which is read as text
 PLACEHOLDER = "If this text stands for an empty cell, list it under 'missing' in the column map."
 DECIMAL = 'If the numbers have a decimal comma, add decimal: "," to the column map.'
+THOUSANDS = (
+    "If the commas separate thousands, export the numbers without them; if they are decimal"
+    ' commas, add decimal: "," to the column map.'
+)
 PATTERNS = {
     pa.float64(): (NUMBER, "not a number"),
     pa.bool_(): (TRUTH, "neither true nor false"),
@@ -209,13 +213,19 @@ def _unreadable(
                 row=int(rows[index]),
                 field=name,
                 value=texts[name][int(index)].as_py(),
-                remedy=(
-                    DECIMAL
-                    if decimal == "."
-                    and re.fullmatch(r"[-+]?\d*,\d+", str(texts[name][int(index)]))
-                    else PLACEHOLDER
-                ),
+                remedy=_remedy(str(texts[name][int(index)]), decimal),
             )
             for index in bad
         ]
     return faults
+
+
+def _remedy(cell: str, decimal: str) -> str:
+    """Return what to do about a cell that is no value of its column's type.
+
+    >>> _remedy("1,534", ".") == THOUSANDS, _remedy("1,5", ".") == DECIMAL
+    (True, True)
+    """
+    if decimal == "." and re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+(\.\d+)?", cell):
+        return THOUSANDS
+    return DECIMAL if decimal == "." and re.fullmatch(r"[-+]?\d*,\d+", cell) else PLACEHOLDER
