@@ -24,6 +24,12 @@ PAUSE_S = 3
 """A shorter pause does not part two stretches."""
 ODD = np.array([0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB], np.uint64)
 """Odd numbers that make one key of the bits of a row."""
+HALF = np.uint64(32)
+"""Bits by which the upper half of a number comes to the lower."""
+AGAIN, SMOOTH = 1.5, 0.2
+"""How many times its own length a copy goes on, and how much of a change from row to row the
+next one differs by, where a simulation without noise moves to and fro: sensors have 1 and more.
+"""
 NAMED = 3
 LONGEST_S = 1e6
 """A log that seems longer has a clock that leaps."""
@@ -84,7 +90,9 @@ def longest_copy(values: Array) -> tuple[int, int, int]:
         return 0, 0, 0
     bits = np.ascontiguousarray(values[fresh] + 0.0).view(np.uint64)
     with np.errstate(over="ignore"):
-        keys = (bits * ODD[: bits.shape[1]]).sum(axis=1, dtype=np.uint64)
+        mixed = bits * ODD[: bits.shape[1]]
+        mixed ^= mixed >> HALF  # two signs that change would cancel
+        keys = (mixed * ODD[: bits.shape[1]]).sum(axis=1, dtype=np.uint64)
     order = np.argsort(keys, kind="stable")
     same = keys[order[1:]] == keys[order[:-1]]
     back = np.zeros(fresh.size, np.int64)
@@ -94,11 +102,24 @@ def longest_copy(values: Array) -> tuple[int, int, int]:
         cuts = np.flatnonzero(np.diff(back[start:end])) + start + 1
         for first, last in zip([start, *cuts], [*cuts, end], strict=True):
             rows = np.unique(keys[first:last]).size
-            if rows > best[1]:
+            if rows > best[1] and not _moves_to_and_fro(values[fresh[first:last]], back[first]):
                 best = int(first), int(rows), int(back[first])
     first, rows, shift = best
     begin = int(fresh[first])
     return begin, rows, begin - int(fresh[first - shift])
+
+
+def _moves_to_and_fro(values: Array, period: int) -> bool:
+    """Return whether rows (n, k) that repeat are those of a simulation without noise.
+
+    >>> angle = 2.0 * np.pi * np.arange(200)[:, None] / 50
+    >>> _moves_to_and_fro(np.sin(angle), 50), _moves_to_and_fro(np.sin(angle[:50]), 50)
+    (True, False)
+    """
+    if len(values) <= AGAIN * period:
+        return False
+    change = np.diff(values, axis=0)
+    return float(np.linalg.norm(np.diff(change, axis=0))) < SMOOTH * float(np.linalg.norm(change))
 
 
 def unusable_spans(log: CheckedLog) -> dict[str, list[Span]]:

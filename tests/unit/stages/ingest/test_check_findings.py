@@ -891,6 +891,19 @@ def _copied(log: Log) -> None:
         log.streams["imu"][name][1000:1100] = log.streams["imu"][name][300:400]
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.002])
+def test_a_simulation_that_moves_to_and_fro_is_no_copy(noise: float) -> None:
+    """The same sines of 4 s are there fifteen times; noise that repeats as well is a copy."""
+    log = sound()
+    t_s = log.t_s("imu")
+    scatter = np.random.default_rng(1).standard_normal((200, 3))[np.arange(t_s.size) % 200]
+    for number, name in enumerate(("gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s")):
+        sine = 0.1 * np.sin(np.pi / 2.0 * (np.arange(t_s.size) % 200) / 50.0 + number)
+        log.streams["imu"][name] = np.round(sine, 5) + noise * scatter[:, number]
+    named = [item["id"] for item in log.health()["findings"]]
+    assert ("span_copied" in named) == bool(noise)
+
+
 @spoils("no_actuation")
 def _neutral(log: Log) -> None:
     for number in range(1, 9):
