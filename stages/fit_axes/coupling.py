@@ -9,7 +9,7 @@ from its first window to its last. Together is chosen where the ratio is below 1
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,6 +79,18 @@ LEAST_ERROR, LARGEST_ERROR = 0.01, 1.0
 the mean, so that an axis which nothing flies decides nothing."""
 
 
+@dataclass(frozen=True)
+class CommonData:
+    """What all common fits rest on: axes that were fitted, legs to fit by, all legs."""
+
+    axes: Sequence[str]
+    using: Mapping[str, LegData]
+    legs: Mapping[str, LegData]
+    vehicle: Vehicle
+    options: FitOptions
+    commands: CommandForces
+
+
 def fitted_together(
     singles: Sequence[FittedAxis],
     legs: Mapping[str, LegData],
@@ -115,11 +127,8 @@ def fitted_together(
     if not measured or not groups:
         return tuple(singles), None
     tell("axes together", len(AXES) - 1, len(AXES))
-    axes = [item.axis for item in singles]
-    tried = [
-        _joined_with_couplings(group, axes, using, legs, vehicle, options, commands)
-        for group in groups
-    ]
+    data = CommonData([item.axis for item in singles], using, legs, vehicle, options, commands)
+    tried = [_joined_with_couplings(group, data) for group in groups]
     # Axes that a group leaves out err in it as they do one by one.
     best = min(range(len(tried)), key=lambda place: _total(tried[place][1]))
     joint, together, fit = tried[best]
@@ -127,9 +136,7 @@ def fitted_together(
         with_terms = any(len(item.equation.names) > 4 for item in joint.values())
         others = []
         for tried_curve in (_bent, _mixed) if together.chosen else (_mixed,):
-            curved = tried_curve(
-                groups[best], axes, using, legs, vehicle, options, commands, with_terms
-            )
+            curved = tried_curve(groups[best], data, with_terms)
             if curved is None:
                 continue
             better = curved[1].error_ratio < BENT_WORTH * together.error_ratio
@@ -149,23 +156,18 @@ def fitted_together(
 
 def _joined_with_couplings(
     group: Sequence[FittedAxis],
-    axes: Sequence[str],
-    using: Mapping[str, LegData],
-    legs: Mapping[str, LegData],
-    vehicle: Vehicle,
-    options: FitOptions,
-    commands: CommandForces,
+    data: CommonData,
 ) -> tuple[dict[str, FittedAxis], Together, CoupledFit]:
     """Return the common fit of some axes, with linear couplings where those err less.
 
     Before groups are compared: a coupling may be what an axis lacks to predict.
     """
-    plain = _joined(group, axes, using, legs, vehicle, options, commands)
+    plain = _joined(group, data)
     speeds = [item.equation.speed for item in group]
     if not any(other in speeds for item in group for other in SYMMETRIC[item.axis]):
         return plain
     tell("couplings", len(AXES) - 1, len(AXES))
-    coupled = _joined(group, axes, using, legs, vehicle, options, commands, couplings=True)
+    coupled = _joined(group, data, couplings=True)
     return coupled if coupled[1].error_ratio < WORTH * plain[1].error_ratio else plain
 
 
@@ -182,12 +184,7 @@ def _total(item: Together) -> float:
 
 def _bent(
     joining: Sequence[FittedAxis],
-    axes: Sequence[str],
-    using: Mapping[str, LegData],
-    legs: Mapping[str, LegData],
-    vehicle: Vehicle,
-    options: FitOptions,
-    commands: CommandForces,
+    data: CommonData,
     couplings: bool,
 ) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | None:
     """Return a common fit with dead band and curve, None where not clear.
@@ -195,29 +192,19 @@ def _bent(
     Axes that Coriolis force moves show neither by themselves. Where one does, the common
     fit has both.
     """
-    if common_shape(joining, options.lag_s) != ForceDrive(lag_s=options.lag_s):
+    if common_shape(joining, data.options.lag_s) != ForceDrive(lag_s=data.options.lag_s):
         return None
     tell("dead band", len(AXES) - 1, len(AXES))
-    shape = ForceDrive(options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE)
-    tried = _common_fit(
-        joining, axes, using, vehicle, options, commands, couplings=couplings, shape=shape,
-        judge=False,
-    )  # fmt: skip
+    shape = ForceDrive(data.options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE)
+    tried = _common_fit(joining, data, couplings=couplings, shape=shape, judge=False)
     if shape_of(tried.fit).word != IDENTIFIED:
         return None
-    return _joined(
-        joining, axes, using, legs, vehicle, options, commands, couplings=couplings, shape=shape
-    )
+    return _joined(joining, data, couplings=couplings, shape=shape)
 
 
 def _mixed(
     joining: Sequence[FittedAxis],
-    axes: Sequence[str],
-    using: Mapping[str, LegData],
-    legs: Mapping[str, LegData],
-    vehicle: Vehicle,
-    options: FitOptions,
-    commands: CommandForces,
+    data: CommonData,
     couplings: bool,
 ) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | None:
     """Return a common fit with dead band and curve of thrusters that axes share.
@@ -225,54 +212,44 @@ def _mixed(
     None where fewer than two such axes join, or where the layout of the thrusters is given.
     """
     shared = [item for item in joining if item.axis in MIXED]
-    if len(shared) < 2 or any(leg.record.thrusters is not None for leg in using.values()):
+    if len(shared) < 2 or any(leg.record.thrusters is not None for leg in data.using.values()):
         return None
     tell("thrusters that axes share", len(AXES) - 1, len(AXES))
-    shape = ForceDrive(options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE, mixed=True)
-    return _joined(
-        joining, axes, using, legs, vehicle, options, commands, couplings=couplings, shape=shape
-    )
+    shape = ForceDrive(data.options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE, mixed=True)
+    return _joined(joining, data, couplings=couplings, shape=shape)
 
 
 def _joined(
     joining: Sequence[FittedAxis],
-    axes: Sequence[str],
-    using: Mapping[str, LegData],
-    legs: Mapping[str, LegData],
-    vehicle: Vehicle,
-    options: FitOptions,
-    commands: CommandForces,
+    data: CommonData,
     *,
     couplings: bool = False,
     shape: ForceDrive | None = None,
 ) -> tuple[dict[str, FittedAxis], Together, CoupledFit]:
-    """Return some of the fitted `axes` of one common fit, and whether it is better.
+    """Return some of the fitted axes of one common fit, and whether it is better.
 
     Better than one by one: both are judged on the same windows: those that the axes share.
     """
-    shape = shape or common_shape(joining, options.lag_s)
-    fit = _common_fit(
-        joining, axes, using, vehicle, options, commands, couplings=couplings, shape=shape
-    )
-    by_axis = {item.axis: _one_of(fit, item, using, legs) for item in joining}
+    shape = shape or common_shape(joining, data.options.lag_s)
+    fit = _common_fit(joining, data, couplings=couplings, shape=shape)
+    by_axis = {item.axis: _one_of(fit, item, data.using, data.legs) for item in joining}
     ratio, pairs = error_ratio(
         [
-            (held_out_single(item, fit, list(using), options), by_axis[item.axis].held_out)
+            (
+                held_out_single(item, fit, list(data.using), data.options),
+                by_axis[item.axis].held_out,
+            )
             for item in joining
         ]
     )
-    chosen = options.together == "always" or ratio < 1.0
+    chosen = data.options.together == "always" or ratio < 1.0
     names = tuple(item.axis for item in joining)
     return by_axis, Together(names, chosen, ratio, pairs, fitted_shares(fit)), fit
 
 
 def _common_fit(
     joining: Sequence[FittedAxis],
-    axes: Sequence[str],
-    using: Mapping[str, LegData],
-    vehicle: Vehicle,
-    options: FitOptions,
-    commands: CommandForces,
+    data: CommonData,
     *,
     couplings: bool,
     shape: ForceDrive,
@@ -283,17 +260,20 @@ def _common_fit(
     The inertia of an axis may follow from its own fit, m = k / c. Then the search starts
     where one with the ratios of the vehicle file ends.
     """
-    bent = shape != ForceDrive(lag_s=options.lag_s)
-    free = ((LAG,) if options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
+    bent = shape != ForceDrive(lag_s=data.options.lag_s)
+    free = ((LAG,) if data.options.fit_lag else ()) + ((DEAD_BAND, CURVE) if bent else ())
     free += (
         (SKEW, HEAVE_SKEW)
         if shape.mixed and any(i.axis == "Z" for i in joining)
         else ((SKEW,) if shape.mixed else ())
     )
-    numerators = filed_inertia([item.axis for item in joining], axes, vehicle, options, commands)
+    numerators = filed_inertia(
+        [item.axis for item in joining], data.axes, data.vehicle, data.options, data.commands
+    )
     shares: dict[str, float] = {}
-    if commands.normalised and len({of for _, of in numerators.values()}) < 2:  # ratios of the file
-        numerators, shares = {}, share_deviations(joining, vehicle, options)
+    if data.commands.normalised and len({of for _, of in numerators.values()}) < 2:
+        # Ratios of the file.
+        numerators, shares = {}, share_deviations(joining, data.vehicle, data.options)
 
     def fitted(
         first: Mapping[str, Sequence[float]],
@@ -302,20 +282,22 @@ def _common_fit(
         judge: bool,
     ) -> CoupledFit:
         return fit_coupled(
-            [leg.record for leg in using.values()],
+            [leg.record for leg in data.using.values()],
             tuple(item.equation.speed for item in joining),
-            inertia=np.array([apparent_inertia(vehicle, axis) for axis in AXES]),
+            inertia=np.array([apparent_inertia(data.vehicle, axis) for axis in AXES]),
             numerators=numerators,
-            relative_sd=options.inertia_sd,
+            relative_sd=data.options.inertia_sd,
             share_sd=shares,
-            free_inertia=[i.equation.speed for i in joining if i.axis not in options.given_inertia],
+            free_inertia=[
+                i.equation.speed for i in joining if i.axis not in data.options.given_inertia
+            ],
             drive=shape,
             free=free,
             couplings=couplings,
             restoring=any(item.righting is not None for item in joining),
             first=first,
             leave_out=judge,
-            doubtful=doubts_of(using) if judge else (),
+            doubtful=doubts_of(data.using) if judge else (),
         )
 
     first = {item.equation.speed: item.equation.values[:4].tolist() for item in joining}
