@@ -32,6 +32,7 @@ from auvid.stages.coast.coast_records import (
     DEGREES,
     FORCE_COLUMNS,
     SegmentTables,
+    drift_shares,
     force_columns_of,
     powered_leg,
     segment_coasts,
@@ -143,7 +144,7 @@ def _gathered(
     inputs: Inputs, params: Params, rules: Mapping[str, CoastRule]
 ) -> dict[str, AxisCoasts]:
     """Return the coasts of all segments by velocity."""
-    vehicle = inputs.vehicle
+    vehicle, logs = inputs.vehicle, _logs(inputs)
     axes = {name: AxisCoasts() for name in DEGREES}
     for key, segment in counted("segment", list(inputs.segment.items())):
         fusion = inputs.fusion[key]
@@ -161,11 +162,21 @@ def _gathered(
         place = VelocityLogPlacement.of(vehicle, estimated)
         released = segment.leg in params.releases and key in (segment.leg, f"{segment.leg}.1")
         parts = segment_coasts(
-            tables, vehicle, place, rules, lag_s=params.thrust_lag_s, released=released
+            tables,
+            vehicle,
+            place,
+            rules,
+            lag_s=params.thrust_lag_s,
+            released=released,
+            logs=logs,
         )
         for name, part in parts.items():
             axes[name].add(key, float(segment.leg_start_s), part.search, part.records)
     return axes
+
+
+def _logs(inputs: Inputs) -> list[str]:
+    return sorted({str(segment.log) for segment in inputs.segment.values()})
 
 
 def _fit(axis: AxisCoasts, inputs: Inputs, place: int) -> None:
@@ -179,15 +190,12 @@ def _fit(axis: AxisCoasts, inputs: Inputs, place: int) -> None:
         return
     mass = float(vehicle.mass_matrix[place, place])
     prior_sd = (NET_BUOYANCY,) if place < 3 else ()
-    legs = [
-        powered_leg(
-            inputs.fused.part(key, (*ATTITUDE, VELOCITY[place])),
-            inputs.residual.part(key, force_columns_of(place)),
-            vehicle,
-            place,
-        )
-        for key in inputs.segment
-    ]
+    legs = []
+    for key, segment in inputs.segment.items():
+        fused = inputs.fused.part(key, (*ATTITUDE, VELOCITY[place]))
+        drift = drift_shares(fused, segment, inputs.fusion[key], place, _logs(inputs))
+        residual = inputs.residual.part(key, force_columns_of(place))
+        legs.append(powered_leg(fused, residual, vehicle, place, drift))
     with suppress(DataError):  # too few of the coasts are sound
         if any(np.any(leg.thrust != 0.0) for leg in legs):
             axis.decay, axis.scale = drag_and_scale(

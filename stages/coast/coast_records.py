@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,8 @@ FORCE_COLUMNS = tuple(
 COMMANDS = tuple(schema("actuators").columns)
 STILL_REV_S = 0.05
 """A propeller that turns slower stands."""
+OVER_GROUND = 2
+"""Surge and sway of a velocity log over ground have a current in them."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,12 @@ def segment_coasts(
     *,
     lag_s: float,
     released: bool,
+    logs: Sequence[str],
 ) -> dict[str, SegmentCoasts]:
     """Return the coasts of a segment by velocity; `lag_s`: lag of the thrust.
 
-    `released`: something else let go of the body at the start of the segment.
+    `released`: something else let go of the body at the start of the segment. `logs`: of
+    all segments, each with its current.
     """
     fused, residual = tables.fused, tables.residual
     t_s = clock(fused)
@@ -110,6 +114,7 @@ def segment_coasts(
         search = find_coasts(t_s, idle[:, place_of], speed, rules[name], released=released)
         times, measured = _samples(tables, place, name)
         shapes = down[:, [place_of]] if place_of < 3 else np.zeros((t_s.size, 0))
+        drift = drift_shares(fused, tables.segment, tables.fusion, place_of, logs)
         m = diagonal[place_of]
         records = []
         for item in search.coasts:
@@ -125,6 +130,7 @@ def segment_coasts(
                         or [np.zeros((at.size, 0))]
                     ),
                     np.interp(at, t_s, late[:, place_of] / m),
+                    drift[(t_s >= item.start_s) & (t_s <= item.end_s)].mean(axis=0),
                 )
             )
         out[name] = SegmentCoasts(search, tuple(records))
@@ -136,15 +142,42 @@ def force_columns_of(place: int) -> tuple[str, ...]:
     return tuple(force_columns(name)[place] for name in ("tau_bar", *ACTUATORS))
 
 
-def powered_leg(fused: pa.Table, residual: pa.Table, vehicle: Vehicle, place: int) -> PoweredLeg:
-    """Return the whole of a segment as a powered leg on the axis of a place."""
+def drift_shares(
+    fused: pa.Table,
+    segment: SegmentRecord,
+    fusion: FusionRecord,
+    place: int,
+    logs: Sequence[str],
+) -> Array:
+    """Return what of each log's current, north and east, lies along an axis (n, q).
+
+    q = 0 on axes that have none; 0 throughout for velocities through the water.
+    """
+    samples = clock(fused).size
+    if place >= OVER_GROUND:
+        return np.zeros((samples, 0))
+    shares = np.zeros((samples, 2 * len(logs)))
+    if fusion.current is None or fusion.current.ned_m_s is None:
+        first = 2 * list(logs).index(str(segment.log))
+        rotation = rotation_body_to_ned(matrix(fused, ATTITUDE))
+        shares[:, first : first + 2] = rotation[:, :2, place]
+    return shares
+
+
+def powered_leg(
+    fused: pa.Table, residual: pa.Table, vehicle: Vehicle, place: int, drift: Array
+) -> PoweredLeg:
+    """Return the whole of a segment as a powered leg on the axis of a place.
+
+    drift (n, q): that of `drift_shares`.
+    """
     total, *actuators = force_columns_of(place)
     driving = [column(residual, name) for name in actuators if has_columns(residual, (name,))]
     acting = np.asarray(np.sum(driving, axis=0))
     speed = column(fused, VELOCITY[place])
     shapes = _down(fused, vehicle)[:, [place]] if place < 3 else np.zeros((speed.size, 0))
     step_s = float(np.mean(np.diff(clock(fused))))
-    return PoweredLeg(column(residual, total) + acting, acting, speed, shapes, step_s)
+    return PoweredLeg(column(residual, total) + acting, acting, speed, shapes, step_s, drift)
 
 
 def _down(fused: pa.Table, vehicle: Vehicle) -> Array:

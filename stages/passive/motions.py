@@ -129,6 +129,8 @@ class PassiveMotions:
     """Channel whose tows no drag and no mass explain as the file has them -> in words."""
     guessed: set[str] = field(default_factory=set)
     """Channels whose coasts begin at a peak of speed, where no force says that it ended."""
+    guessed_drifts: list[str] = field(default_factory=list)
+    """Legs without a role that are taken for a drift, as nothing else moves them."""
 
     @property
     def empty(self) -> bool:
@@ -329,8 +331,12 @@ def _speed_in(leg: PassiveLeg, role: str | None, channel: str) -> Array:
 
 
 def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
-    """Find tows, coasts and swings in a leg that has no role."""
+    """Find tows, coasts and swings in a leg that has no role; else it drifts."""
     step, force = leg.step_s, leg.force_N
+    for channel in LEAST_SWING:
+        _swing(out, leg, channel, named=False)
+    swings = any(name == leg.entry.id for name, _ in out.swings.get("heave", []))
+    is_idle = not any(name == leg.entry.id for own in out.swings.values() for name, _ in own)
     channel_of_tow = leg.entry.channel or "surge"
     for channel in SPEEDS:
         speed = leg.speed(channel)
@@ -350,8 +356,8 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
                 record = TowRecord(leg.t_s[part], pulled[part], force[part])
                 _note_slip(out, leg, channel, part)
                 out.tows.setdefault(channel, []).append((leg.entry.id, record))
-        if not np.isfinite(speed).any():
-            continue
+        if not np.isfinite(speed).any() or (channel == "heave" and swings):
+            continue  # a float that bobs is pushed back: its drag is not all that slows it
         if force is not None and along_tow:
             spans = released(force, step, rules.longest_s + WAIT_S)
         elif force is not None:
@@ -363,8 +369,10 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
                 out.guessed.add(channel)
         for span in spans:
             _coast(out, leg, channel, span, rules)
-    for channel in LEAST_SWING:
-        _swing(out, leg, channel, named=False)
+        is_idle = is_idle and not spans
+    if force is None and leg.drift_m_s is not None and is_idle:
+        out.drifts.append((leg.entry.id, leg.drift_m_s[0], leg.drift_m_s[1]))
+        out.guessed_drifts.append(leg.entry.id)
 
 
 def _coast(

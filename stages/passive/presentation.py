@@ -157,6 +157,13 @@ def _sentences(motions: PassiveMotions) -> list[tuple[str, bool]]:
         plural = "s" if len(swings) > 1 else ""
         line = f"{len(swings)} free decay{plural} of {channel}: frequency and damping."
         words.append((line, True))
+    if motions.guessed_drifts:
+        legs = ", ".join(map(repr, motions.guessed_drifts))
+        line = (
+            f"Leg {legs} is taken for a drift: it neither is towed nor coasts nor swings. Its path"
+            " is the current only if nothing holds it, an anchor or a line, and no wind pushes it."
+        )
+        words.append((line, False))
     if motions.drifts:
         words.append(("A body that drifts with the water tells the current, not its drag.", False))
     return words

@@ -135,7 +135,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
     long = [span for span in spans if span[1] - span[0] >= params.min_segment_s]
     if not long:
         raise too_short(
-            inputs.leg, covering, min_segment_s=params.min_segment_s, max_gap_s=params.max_gap_s
+            inputs.leg,
+            covering,
+            min_segment_s=params.min_segment_s,
+            max_gap_s=params.max_gap_s,
+            log_end_s=(inputs.log_info.end_us - inputs.log_info.start_us) / 1e6,
         )
     if len(long) < len(spans):
         lost = sum(end - start for start, end in spans if end - start < params.min_segment_s)

@@ -199,10 +199,22 @@ def missing_stream(
 
 
 def too_short(
-    leg: LegEntry, signals: Sequence[Signal], *, min_segment_s: float, max_gap_s: float
+    leg: LegEntry,
+    signals: Sequence[Signal],
+    *,
+    min_segment_s: float,
+    max_gap_s: float,
+    log_end_s: float,
 ) -> DataError:
     """Return the error for a leg of which no part is covered for long enough."""
     start_s, end_s = leg.start_s or 0.0, leg.end_s
+    if end_s is not None and log_end_s < min(end_s, start_s + min_segment_s):
+        return DataError(
+            f"the log of leg '{leg.id}' ends too early",
+            value=f"after {log_end_s:.1f} s; the leg is {start_s:g} to {end_s:g} s of it",
+            allowed=f"{min_segment_s:g} s and more of the leg",
+            remedy="Was the log cut off? Take a leg that lies within it, or another log.",
+        )
     if end_s is not None and end_s - start_s < min_segment_s:
         return DataError(
             f"leg '{leg.id}' is too short",

@@ -104,7 +104,7 @@ def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace:
     columns = towed_body(2)
     columns.pop("tow_force_n")
     log = write_towed_body(workspace / "free.csv", columns)
-    with pytest.raises(PipelineError, match="name a vehicle file without actuators"):
+    with pytest.raises(PipelineError, match="add --vehicle passive_body"):
         new_campaign("free", [log])
     new_campaign("towed", [write_towed_body(workspace / "towed.csv", towed_body(2))])
     body = workspace / "campaigns/towed/vehicle.yaml"

@@ -2,17 +2,18 @@
 
 x' = -(d1 x + d2 x|x|) + a(t) + c(t) + sum_k b_k g_k(t)
 
-x: one velocity [m/s, rad/s]; d1 [1/s] and d2 [1/m, 1/rad]: drag over apparent mass; a:
-the acceleration that the equation of motion has (Coriolis, weight and buoyancy, the
-other axes), over that mass; c: what the water and the tether do, a constant of each
-coast and an unsteady part, both with sizes by likelihood; b_k: shapes whose size is
-pooled under a prior around 0 (net buoyancy that nobody measured, thrust that lags).
+x: one velocity [m/s, rad/s] through the water; d1 [1/s] and d2 [1/m, 1/rad]: drag over
+apparent mass; a: the acceleration that the equation of motion has (Coriolis, weight and
+buoyancy, the other axes), over that mass; c: what the water and the tether do, a constant
+of each coast and an unsteady part, both with sizes by likelihood; b_k: shapes whose size is
+pooled under a prior around 0 (net buoyancy that nobody measured, thrust that lags). What is
+measured is x and the steady current along the axis, pooled under a prior around 0, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,6 +45,8 @@ ODD_PUSH = 8.0
 """Constant of a coast over the median of all, beyond which something holds it."""
 PULLED_BACK = 0.4
 """Speed backwards, as a share of that at the start, which no drag makes."""
+USUAL_CURRENT_M_S = 0.15
+"""Standard deviation of a steady current, north and east, before the coasts are looked at."""
 ODD_SHARE = 1 / 3
 """Of coasts, at most so many are left out as odd."""
 
@@ -53,7 +56,8 @@ class CoastRecord:
     """Samples of one coast: x (n,) at t_s (n,), the modelled acceleration a (n,).
 
     `shapes` (n, k): g_k of the module; `fading` (n,): acceleration of thrust that lags
-    after the stop, as the vehicle file has it.
+    after the stop, as the vehicle file has it. `drift` (q,): share of each component of the
+    currents that lies along the axis, none where x is through the water.
     """
 
     t_s: Array
@@ -61,12 +65,13 @@ class CoastRecord:
     modelled: Array
     shapes: Array
     fading: Array
+    drift: Array = field(default_factory=lambda: np.zeros(0))
 
     def with_fading(self, thrust_scale: float) -> CoastRecord:
         """Return the record with what fades over the scale, as the last shape, too."""
         fading = self.fading / thrust_scale
         shapes = np.column_stack([self.shapes, fading])
-        return CoastRecord(self.t_s, self.speed, self.modelled, shapes, fading)
+        return replace(self, shapes=shapes, fading=fading)
 
     def thinned(self) -> CoastRecord:
         """Return means of neighbours, at most `MOST_SAMPLES` of them."""
@@ -85,6 +90,7 @@ class CoastRecord:
             means(self.modelled),
             means(self.shapes),
             means(self.fading),
+            self.drift,
         )
 
 
@@ -92,23 +98,31 @@ class CoastRecord:
 class CoastDecay:
     """Drag over mass `drag` (2,), d1 and d2, with covariance `covariance` (2, 2).
 
-    The covariance is that of how coasts differ, in no direction less than noise makes; 1.96
-    of its standard errors are half of the 95 % interval, by Student's t of so few coasts.
+    `current` (q,) [m/s]: components of the currents; `joint` (2 + q, 2 + q): covariance of
+    drag and currents. It is that of how coasts differ, in no direction less than noise
+    makes; 1.96 of its standard errors are half of the 95 % interval, by Student's t of so
+    few coasts.
 
-    `start_speed` (m,): x at the start of each coast; `sizes` (k,) of the shapes;
-    `noise`: standard deviations of a sample, of the constant of a coast and of the
-    unsteady acceleration; `used` and `odd`: which records were taken and which were left
+    `start_speed` (m,): speed through the water at the start of each coast; `sizes` (k,) of
+    the shapes; `noise`: standard deviations of a sample, of the constant of a coast and of
+    the unsteady acceleration; `used` and `odd`: which records were taken and which were left
     out. `simulated`: x of each record taken, at its samples.
     """
 
     drag: Array
-    covariance: Array
+    current: Array
+    joint: Array
     start_speed: Array
     sizes: Array
     noise: tuple[float, float, float]
     used: Ints
     odd: Ints
     simulated: tuple[Array, ...]
+
+    @property
+    def covariance(self) -> Array:
+        """Return the covariance (2, 2) of the drag."""
+        return self.joint[:2, :2]
 
     @property
     def coasts(self) -> int:
@@ -147,7 +161,7 @@ def fit_decay(
             raise DataError("too few coasts", value=used.size, allowed=f"{LEAST_COASTS} and more")
         problem = _Problem(
             [thin[index].with_fading(thrust_scale) for index in used],
-            np.append(np.asarray(prior_sd, dtype=np.float64), FADING_SD),
+            np.concatenate([prior_sd, [FADING_SD], np.full(thin[0].drift.size, USUAL_CURRENT_M_S)]),
         )
         fitted, misfit = problem.fit()
         push = np.abs(fitted.constants)
@@ -162,6 +176,7 @@ def fit_decay(
         used = np.delete(used, worst)
     return CoastDecay(
         fitted.drag,
+        fitted.current,
         fitted.covariance * widened_by(used.size - 1) ** 2,
         fitted.start_speed,
         fitted.sizes,
@@ -174,12 +189,14 @@ def fit_decay(
 
 def _pulled_back(record: CoastRecord) -> bool:
     ahead = record.speed * np.sign(record.speed[0])
-    return bool(np.min(ahead) < -PULLED_BACK * ahead[0])
+    drift = USUAL_CURRENT_M_S * float(np.linalg.norm(record.drift))
+    return bool(np.min(ahead) < -PULLED_BACK * ahead[0] - drift)
 
 
 @dataclass(frozen=True)
 class _Solution:
     drag: Array
+    current: Array
     covariance: Array
     start_speed: Array
     constants: Array
@@ -198,7 +215,7 @@ class _Errors:
 
 
 class _Problem:
-    """The coasts of one axis with their unknowns: d1, d2, b_k, x(0) and c of each.
+    """The coasts of an axis with unknowns: d1, d2, b_k, currents, x(0) and c of each.
 
     Constants stand among the unknowns, under a prior whose size is fitted: the speed to
     which a push of its own brings a coast is far from linear in it.
@@ -207,6 +224,7 @@ class _Problem:
     def __init__(self, records: Sequence[CoastRecord], prior_sd: Array) -> None:
         self.records, self.prior_sd = records, prior_sd
         self.shared = 2 + prior_sd.size
+        self.currents = self.shared - records[0].drift.size
         self.constants = self.shared + len(records)
         self.unsteady = [
             np.exp(-np.abs(item.t_s[:, None] - item.t_s) / UNSTEADY_S) for item in records
@@ -240,17 +258,21 @@ class _Problem:
         count = len(self.records)
         middle = np.sum([np.outer(item, item) for item in scores], axis=0)
         clustered = inverse @ middle @ inverse * count / (count - 1)
-        covariance = _not_below(clustered[:2, :2], inverse[:2, :2])
+        law = np.r_[0:2, self.currents : shared]
+        covariance = _not_below(clustered[np.ix_(law, law)], inverse[np.ix_(law, law)])
         noise, constant, unsteady = np.exp(sizes).tolist()
         simulated = tuple(
             record.speed + error for record, error in zip(self.records, parts.error, strict=True)
         )
+        current = unknown[self.currents : shared]
+        drift = np.array([record.drift for record in self.records])
         return _Solution(
             unknown[:2],
+            current,
             covariance,
-            unknown[shared : self.constants],
+            unknown[shared : self.constants] - drift @ current,
             unknown[self.constants :],
-            unknown[2:shared],
+            unknown[2 : self.currents],
             (noise, constant, unsteady),
             simulated,
         ), misfit
@@ -259,19 +281,21 @@ class _Problem:
         """Return simulated minus measured x with derivatives.
 
         A change of acceleration at s moves x(t) by S(t) / S(s), S the derivative of x by
-        x(0); trapezoids over the samples.
+        x(0); trapezoids over the samples. A current moves x and takes its part from x(0).
         """
         from auvid.hydro.identification.bench.compiled_loops import simulate_single
 
         shared, out = self.shared, _Errors([], [], [])
         for index, record in enumerate(self.records):
-            force = record.modelled + record.fading + record.shapes @ unknown[2:shared]
+            drift = float(record.drift @ unknown[self.currents : shared])
+            own = record.shapes @ unknown[2 : self.currents]
+            force = record.modelled + record.fading + own
             states = simulate_single(
                 np.diff(record.t_s),
                 np.ascontiguousarray(force[:-1]),
                 np.ascontiguousarray(force[1:]),
                 np.array([-unknown[0], -unknown[1], 1.0, 0.0, unknown[self.constants + index]]),
-                np.array([unknown[shared + index], 0.0]),
+                np.array([unknown[shared + index] - drift, 0.0]),
                 LONGEST_STEP_S,
             )
             x, by_start = states[:, 0], states[:, 12]
@@ -281,10 +305,11 @@ class _Problem:
             response = by_start[:, None] * weights / by_start
             jacobian = np.zeros((x.size, unknown.size))
             jacobian[:, 0], jacobian[:, 1] = -states[:, 2], -states[:, 4]
-            jacobian[:, 2:shared] = response @ record.shapes
+            jacobian[:, 2 : self.currents] = response @ record.shapes
+            jacobian[:, self.currents : shared] = np.outer(1.0 - by_start, record.drift)
             jacobian[:, shared + index] = by_start
             jacobian[:, self.constants + index] = states[:, 10]
-            out.error.append(x - record.speed)
+            out.error.append(x + drift - record.speed)
             out.jacobian.append(jacobian)
             out.response.append(response)
         return out

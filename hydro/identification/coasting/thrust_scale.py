@@ -8,7 +8,7 @@ the vehicle file, so s is that of thrust over mass.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -43,7 +43,8 @@ class PoweredLeg:
 
     `force` [N, N m]: the equation of motion without drag and thrust, what thrust and
     drag add up to; `thrust` by the vehicle file, without lag; `speed` [m/s, rad/s];
-    `shapes` (n, k): forces of unknown size.
+    `shapes` (n, k): forces of unknown size; `drift` (n, q): share of each component of the
+    currents along the axis.
     """
 
     force: Array
@@ -51,6 +52,7 @@ class PoweredLeg:
     speed: Array
     shapes: Array
     step_s: float
+    drift: Array = field(default_factory=lambda: np.zeros((1, 0)))
 
 
 @dataclass(frozen=True)
@@ -103,14 +105,15 @@ def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) 
     smooth, so that noise of the acceleration in `force` does not pull s to 0. Errors:
     coloured ones of the samples, and the covariance of the coasts.
     """
-    fits = _Fits.of(legs, [decay.drag], mass, LAGS_S)
+    law = np.append(decay.drag, decay.current)
+    fits = _Fits.of(legs, [law], mass, LAGS_S)
     best = int(np.argmin(fits.errors[0]))
     lag, scale = float(LAGS_S[best]), float(fits.solutions[0, best, 0])
-    steps = np.diag(STEP * np.maximum(np.abs(decay.drag), 0.1))
-    moved = _Fits.of(legs, list(decay.drag + steps), mass, LAGS_S[[best]])
+    steps = np.diag(STEP * np.maximum(np.abs(law), 0.1))
+    moved = _Fits.of(legs, list(law + steps), mass, LAGS_S[[best]])
     by_drag = (moved.solutions[:, 0, 0] - scale) / steps.max(axis=1)
-    noise = fits.variance(legs, decay.drag, mass, best)
-    variance = noise + float(by_drag @ decay.covariance @ by_drag)
+    noise = fits.variance(legs, law, mass, best)
+    variance = noise + float(by_drag @ decay.joint @ by_drag)
     return ThrustScale(scale, float(np.sqrt(variance)), lag, mass)
 
 
@@ -180,8 +183,11 @@ class _Fits:
 
 
 def _columns(leg: PoweredLeg, drag: Array, mass: float) -> tuple[Array, Array]:
-    """Return the design and the instruments (n, k) of a leg, its constant last."""
-    x = leg.speed
+    """Return the design and the instruments (n, k) of a leg, its constant last.
+
+    drag (2 + q,): d1, d2 and the currents.
+    """
+    x = leg.speed - leg.drift @ drag[2:]
     model = -mass * (drag[0] * x + drag[1] * x * np.abs(x))
     rest = [leg.shapes, np.ones(x.size)]
     return np.column_stack([leg.force - model, *rest]), np.column_stack([-model, *rest])

@@ -149,8 +149,8 @@ def passive_motions(log: CheckedLog, health: Mapping[str, Any]) -> CampaignFeed 
     passive = log.vehicle is not None and is_passive(log.vehicle)
     if not log.has("tow") and not passive:
         return (
-            "no tow force, and no vehicle file without actuators (--vehicle) says that nothing on"
-            " board drives it"
+            "no tow force, and no vehicle file without actuators (--vehicle passive_body) says that"
+            " nothing on board drives it"
         )
     vehicle = likely_vehicle(log)
     leg = LegEntry(id="log", log=log.info.log)

@@ -30,6 +30,8 @@ FEWEST = 5
 NO_STATE, NO_FORCE = "no fused state", "no residual force"
 IDLE = "no actuator acts"
 PASSIVE = "the vehicle file names no actuator"
+PASSIVE_KIND, SHOW_A_BODY = "passive", ("velocity", "attitude", "imu", "depth", "position", "tow")
+"""Stage of bodies that nothing on board drives, and the streams of which it takes one."""
 CAVEATS = {
     "low_actuator_rate": "commands are recorded too slowly",
     "estimated_velocity": "velocity is the estimate of the navigation filter",
@@ -154,6 +156,9 @@ def capabilities(log: CheckedLog, excited: Mapping[str, Mapping[str, Any]]) -> l
             motion = "hardly any motion"
         reason = "" if item["rms"] is None else f"RMS {significant(item['rms'])} {item['unit']}"
         rows.append((f"synthesise {name}", (residual and NO_FORCE) or motion, reason))
+    if log.has("tow") or residual == PASSIVE:
+        moves = None if any(map(log.has, SHOW_A_BODY)) else "nothing measures how it moves"
+        rows.append((PASSIVE_KIND, moves, "tows, coasts, decays and drifts"))
     if log.has("glider"):
         rows.append((GLIDE, glider_lacks(log), "drag, lift and trim from settled glides"))
     return [{"name": name, "possible": why is None, "reason": why or on} for name, why, on in rows]
@@ -198,6 +203,11 @@ def verdict(uses: Sequence[Mapping[str, Any]], findings: Sequence[Finding]) -> s
         )
     if possible.get(GLIDE):
         return "Drag, lift and trim can be fitted to settled glides (kind: glide)."
+    if possible.get(PASSIVE_KIND):
+        return (
+            "Nothing on board drives it: tows and coasts give drag, decays restoring, drifts the"
+            " current (kind: passive)."
+        )
     if not possible["residual"]:
         blocked = [name for name in ("resample", "fuse (kinematic)") if not possible[name]][:1]
         why = dict.fromkeys(reasons[name] for name in (*blocked, "residual"))

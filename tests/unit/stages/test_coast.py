@@ -56,8 +56,8 @@ def with_curve(scale: float) -> Vehicle:
     return replace(VEHICLE, thrusters=replace(thrusters, curve=curve))
 
 
-def inputs(vehicle: Vehicle, *, sticks: dict[str, Any]) -> coast.Inputs:
-    """What coast reads of one leg of a twin, made by the stages before it."""
+def inputs(vehicle: Vehicle, *, sticks: dict[str, Any], north_m_s: float = 0.0) -> coast.Inputs:
+    """What coast reads of one leg of a twin in a current, made by the stages before it."""
     leg = {
         "id": "a",
         "duration_s": DURATION_S,
@@ -70,7 +70,8 @@ def inputs(vehicle: Vehicle, *, sticks: dict[str, Any]) -> coast.Inputs:
         "unsteady": {"force_sd_N": [0.3] * 3, "moment_sd_N_m": [0.01] * 3, "correlation_s": 2.0}
     }
     plan = parse(DivePlanDocument, document | {"sensors": SENSORS, "water": water})
-    truth = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH))
+    still = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH))
+    truth = replace(still, current_m_s=np.array([north_m_s, 0.0, 0.0]))
     _, record = dive_in_memory(truth, plan, "a", seed=4)
     names = ("imu", "attitude", "velocity", "depth", "actuators", "battery")
     tables = {name: make_table(name, record.streams[name]) for name in names}
@@ -138,6 +139,17 @@ def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: 
     assert "heave (" in remarks(outputs, "note")
     taken = [item for item in outputs.coasts.to_pylist() if item["use"] == "taken"]
     assert {item["velocity"] for item in taken} >= {"u"}
+
+
+def test_a_steady_current_is_no_drag_and_no_fault_of_the_thrust_curve() -> None:
+    """The velocity log sees the bottom; the current is that along the bow."""
+    twin = inputs(VEHICLE, sticks=surge(3.5, 4.0), north_m_s=0.12)
+    outputs = coast.run(twin, coast.Params())
+    row = outputs.coast_drag.to_pylist()[0]
+    true = (8.0 + 90.0 * row["speed"]) / float(VEHICLE.mass_matrix[0, 0])
+    assert abs(row["rate"] - true) < 3.0 * row["rate_se"]
+    assert row["scale"] == pytest.approx(1.0, rel=0.1)
+    assert not remarks(outputs, "warning")
 
 
 def test_a_scale_that_the_mass_may_explain_is_no_fault_of_the_curve() -> None:

@@ -14,6 +14,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
+from auvid.stages.columns import POSITION
 from auvid.stages.passive.figures import alike_damped, passive_results, pooled
 from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of, read_leg
 from auvid.stages.passive.presentation import passive_section
@@ -182,3 +183,38 @@ def test_a_tow_with_sideslip_is_named(role: str | None) -> None:
         assert ("sideslip of 12 degrees" in words) is bool(share)
     assert angles[0] == {}
     assert np.degrees(angles[1]["leg"]) == pytest.approx(12.0, abs=0.3)
+
+
+def test_a_body_that_only_drifts_tells_the_current_and_a_float_that_bobs_no_drag() -> None:
+    """Neither has a role; what pushes a float back would count as drag of a coast."""
+    rng = np.random.default_rng(2)
+    micro = (5e4 * np.arange(2400)).astype(np.int64)
+    t_s = micro / 1e6
+    bob = 0.4 * np.exp(-0.1 * (t_s % 40.0)) * np.cos(1.4 * (t_s % 40.0))
+    noise = rng.standard_normal((3, t_s.size))
+    vehicle = shipped_vehicle("passive_body")
+    path = np.array([0.12, -0.05])
+    position = np.column_stack([t_s[:, None] * path + 0.05 * noise[:2].T, 0.0 * t_s])
+    motions = []
+    for depth in (3.0 + 0.003 * noise[2], 3.0 + bob + 0.003 * noise[2]):
+        tables = {
+            "depth": make_table("depth", {"time_us": micro, "depth_m": depth}),
+            "position": make_table(
+                "position", {"time_us": micro} | dict(zip(POSITION, position.T, strict=True))
+            ),
+        }
+        leg = read_leg(
+            LegEntry(id="leg", log="dive"), tables,
+            cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1]))), vehicle,
+            rate_hz=20.0, max_gap_s=1.0,
+        )  # fmt: skip
+        motions.append(motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle))
+    drifts, bobs = motions
+    ((name, velocity, error),) = drifts.drifts
+    assert name == "leg"
+    assert np.all(np.abs(velocity - path) < 4.0 * error)
+    words = str(passive_section(drifts, passive_results(drifts, vehicle)))
+    assert "'leg' is taken for a drift" in words
+    assert len(bobs.swings["heave"]) == 3
+    assert bobs.coast_fits == {}
+    assert bobs.drifts == []

@@ -293,6 +293,12 @@ def test_a_leg_shorter_than_the_least_part_is_called_short() -> None:
         run({"start_s": 10.0, "end_s": 14.0})
 
 
+def test_a_log_that_ends_before_its_leg_is_called_short() -> None:
+    """No pause and no other source is to blame."""
+    with pytest.raises(DataError, match=r"ends too early; found '?after 60.0 s.*cut off"):
+        run({"start_s": 57.0, "end_s": 90.0})
+
+
 def test_nothing_is_extrapolated() -> None:
     outputs = run(
         depth=depth(times(10, start_s=5.0, end_s=50.0)), battery=battery(times(1, start_s=20.0))

@@ -24,6 +24,8 @@ from auvid.hydro.dynamics.simulation.simulation import Motion, constant_actuatio
 
 GAINS = AutopilotGains()
 """Those of ArduSub."""
+TIPPED_RAD = 1.3
+"""Pitch beyond which a dive that ended did so by its pitch; the loop ends at 1.4."""
 FORCES = ("hull", "tether", "buoyancy", "thrust_loss", "inertia", "unsteady")
 """Parts of tau_bar of a dive."""
 
@@ -181,6 +183,8 @@ def fly_dive(
             f"the dive ended at {orders.t_s[last]:.2f} s of the leg: depth {x[8]:.2f} m,"
             f" pitch {np.degrees(x[10]):.0f} deg, speed {np.sqrt(x[:3] @ x[:3]):.2f} m/s"
         )
+        if abs(x[10]) > TIPPED_RAD:
+            stop += "; it pitches over: smaller sticks, or a mode that holds the attitude"
     offset = plan.settle_s - plan.margin_s
     log_end = last * tick_s - offset
     return Dive(

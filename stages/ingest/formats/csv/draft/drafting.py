@@ -76,6 +76,7 @@ OTHER_OF_PAIR = {"rudder": "fin_t_rad", "elevator": "fin_p_rad"}
 FIN_SIGN = "positive pushes the stern to starboard or up, else sign: -1"
 WITHOUT_UNIT = {"surge": "u_m_s", "sway": "v_m_s", "heave": "w_m_s"}
 WITHOUT_UNIT |= {"roll": "phi_rad", "pitch": "theta_rad", "yaw": "psi_rad"}
+ONE_AXIS = "; of a body that moves in one axis alone (coasts, a decay) add them as columns of zeros"
 OF_TOWS = frozenset({"tow", "towing", "towed", "carriage"})
 UPWARD_WORDS = {"flu": "z up: commands answer so", "enu": "enu, z up: by the name"}
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
@@ -235,7 +236,8 @@ def _with_columns(
     for stream, lack in partial.items():
         if lack:
             names = ", ".join(SPOKEN.get(name, name) for name in lack)
-            remarks.append(f"{stream} is left out: nothing looks like {names}.")
+            zeros = ONE_AXIS if stream in ("velocity", "attitude") else ""
+            remarks.append(f"{stream} is left out: nothing looks like {names}{zeros}.")
     if (
         any(item.in_quaternion for item in columns)
         and not {("attitude", "q_w"), ("pose", "q_w"), ("attitude", "phi_rad")} & set(chosen)

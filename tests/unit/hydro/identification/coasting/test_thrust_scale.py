@@ -24,6 +24,7 @@ NONE = np.array([], dtype=np.int64)
 def decay(covariance: np.ndarray) -> CoastDecay:
     return CoastDecay(
         np.array([D1, D2]),
+        np.zeros(0),
         covariance,
         np.full(5, 0.6),
         np.zeros(0),

@@ -290,6 +290,18 @@ def test_a_vehicle_that_surfaces_ends_its_dive() -> None:
     assert dive.end_s < 40.0
 
 
+def test_a_dive_that_pitches_over_says_so() -> None:
+    """Nothing holds the attitude in manual mode; the thrusters sit below the centre."""
+    flown = leg(
+        modes=[{"at_s": 0, "mode": "manual"}],
+        sticks={"forward": {"kind": "steps", "times_s": [0], "values": [0.6]}},
+        duration_s=60,
+    )
+    dive = dived(truth_of_model(HEAVY, IdentifiedModel("none", {"X": {"u": -20.0}})), flown)
+    assert dive.stop is not None
+    assert "it pitches over: smaller sticks" in dive.stop
+
+
 def test_the_frame_is_that_of_a_vehicle_with_thrusters() -> None:
     assert isinstance(PHYSICS.hull, OpenFrame)
     with pytest.raises(CampaignError, match="thrusters alone"):
