@@ -19,10 +19,7 @@ from auvid.hydro.dynamics.actuators.commands import (
     COMMANDS,
     axis_of,
     commanded_force,
-    frame_name,
-    frame_thrusters,
     full_commands,
-    px4_thrusters,
 )
 from auvid.hydro.dynamics.actuators.propeller import propeller_force
 from auvid.hydro.dynamics.actuators.thrusters import (
@@ -31,7 +28,11 @@ from auvid.hydro.dynamics.actuators.thrusters import (
     thruster_force,
     thruster_forces,
 )
-from auvid.hydro.dynamics.vehicle.logged_directions import joined_as_logged, turned_as_logged
+from auvid.hydro.dynamics.vehicle.logged_directions import (
+    UnscaledLayout,
+    layout_without_curve,
+    turned_as_logged,
+)
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.stages.columns import Samples
@@ -115,10 +116,8 @@ def drive_of(
         if vehicle.propeller is not None and has_columns(table, ("propeller_rev_s",)):
             return _propeller(streams, vehicle, t_s, surge, max_gap_s)
         if pulses and not logged:
-            thrusters, source, sized = _layout(vehicle, info, table)
-            return _full_commands(
-                streams, thrusters, source, info, t_s, max_gap_s, rebuild, sized=sized
-            )
+            layout = _layout(vehicle, info, table)
+            return _full_commands(streams, layout, info, t_s, max_gap_s, rebuild)
     if logged:
         return _commands(streams, logged, t_s, max_gap_s)
     raise DataError(
@@ -201,20 +200,17 @@ def _newtons(
 
 def _full_commands(
     streams: Streams,
-    thrusters: Thrusters,
-    source: str,
+    layout: UnscaledLayout,
     info: LogInfo,
     t_s: Array,
     max_gap_s: float,
     rebuild: bool,
-    *,
-    sized: bool,
 ) -> LegDrive:
     """Return the force of thrusters without a curve, in full commands.
 
-    sized: the layout has lengths, so that the pull of one axis tells that of another.
+    By a layout with lengths the pull of one axis tells that of another.
     """
-    thrusters, note = _turned(thrusters, info)
+    thrusters, note = _turned(layout.thrusters, info)
     width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
     full = full_commands(thrusters)
     axes = tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0)
@@ -223,9 +219,9 @@ def _full_commands(
         True,
         _acting(width),
         np.where(full > 0.0, 1.0, np.nan),
-        f"pulses of the thrusters in full commands, mixed by {source}",
+        f"pulses of the thrusters in full commands, mixed by {layout.source}",
         axes,
-        {axis: float(full[AXES.index(axis)]) for axis in axes if sized},
+        {axis: float(full[AXES.index(axis)]) for axis in axes if layout.sized},
         tuple(item for item in (note, words) if item),
         ThrusterForces(
             thrusters.outputs,
@@ -239,41 +235,29 @@ def _acting(width: Array) -> Mask:
     return np.asarray((np.abs(width - NEUTRAL_US) > DEAD_BAND_US).any(axis=1))
 
 
-def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> tuple[Thrusters, str, bool]:
-    """Return how outputs become forces, who says so, and whether its sizes count.
-
-    The factors of a frame mix commands: only their signs are those of the body.
-    The vehicle file's thrusters, its frame, FRAME_CONFIG of the log, or PX4's geometry.
-    """
-    config = info.parameters.get("FRAME_CONFIG")
-    frame = vehicle.commands.frame or frame_name(info.parameters)
-    if vehicle.commands.thrusters is not None:
-        choice, source = vehicle.commands.thrusters, "the layout of the vehicle file"
-    elif frame is not None:
-        where = "the vehicle file" if vehicle.commands.frame else "FRAME_CONFIG of the log"
-        choice = joined_as_logged(frame_thrusters(frame), info.parameters)
-        source = f"frame {frame} of {where}"
-    else:
-        of_px4 = px4_thrusters(info.parameters)
-        if of_px4 is None:
-            raise DataError(
-                "frame unknown: nothing says how outputs become forces",
-                field="FRAME_CONFIG",
-                value="not logged" if config is None else f"{config:g}",
-                allowed=", ".join(ARDUSUB_FRAMES),
-                remedy=FRAME_REMEDY,
-            )
-        choice, source = of_px4, "CA_ROTOR of the log"
-    lacking = [name for name in output_columns(choice) if name not in table.column_names]
+def _layout(vehicle: Vehicle, info: LogInfo, table: pa.Table) -> UnscaledLayout:
+    """Return how outputs become forces; raise `DataError` where nobody says."""
+    layout = layout_without_curve(vehicle.commands, info.parameters)
+    if layout is None:
+        config = info.parameters.get("FRAME_CONFIG")
+        raise DataError(
+            "frame unknown: nothing says how outputs become forces",
+            field="FRAME_CONFIG",
+            value="not logged" if config is None else f"{config:g}",
+            allowed=", ".join(ARDUSUB_FRAMES),
+            remedy=FRAME_REMEDY,
+        )
+    columns = output_columns(layout.thrusters)
+    lacking = [name for name in columns if name not in table.column_names]
     if lacking:
         raise DataError(
-            f"outputs are missing that {source} has",
+            f"outputs are missing that {layout.source} has",
             field="actuators",
             value=", ".join(lacking),
-            allowed=", ".join(output_columns(choice)),
+            allowed=", ".join(columns),
             remedy=OUTPUTS_REMEDY,
         )
-    return choice, source, vehicle.commands.thrusters is not None or frame is None
+    return layout
 
 
 def _propeller(

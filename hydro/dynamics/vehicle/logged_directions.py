@@ -1,12 +1,18 @@
-"""Which way the motors of a vehicle turn, as its autopilot was told."""
+"""How the motors of a vehicle turn and push, as its autopilot was told."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auvid.hydro.dynamics.actuators.commands import (
+    FullCommands,
+    frame_name,
+    frame_thrusters,
+    px4_thrusters,
+)
 from auvid.hydro.dynamics.actuators.thrusters import Thrusters
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 
@@ -14,6 +20,38 @@ MOTOR_OF_FUNCTION = {32.0 + motor: motor for motor in range(1, 9)} | {
     73.0 + motor: motor for motor in range(9, 13)
 }
 """ArduPilot's SERVOc_FUNCTION: 33 to 40 are motors 1 to 8, 82 to 85 motors 9 to 12."""
+
+
+@dataclass(frozen=True)
+class UnscaledLayout:
+    """How outputs become forces in full commands, and who says so.
+
+    `sized`: it has lengths. The factors of a frame mix commands: only their signs are those
+    of the body. `frame`: its name, None for another layout.
+    """
+
+    thrusters: Thrusters
+    source: str
+    sized: bool
+    frame: str | None = None
+
+
+def layout_without_curve(
+    commands: FullCommands, parameters: Mapping[str, float | None]
+) -> UnscaledLayout | None:
+    """Return the layout of thrusters without a curve, or None.
+
+    The vehicle file's thrusters, its frame, FRAME_CONFIG of the log, or PX4's geometry.
+    """
+    if commands.thrusters is not None:
+        return UnscaledLayout(commands.thrusters, "the layout of the vehicle file", True)
+    frame = commands.frame or frame_name(parameters)
+    if frame is not None:
+        where = "the vehicle file" if commands.frame else "FRAME_CONFIG of the log"
+        thrusters = joined_as_logged(frame_thrusters(frame), parameters)
+        return UnscaledLayout(thrusters, f"frame {frame} of {where}", False, frame)
+    of_px4 = px4_thrusters(parameters)
+    return None if of_px4 is None else UnscaledLayout(of_px4, "CA_ROTOR of the log", True)
 
 
 def with_logged_directions(

@@ -22,6 +22,7 @@ from auvid.hydro.long_series.threads import at_once
 from auvid.stages.columns import LINEAR_VELOCITY
 from auvid.stages.ingest.health.actuation.fin_answers import fin_findings, propeller_findings
 from auvid.stages.ingest.health.actuation.force_clocks import drift_findings, force_clock_findings
+from auvid.stages.ingest.health.actuation.frame_outputs import frame_findings
 from auvid.stages.ingest.health.actuation.outputs import actuation_findings, battery_findings
 from auvid.stages.ingest.health.actuation.plausible_forces import force_findings, shape_findings
 from auvid.stages.ingest.health.actuation.push_answers import push_responses, response_signs
@@ -372,6 +373,7 @@ OF_RECORDS = (
     unusable_findings,
     copied_findings,
     identity_findings,
+    frame_findings,
 )
 """Checks of how a log was recorded; each yields its findings."""
 OF_SENSORS = (gyro_findings, accelerometer_findings, depth_findings)

@@ -103,10 +103,10 @@ def joined_otherwise(log: CheckedLog, *, signs: bool = True) -> Iterator[Finding
     if not driven or at.size < LEAST_ORDER_WINDOWS:
         return
     own = [motions[row] for row in driven]
-    terms = [_other_terms(log, row, motions[row][0]) for row in driven]
+    terms = [other_terms(log, row, motions[row][0]) for row in driven]
     places = other_places(vehicle)
     impulse = integrals(t_s, forces, at, ORDER_WINDOW_S)
-    answers = [_motion_windows(own, terms, at + lag) for lag in ANSWERS_S]
+    answers = [motion_windows(own, terms, at + lag) for lag in ANSWERS_S]
     joined = joined_outputs(
         answers,
         impulse,
@@ -180,10 +180,10 @@ def directions_by_motion(log: CheckedLog, vehicle: Vehicle) -> Array | None:
         for each in [replace(thrusters, direction=np.full(len(names), sign))]
     )
     terms = [
-        _other_terms(log, row, measured[row][0]) if row in RIGHTED or log.has("velocity") else None
+        other_terms(log, row, measured[row][0]) if row in RIGHTED or log.has("velocity") else None
         for row in driven
     ]
-    answers = [_motion_windows(own, terms, at + lag) for lag in ANSWERS_S]
+    answers = [motion_windows(own, terms, at + lag) for lag in ANSWERS_S]
     return motor_directions(answers, (ahead, back), thrusters.allocation[driven])
 
 
@@ -369,7 +369,7 @@ def _joined_wrong(
     )
 
 
-def _other_terms(log: CheckedLog, row: int, at: Array) -> Array | None:
+def other_terms(log: CheckedLog, row: int, at: Array) -> Array | None:
     """Return what accelerates an axis beside thrust and drag (n, k)."""
     if row not in RIGHTED:
         return coupling(log, row, at)
@@ -401,7 +401,7 @@ def placed_otherwise(
     return vehicle_from_document(document)
 
 
-def _motion_windows(
+def motion_windows(
     motions: list[tuple[Array, Array]], turns: list[Array | None], at: Array
 ) -> WindowMotion:
     """Return changes of motions (times, values) over windows, and drag and turns."""

@@ -28,6 +28,7 @@ from auvid.stages.columns import (
     POSITION,
     SPEEDS,
 )
+from auvid.stages.ingest.health.actuation.frame_outputs import frame_outputs
 from auvid.stages.ingest.health.actuation.mixed_commands import mixed_commands
 from auvid.stages.ingest.health.actuation.output_order import joined_otherwise
 from auvid.stages.ingest.health.actuation.outputs import activity
@@ -160,7 +161,7 @@ def motion_findings(
         yield from coarse
         return
     yield from weak_forces(response)
-    of_outputs = list(joined_otherwise(log, signs=bool(response)))
+    of_outputs = list(joined_otherwise(log, signs=bool(response))) or list(frame_outputs(log))
     joined = any(item["id"] == "response_order" for item in of_outputs)
     exchanged = [] if joined else list(exchanged_answers(log, response))
     if not joined and not exchanged:

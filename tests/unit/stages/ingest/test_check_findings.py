@@ -467,6 +467,12 @@ def _other_order(log: Log) -> None:
     drive(log, (5, 6, 7, 8, 1, 2, 3, 4))
 
 
+@spoils("frame_unlike")
+def _frame_of_six_motors(log: Log) -> None:
+    drive(log, RIGHT_ORDER)
+    log.info["parameters"]["FRAME_CONFIG"] = 1.0
+
+
 @spoils("curve_voltage")
 def _curve_of_four_cells(log: Log) -> None:
     """Thrusters on six cells, with the curve of the data sheet at 16 V."""

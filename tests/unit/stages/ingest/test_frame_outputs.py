@@ -1,0 +1,124 @@
+"""A frame of the autopilot against the vehicle file, the outputs and the motion of a log."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from auvid.hydro.dynamics.actuators.commands import ARDUSUB_FRAMES
+from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
+from auvid.stages.ingest.health.finding import Finding
+from tests.support.motions import vehicle_document
+from tests.support.sound_log import Log, sound
+from tests.unit.stages.ingest.test_check_findings import RIGHT_ORDER, drive
+
+
+@pytest.fixture(scope="module")
+def flown() -> Log:
+    log = sound()
+    drive(log, RIGHT_ORDER)
+    assert log.vehicle is not None
+    assert log.vehicle.thrusters is not None
+    turns = log.vehicle.thrusters.direction
+    log.info["parameters"] = {"FRAME_CONFIG": 2.0} | {
+        f"MOT_{number}_DIRECTION": float(turn) for number, turn in enumerate(turns, start=1)
+    }
+    return log
+
+
+@pytest.fixture
+def log(flown: Log) -> Log:
+    """A log of eight thrusters with its frame, without a vehicle file."""
+    own = copy.deepcopy(flown)
+    own.vehicle = None
+    return own
+
+
+def named(log: Log, name: str) -> list[Finding]:
+    return [item for item in log.health()["findings"] if item["id"] == name]
+
+
+def described(vehicle: str = "bluerov2_heavy", **thrusters: object) -> object:
+    document = copy.deepcopy(vehicle_document(vehicle))
+    for key, value in thrusters.items():
+        document["actuators"]["thrusters"][key]["value"] = value
+    return vehicle_from_document(document)
+
+
+def test_a_sound_log_agrees_with_its_frame(log: Log) -> None:
+    assert not named(log, "response_order")
+    assert not named(log, "frame_unlike")
+
+
+@pytest.mark.parametrize("motor", [1, 4])
+def test_a_motor_of_a_frame_that_acts_backward_is_named(log: Log, motor: int) -> None:
+    turn = log.info["parameters"][f"MOT_{motor}_DIRECTION"]
+    log.info["parameters"][f"MOT_{motor}_DIRECTION"] = -turn
+    (item,) = named(log, "response_order")
+    assert f"Output {motor} seems to act backward" in item["text"]
+    assert "frame vectored_6dof of FRAME_CONFIG of the log" in item["text"]
+    assert f"set MOT_{motor}_DIRECTION to {turn:.0f} (the log has {-turn:.0f})" in item["remedy"]
+    assert f"turn the signs of row {motor}" in item["remedy"]
+
+
+def test_exchanged_outputs_of_a_frame_are_named(log: Log) -> None:
+    parameters = log.info["parameters"]
+    turns = [parameters["MOT_2_DIRECTION"], parameters["MOT_1_DIRECTION"]]
+    for motor, output in enumerate((2, 1, 3, 4, 5, 6, 7, 8), start=1):
+        parameters[f"SERVO{output}_FUNCTION"] = 32.0 + motor
+    parameters["MOT_1_DIRECTION"], parameters["MOT_2_DIRECTION"] = turns
+    (item,) = named(log, "response_order")
+    assert "Outputs 2 and 1 look exchanged" in item["text"]
+    assert "exchange SERVO2_FUNCTION and SERVO1_FUNCTION" in item["remedy"]
+
+
+def test_another_frame_of_the_vehicle_file_is_named(log: Log) -> None:
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    document["actuators"] = {"commands": {"frame": "vectored"}}
+    log.vehicle = vehicle_from_document(document)
+    (item,) = named(log, "frame_unlike")
+    assert "frame vectored, not vectored_6dof of the log (FRAME_CONFIG 2)" in item["text"]
+    log.vehicle = described("bluerov2")  # type: ignore[assignment]
+    (item,) = named(log, "frame_unlike")
+    assert (
+        "has 6 thrusters, and frame vectored_6dof of the log (FRAME_CONFIG 2) has 8"
+        in (item["text"])
+    )
+
+
+def test_bundled_vehicles_push_as_their_frames(log: Log) -> None:
+    log.vehicle = described()  # type: ignore[assignment]
+    assert not named(log, "frame_unlike")
+
+
+def test_an_axis_of_a_thruster_turned_round_in_the_vehicle_file_is_named(log: Log) -> None:
+    axis = np.array(vehicle_document("bluerov2_heavy")["actuators"]["thrusters"]["axis"]["value"])
+    axis[2] *= -1.0
+    log.vehicle = described(axis=axis.tolist())  # type: ignore[assignment]
+    (item,) = named(log, "frame_unlike")
+    assert "in surge than the motors of frame vectored_6dof" in item["text"]
+    assert "push thrusters of the vehicle file: 3 (output 3)" in item["text"]
+
+
+def test_outputs_that_move_and_a_frame_lacks_are_named(log: Log) -> None:
+    """Eight outputs of a vehicle that moves level, by a frame of six motors, and round."""
+    del log.info["parameters"]["FRAME_CONFIG"]
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    document["actuators"] = {"commands": {"frame": "vectored"}}
+    log.vehicle = vehicle_from_document(document)
+    table = log.streams["actuators"]
+    heave = table["pwm_5_us"] - 1500.0
+    for number, factor in enumerate(np.array(ARDUSUB_FRAMES["vectored_6dof"])[4:, 2], start=5):
+        turn = log.info["parameters"][f"MOT_{number}_DIRECTION"]
+        table[f"pwm_{number}_us"] = 1500.0 + turn * factor * heave
+    (item,) = named(log, "frame_unlike")
+    assert "Outputs 7 and 8 move as motors do" in item["text"]
+    table["pwm_7_us"] = np.full(heave.size, 1500.0)
+    table["pwm_8_us"] = np.full(heave.size, 1500.0)
+    assert not named(log, "frame_unlike")
+    log.info["parameters"]["FRAME_CONFIG"] = 2.0
+    log.vehicle = None
+    (item,) = named(log, "frame_unlike")
+    assert "at outputs 7 and 8 stand still all log long" in item["text"]
