@@ -37,6 +37,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.record import ThrusterForces
 from auvid.stages.columns import Samples
 from auvid.stages.leg_record.between_samples import between_samples
+from auvid.stages.leg_record.heading_law import level_by_law
 from auvid.stages.leg_record.motion import enough, on_clock, step_s
 from auvid.stages.leg_streams import Streams
 
@@ -130,12 +131,17 @@ def drive_of(
 
 
 def pulses_of(
-    streams: Streams, thrusters: Thrusters, t_s: Array, max_gap_s: float, rebuild: bool
+    streams: Streams,
+    thrusters: Thrusters,
+    info: LogInfo,
+    t_s: Array,
+    max_gap_s: float,
+    rebuild: bool,
 ) -> tuple[Array, str]:
     """Return the pulses (n, k) of thrusters on a clock, and how slow ones were rebuilt.
 
-    No pulse counts as neutral. Between samples they are linear: held outputs of a slow
-    log would lag by half a step.
+    thrusters: with the directions of the log. No pulse counts as neutral. Between samples
+    they are linear: held outputs of a slow log would lag by half a step.
     """
     samples = _samples(streams, output_columns(thrusters))
     # Between no pulse (0) and a neutral one there is no pulse of full reverse.
@@ -143,8 +149,10 @@ def pulses_of(
     width = on_clock(Samples(samples.t_s, pulses), t_s, max_gap_s)
     if not rebuild or step_s(samples) <= 1.0 / SLOW_HZ:
         return width, ""
-    way = between_samples(streams, thrusters, Samples(samples.t_s, pulses), t_s, width, max_gap_s)
-    return way.pulses, way.words
+    slow = Samples(samples.t_s, pulses)
+    way = between_samples(streams, thrusters, slow, t_s, width, max_gap_s)
+    law = level_by_law(streams, thrusters, slow, t_s, way.pulses, info.parameters)
+    return (way.pulses, way.words) if law is None else (law.pulses, way.words + law.words)
 
 
 def _samples(streams: Streams, names: tuple[str, ...]) -> Samples:
@@ -176,7 +184,7 @@ def _newtons(
 ) -> LegDrive:
     """Return the force by thrust curve, layout and voltage, in N and N m."""
     thrusters, note = _turned(thrusters, info)
-    width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
+    width, words = pulses_of(streams, thrusters, info, t_s, max_gap_s, rebuild)
     voltage = streams.voltage(t_s)
     forces = thruster_forces(thrusters, width, voltage)
     values = thruster_force(thrusters, forces)
@@ -211,7 +219,7 @@ def _full_commands(
     By a layout with lengths the pull of one axis tells that of another.
     """
     thrusters, note = _turned(layout.thrusters, info)
-    width, words = pulses_of(streams, thrusters, t_s, max_gap_s, rebuild)
+    width, words = pulses_of(streams, thrusters, info, t_s, max_gap_s, rebuild)
     full = full_commands(thrusters)
     axes = tuple(axis for axis, size in zip(AXES, full, strict=True) if size > 0.0)
     return LegDrive(
