@@ -268,6 +268,12 @@ def _partial_lines(part: PartialFigures) -> list[str]:
         f" {MOTION_WORDS[item.of]}, late by {item.lag_s:g} s."
         for item in part.cross_forces
     ]
+    lines += [
+        f"{MOTION_WORDS[item.axis].capitalize()} {item.words}: {item.value:.3g} {item.unit}"
+        f" ({item.interval_95[0]:.3g} to {item.interval_95[1]:.3g}, 95 % by noise), linear and"
+        " quadratic part together; these share their error."
+        for item in part.total_drag
+    ]
     if part.unit_of_mass is not None:
         lines.append(
             "NO NEWTONS, NO KILOGRAMS: every mass, inertia and force is a share of the apparent"

@@ -69,7 +69,7 @@ def training_information(cards: Mapping[str, ModelCard]) -> dict[str, float]:
     return {
         name: sum(
             bic(
-                part.samples * part.j**2,
+                part.samples * (part.j or 0.0) ** 2,
                 fitted_numbers(card, axis),
                 n_samples=part.samples,
                 samples_per_one=counted.get(axis, 1.0),

@@ -105,10 +105,10 @@ class AxisCard(Model):
     """Rank decided on scaled columns."""
     condition: float | None = None
     """Condition of the scaled columns."""
-    j0: float
-    """RMS of tau_bar on training."""
-    j: float
-    """RMS of the error on training."""
+    j0: float | None
+    """RMS of tau_bar on training; null where nothing was fitted."""
+    j: float | None
+    """RMS of the error on training; null where nothing was fitted."""
     excitation: Literal["excited", "weak", "not excited"]
     """Whether the training legs move this axis."""
     terms: list[TermCard]

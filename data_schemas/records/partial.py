@@ -66,6 +66,33 @@ class MassFreeFigure(Model):
     """What the data say; of several coefficients in it, of the worst."""
 
 
+class TotalDrag(Model):
+    """Drag of an axis at one speed, over that speed: both parts together.
+
+    Linear and quadratic part share their error, so that their sum is known much better than either.
+    """
+
+    axis: Axis
+    """The axis."""
+    speed: float
+    """RMS speed that the axis was fitted at [m/s, rad/s]."""
+    value: float
+    """Force or moment against the motion, over the speed; of yaw -(N_r + N_r|r| speed)."""
+    unit: str
+    """N s/m or N m s/rad."""
+    interval_95: list[float]
+    """Ends of its 95 % interval by noise."""
+    assumed_shifts: dict[str, float] = Field(default_factory=dict)
+    """What it moves by with one standard deviation of an assumed figure of the vehicle file."""
+    verdict: FigureVerdict
+    """What the data say, of the sum."""
+
+    @property
+    def words(self) -> str:
+        """Return its name: `drag at 0.33 rad/s`."""
+        return f"drag at {self.speed:g} {'m/s' if self.axis in 'XYZ' else 'rad/s'}"
+
+
 class CommandGain(Model):
     """What a full command gives: gain of an axis, or of one actuator on it."""
 
@@ -215,6 +242,10 @@ class PartialFigures(Model):
     """Axes that it does not have; a simulation holds their velocities."""
     without_newtons: list[MassFreeFigure]
     """What holds whatever the newtons are."""
+    total_drag: list[TotalDrag] = Field(default_factory=list)
+    """Total drag of each axis at one speed: of a model whose linear and quadratic parts are
+    weak the figure to use. None without newtons.
+    """
     gains: list[CommandGain]
     """What full commands give; none where the actuators have a thrust curve."""
     thrusters: list[ThrusterShare] = Field(default_factory=list)

@@ -21,6 +21,7 @@ from auvid.data_schemas.records.partial import (
     LackingAxis,
     MassFreeFigure,
     PartialFigures,
+    TotalDrag,
 )
 from auvid.hydro.arrays import AXES
 from auvid.hydro.axis_figures import (
@@ -28,10 +29,13 @@ from auvid.hydro.axis_figures import (
     FORCE,
     AxisForces,
 )
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import MIXED
+from auvid.hydro.identification.axes.quantities import WIDEST
+from auvid.hydro.identification.fleet.drag import drag_at_speed
 from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK
+from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, stands_clear
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
 from auvid.stages.columns import FINER_FIXES, TOO_COARSE
@@ -112,12 +116,12 @@ def model_card(
         method="axes",
         damping="negative",
         inertia=_inertias(by_axis, scaled, fitted_vehicle(fits, vehicle)),
-        partial=partial_figures(fits, scaled, filled),
+        partial=partial_figures(fits, scaled, filled, vehicle),
     )
 
 
 def partial_figures(
-    fits: AxisFits, scaled: ScaledAxes, filled: Sequence[FilledAxis]
+    fits: AxisFits, scaled: ScaledAxes, filled: Sequence[FilledAxis], vehicle: Vehicle
 ) -> PartialFigures:
     """Return axes, what is lacking, and figures that need no newtons."""
     fill = {item.axis for item in filled}
@@ -142,6 +146,7 @@ def partial_figures(
             "without_newtons": [
                 figure for item in fits.fitted for figure in free_figures(item, fits.normalised)
             ],
+            "total_drag": total_drags(fits, scaled, vehicle),
             "gains": _gains(fits, scaled) if fits.normalised else [],
             "thrusters": [share_of(item) for item in fits.thrusters],
             **({} if scaled.scale is None else {"scale": scaled.scale}),
@@ -324,6 +329,41 @@ def _inertias(
 
 def _inertia_verdict(item: FittedAxis) -> str:
     return IDENTIFIED if item.inertia == "determined" and item.predicts else WEAK
+
+
+def total_drags(fits: AxisFits, scaled: ScaledAxes, vehicle: Vehicle) -> list[TotalDrag]:
+    """Return the drag of each axis at its RMS speed, over that speed, in newtons.
+
+    Its interval is symmetric in its logarithm.
+    """
+    if scaled.unit_of_mass is not None:
+        return []
+    drags = []
+    for item in fits.fitted:
+        forces, speed = scaled.forces[item.axis], float(f"{item.rate_rms:.2g}")
+        drag = drag_at_speed(
+            forces.names, forces.values, forces.covariance, axis=item.axis, speed=speed
+        )
+        if drag is None or not 0.0 < NORMAL_95 * drag.standard_error < WIDEST * drag.force:
+            continue  # no drag, or an interval that says nothing
+        value, error = drag.force / speed, drag.standard_error / speed
+        shifts = _thrust_shift(value, scaled, vehicle)
+        clear = item.predicts and stands_clear(value, error, shifts)
+        half = float(np.exp(NORMAL_95 * error / value))
+        drags.append(
+            TotalDrag.model_validate(
+                {
+                    "axis": item.axis,
+                    "speed": speed,
+                    "value": value,
+                    "unit": unit_of(item.axis, item.equation.speed, scaled),
+                    "interval_95": [value / half, value * half],
+                    "assumed_shifts": shifts,
+                    "verdict": IDENTIFIED if clear else WEAK,
+                }
+            )
+        )
+    return drags
 
 
 def _gains(fits: AxisFits, scaled: ScaledAxes) -> list[CommandGain]:

@@ -31,6 +31,7 @@ from auvid.stages.presentation import (
     remark,
     section,
     series,
+    shift_words,
     table,
     text,
     view,
@@ -101,6 +102,7 @@ def fit_section(fits: AxisFits, card: ModelCard) -> dict[str, Any]:
             for item in fits.lacking
         ]
         blocks.append(table("Axes that are not fitted", ["axis", "verdict", "why", "remedy"], rows))
+    blocks += _drags(card)
     blocks += _coefficients(card)
     blocks += _beside_damping(card)
     blocks += _free_of_newtons(card)
@@ -191,6 +193,23 @@ def _figure(percent: float | None) -> float | str | None:
     """Return a fit [%] for a table: words where it is far from any motion."""
     lost = percent is not None and percent < LEAST_FIT
     return fit_in_percent(percent) if lost else percent
+
+
+def _drags(card: ModelCard) -> list[Block]:
+    """Return the drag of each axis at one speed, the figure to use of weak parts."""
+    if card.partial is None or not card.partial.total_drag:
+        return []
+    rows: list[list[str | float | None]] = [
+        [f"{AXIS_WORDS[item.axis]}, {item.words}", item.value, *item.interval_95, item.unit,
+         item.verdict, shift_words(item.assumed_shifts, 0.0)]
+        for item in card.partial.total_drag
+    ]  # fmt: skip
+    heads = ["figure", "value", "from", "to", "unit", "verdict", "besides, 95 %"]
+    note = (
+        "Force over speed, linear and quadratic part together, with 95 % intervals by noise. The"
+        " parts below share their error: where they are weak, this is the figure to use."
+    )
+    return [table("Drag at one speed", heads, rows, note=note)]
 
 
 def _coefficients(card: ModelCard) -> list[Block]:

@@ -110,6 +110,8 @@ def glide_card(comparison: GlideComparison, glides: GlideLegs, vehicle: Vehicle)
 def glide_ranking(card: ModelCard) -> RankingRecord:
     """Return whether the model simulates: by the depth rate of glides left out."""
     j0, j = card.axes["Z"].j0, card.axes["Z"].j
+    assert j0 is not None
+    assert j is not None
     trained = dict.fromkeys(IN_PLANE, 100.0 * (1.0 - j / j0))
     rule = "the depth rate of alternate glides, by a fit to the others"
     return few_axes.ranking(card, trained, rule=rule)

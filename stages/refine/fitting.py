@@ -138,7 +138,7 @@ class CardUnknowns:
     def noise(self, legs: Sequence[LegRecord]) -> NoiseModel:
         """Return sensors as their samples scatter, and the force that the card left."""
         floor = SMALLEST_FORCE * np.diag(self.vehicle.mass_matrix)
-        left = np.maximum([self.card.axes[axis].j for axis in AXES], floor)
+        left = np.maximum([self.card.axes[axis].j or 0.0 for axis in AXES], floor)
         force = np.tile(left, (len(legs), 1))
         return NoiseModel(rough_sd(list(legs)), force, np.full(6, FIRST_FORCE_TIME_S))
 

@@ -179,7 +179,7 @@ def force_errors(
         return np.sqrt(np.mean(squares, axis=0)), memory
     ratio = np.maximum([samples_per_one.get(axis, 1.0) for axis in AXES], 1.001)
     memory = step_s / np.log((ratio + 1.0) / (ratio - 1.0))
-    return np.array([card.axes[axis].j for axis in AXES]), memory
+    return np.array([card.axes[axis].j or 0.0 for axis in AXES]), memory
 
 
 def grown_errors(size: Array, usual: Array, acting: Array) -> Array:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord, UsableFor
-from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures
+from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures, TotalDrag
+from auvid.hydro.arrays import AXES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.model_use import FITTED, axes_listed, partial_words, ratio_words
@@ -28,7 +29,7 @@ from auvid.stages.page.first_screen import (
     Use,
     anchor,
 )
-from auvid.stages.presentation import degrees
+from auvid.stages.presentation import degrees, shift_words
 from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
 from auvid.stages.report.summary.coefficient_text import findings
 from auvid.stages.report.summary.model_summary import assumed_figures, damaged_logs, plural, warned
@@ -70,7 +71,7 @@ def summarise_axes(
         identified=findings(card),
         missing=(*_missing(part), *damaged_logs(logs), *_assumed(part, vehicle)),
         warnings=warned(sections),
-        figures=tuple(_figure(item) for item in part.without_newtons),
+        figures=_figures(part),
         uses=uses_of(part, usable),
         rule=f"Judged by {ranking.rule}.",
         coefficients=coefficient_rows(card, vehicle, shelf),
@@ -174,6 +175,33 @@ def uses_of(part: PartialFigures, usable: UsableFor | None) -> tuple[Use, ...]:
         parts.append(f"{name} {low} to {high} {unit}")
     uses.append(Use("Within", "", true_minus(f"{', '.join(parts)}: the range of what was fitted")))
     return tuple(uses)
+
+
+def _figures(part: PartialFigures) -> tuple[Figure, ...]:
+    """Return the figures of each axis, its drag at one speed first."""
+    return tuple(
+        figure
+        for axis in AXES
+        for figure in (
+            *(_drag(item) for item in part.total_drag if item.axis == axis),
+            *(_figure(item) for item in part.without_newtons if item.axis == axis),
+        )
+    )
+
+
+def _drag(item: TotalDrag) -> Figure:
+    """Return a drag at a speed with its interval by noise; beside it what scales it."""
+    places = places_of_error((item.interval_95[1] - item.interval_95[0]) / 2.0)
+    low, high = (fixed(end, places) for end in item.interval_95)
+    shifts = shift_words(item.assumed_shifts, 0.0)
+    return Figure(
+        AXIS_WORDS[item.axis],
+        item.words,
+        f"{fixed(item.value, places)} {printed_unit(item.unit)}",
+        f"{low} to {high}",
+        item.verdict,
+        f"linear and quadratic together, by noise{f'; {shifts}' if shifts else ''}",
+    )
 
 
 def _figure(item: MassFreeFigure) -> Figure:

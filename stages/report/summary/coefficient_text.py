@@ -54,7 +54,8 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
     the inertia of its own axis: the ratios of inertia may be guesses.
     """
     own = card.partial if card.partial and card.partial.unit_of_mass is not None else None
-    entries = [
+    entries = [] if card.partial is None else _drags(card.partial)
+    entries += [
         CoefficientLine(f"{AXIS_WORDS[axis]} damping", lines, _range(axis, card.conditions))
         for axis, part in card.axes.items()
         if (lines := _damping(axis, part) if own is None else _over_own_inertia(axis, own))
@@ -96,6 +97,26 @@ def findings(card: ModelCard) -> tuple[CoefficientLine, ...]:
         if item.verdict == IDENTIFIED
     ]
     return tuple(entries)
+
+
+def _drags(part: PartialFigures) -> list[CoefficientLine]:
+    """Return the drag of each axis at one speed, surer than its parts."""
+    return [
+        CoefficientLine(
+            f"{AXIS_WORDS[item.axis]} {item.words}",
+            (
+                _within(
+                    f"D_{item.axis}",
+                    item.value,
+                    (item.interval_95[1] - item.interval_95[0]) / 2.0,
+                    printed_unit(item.unit),
+                ),
+            ),
+            "Force over speed, linear and quadratic part together; ± by noise.",
+        )
+        for item in part.total_drag
+        if item.verdict == IDENTIFIED
+    ]
 
 
 def _range(axis: str, conditions: Mapping[str, VelocityRange]) -> str:

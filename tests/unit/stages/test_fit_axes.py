@@ -13,6 +13,7 @@ import auvid
 from auvid.data_schemas.errors import CampaignError, DataError
 from auvid.data_schemas.records.model_file import ModelFile
 from auvid.data_schemas.records.models import ModelCard
+from auvid.export.writing import prepare
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.single_axis import surge_input
@@ -30,6 +31,7 @@ from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section, together_words
 from auvid.stages.fit_axes.scaling import scaled
 from auvid.stages.model_file.contents import model_document, use_entry
+from auvid.stages.report.summary.axes_summary import summarise_axes
 from tests.support.axis_twin import FULL, TRUTH, leg
 from tests.support.constrained import drawn_as_printed
 from tests.support.motions import shipped_vehicle as vehicle
@@ -96,6 +98,36 @@ def test_axes_in_newtons_have_the_damping_and_inertia_of_the_truth() -> None:
     assert min(filter(None, percent.values())) > 90.0
     assert any("validation leg check" in part.what for part in fitted.fitted[0].held_out)
     assert all(item.whole_legs["check"] > 85.0 for item in fitted.fitted)
+
+
+def test_drag_at_one_speed_is_surer_than_its_parts_and_stands_first() -> None:
+    body, fitted = vehicle("bluerov2_heavy"), fits(False)
+    card = card_of(fitted, body)
+    assert card.partial is not None
+    assert [item.axis for item in card.partial.total_drag] == ["Z", "N"]
+    for item in card.partial.total_drag:
+        linear, quadratic, _ = TRUTH[item.axis]
+        assert item.value == pytest.approx(-linear - quadratic * item.speed, rel=0.01)
+        assert item.assumed_shifts["thrust"] == pytest.approx(body.spreads["thrust"] * item.value)
+        low, high = item.interval_95
+        own = NORMAL_95 * np.array(
+            [(term.standard_error or 0.0) / abs(term.value or 1.0) for term in
+             card.axes[item.axis].terms if term.term != "constant"]
+        )  # fmt: skip
+        assert np.log(high / low) / 2.0 < 0.5 * own.min()
+    figures = summarise_axes(card, ranking(card, fitted), {}, {}, body, {}).figures
+    yaw = [item for item in figures if item.part == "yaw"]
+    assert [figures[0].quantity, yaw[0].quantity] == [
+        item.words for item in card.partial.total_drag
+    ]
+    assert "thrust curve" in yaw[0].note
+    (readme,) = [
+        text
+        for name, text in prepare(file_of(card, fitted, body), "json").files.items()
+        if name.startswith("README")
+    ]
+    assert f"Yaw {yaw[0].quantity}: {card.partial.total_drag[1].value:.3g} N m s/rad" in readme
+    assert not card_of(fits(True), body).partial.total_drag  # type: ignore[union-attr]
 
 
 def test_the_whole_constant_force_scales_with_the_thrust() -> None:
