@@ -33,6 +33,12 @@ SPREADSHEET_DAYS = (2e4, 8e5)
 """Days since 1900 of spreadsheets, and since the year 0, in this century."""
 POSSIBLE_STEPS = (5e-4, 10.0)
 """Steps [s] between rows of a log."""
+FEW_SECONDS = 2.0
+"""Rows this many seconds apart, and more, may be rows as many ms apart."""
+SHORTEST_LOG_S = 20.0
+"""A log of hundreds of rows a second is no shorter."""
+UNEVEN = 0.1
+"""A share of the step: what logs hundreds of rows a second is more even, fixes are not."""
 
 
 def time_column(
@@ -123,12 +129,24 @@ def _clock(
         check = f"one row every {step * SECONDS[item.unit]:.3g} s in this unit"
         entry = {"column": item.name, "unit": item.unit, "epoch": "boot"}
         return entry, "" if item.unit in possible else check
-    unit = next((unit for unit in possible if step * SECONDS[unit] <= 2.0), "s")
+    unit = next((unit for unit in possible if step * SECONDS[unit] <= FEW_SECONDS), "s")
+    coarser = next((other for other in possible if other != unit), unit)
+    if FEW_SECONDS < step * SECONDS[coarser] and _comes_seldom(finite, steps, SECONDS[unit]):
+        unit = coarser
     return {
         "column": item.name,
         "unit": unit,
         "epoch": "boot",
     }, f"unit {unit} by the rate of the rows"
+
+
+def _comes_seldom(times: Array, steps: Array, unit_s: float) -> bool:
+    """Tell whether the unit is too short: its log would end at once, or is as uneven as fixes."""
+    if (times[-1] - times[0]) * unit_s < SHORTEST_LOG_S:
+        return True
+    middle = float(np.median(steps))
+    uneven = float(np.median(np.abs(steps - middle))) > UNEVEN * middle
+    return uneven and bool((times != np.rint(times)).any())
 
 
 def _nanoseconds(

@@ -184,6 +184,18 @@ def test_times_since_boot_are_not_taken_for_unix_times(start: float, factor: flo
     assert draft.time_check == f"unit {unit} by the rate of the rows"
 
 
+@pytest.mark.parametrize("step_s", [2.2, 4.0])
+@pytest.mark.parametrize("uneven", [0.0, 0.3])
+def test_fixes_that_come_every_few_seconds_are_not_read_in_ms(step_s: float, uneven: float) -> None:
+    time = 1.0 + step_s * (np.arange(600) + uneven * np.sin(np.arange(600.0) ** 2))
+    assert drafted({"time": time, "depth_m": 3.0 + wave(1.0)}).time["unit"] == "s"
+    # Rows of 250 Hz in ms stay what they are, those of a timer with digits, too.
+    rows = np.arange(20_000) * step_s
+    columns = {"time": rows, "depth_m": 3.0 + 0.1 * np.sin(rows / 300.0)}
+    assert drafted(columns).time["unit"] == "ms"
+    assert drafted(columns | {"time": rows + 0.02 * np.sin(rows)}).time["unit"] == "ms"
+
+
 def test_a_named_unit_of_time_is_marked_where_no_log_has_such_steps() -> None:
     draft = drafted({"timestamp_s": 1e8 + T_S * 1e6, "depth_m": wave(1.0)})
     assert draft.time["epoch"] == "boot"
