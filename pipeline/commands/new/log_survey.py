@@ -13,6 +13,7 @@ from auvid.data_schemas.errors import PipelineError, UsageError, nearest
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.campaign import LogFile
 from auvid.pipeline.commands.check.log_page import LogPage, page_of_log
+from auvid.pipeline.commands.new.feedable import checked
 from auvid.pipeline.commands.new.refusal import NO_MEANING
 from auvid.pipeline.store.atomic_files import contents
 from auvid.stages.base import RawFile
@@ -24,11 +25,13 @@ from auvid.stages.ingest.formats.csv.draft.draft_corrections import (
     SIGNS,
     corrected,
     in_upward_body,
+    in_upward_poses,
     reversals,
 )
 from auvid.stages.ingest.formats.csv.draft.drafting import draft_columns
 from auvid.stages.ingest.formats.csv.draft.units import UNITS_APART
 from auvid.stages.ingest.formats.csv.reader import CSV, header
+from auvid.stages.ingest.health.agreement.command_clock import answers_upward
 from auvid.stages.ingest.registry import reader_of
 
 SHARED = 0.5
@@ -180,7 +183,43 @@ def _join(logs: list[list[SurveyedFile]], file: SurveyedFile) -> None:
         if new and there and shared(drafts[0].span_s, draft.span_s) >= SHARED:
             files.append(replace(file, draft=draft.without(*there)))
             return
+    if draft is not None and _joined_across_clocks(logs, file, draft):
+        return
     logs.append([file])
+
+
+def _joined_across_clocks(
+    logs: list[list[SurveyedFile]], file: SurveyedFile, draft: ColumnDraft
+) -> bool:
+    """Add a file to the one log that it completes on a clock of another kind.
+
+    Of the two one holds the commands alone and the other the motion: neither is a dive by
+    itself. Both count as begun together until a check of the log knows better.
+    """
+    candidates: list[tuple[int, ColumnDraft]] = []
+    for number, files in enumerate(logs):
+        drafts = [item.draft for item in files if item.draft is not None]
+        there = {name for item in drafts for name in item.streams}
+        kinds = {frozenset(there) == {"actuators"}, frozenset(draft.streams) == {"actuators"}}
+        if len(drafts) != len(files) or kinds != {True, False} or there & set(draft.streams):
+            continue
+        if not there or not draft.streams or drafts[0].time["epoch"] == draft.time["epoch"]:
+            continue
+        lengths = sorted(end - start for start, end in (drafts[0].span_s, draft.span_s))
+        if lengths[0] > SHARED * lengths[1]:
+            candidates.append((number, drafts[0]))
+    if len(candidates) != 1:
+        return False
+    ((number, other),) = candidates
+    files = logs[number]
+    if draft.streams == ("actuators",):
+        files.append(replace(file, draft=draft.on_clock_of(other)))
+    else:
+        files[:] = [
+            replace(item, draft=item.draft and item.draft.on_clock_of(draft)) for item in files
+        ]
+        files.insert(0, file)
+    return True
 
 
 def shared(first: tuple[float, float], other: tuple[float, float]) -> float:
@@ -262,7 +301,7 @@ def _corrected(runs: Sequence[SurveyedLog], vehicle: Vehicle | None) -> list[Sur
             log if log.page.health is None else replace(log, page=_page(log.files, vehicle))
             for log in logs
         ]
-    logs = _in_one_frame(logs, vehicle)
+    logs = _in_answered_frame(_in_one_frame(logs, vehicle), vehicle)
     for _ in range(ROUNDS):
         findings = _common_findings(logs)
         mended = _redrafted(logs, partial(corrected, findings=findings), vehicle)
@@ -286,6 +325,14 @@ def _in_one_frame(logs: list[SurveyedLog], vehicle: Vehicle | None) -> list[Surv
         ):
             return tried
     return logs
+
+
+def _in_answered_frame(logs: list[SurveyedLog], vehicle: Vehicle | None) -> list[SurveyedLog]:
+    """Return logs with z up for poses that answer commands of another file so."""
+    joined = [log for log in logs if len(log.files) > 1 and log.page.health is not None]
+    if not joined or not all(answers_upward(checked(log.page, vehicle)) for log in joined):
+        return logs
+    return _redrafted(logs, in_upward_poses, vehicle) or logs
 
 
 def _redrafted(

@@ -24,6 +24,32 @@ so many standard deviations at least.
 """
 AXES = {"surge": "u", "sway": "v", "heave": "w", "roll": "p", "pitch": "q", "yaw": "r"}
 
+TURNED_BY_UP = "vwqr"
+"""Motions of the body whose sign is turned where z is up."""
+CLEARLY_BETTER = 0.2
+
+
+def answers_upward(log: CheckedLog) -> bool:
+    """Tell whether poses answer the commands clearly better with z up, on any clock."""
+    names = [name.removeprefix("command_") for name in log.commands()]
+    axes = [AXES[name] for name in names if name in AXES]
+    if not log.has("pose") or sum(axis in TURNED_BY_UP for axis in axes) < 2:
+        return False
+    axes, t_s, motion = _motion(log, axes)
+    if not axes:
+        return False
+    of_axis = {axis: f"command_{name}" for name, axis in AXES.items()}
+    commands = log.values("actuators", [of_axis[axis] for axis in axes])
+    at = log.t_s("actuators")
+    signs = np.array([-1.0 if axis in TURNED_BY_UP else 1.0 for axis in axes])
+    as_is, upward = (
+        0.0 if offset is None else offset.correlation
+        for offset in (
+            command_clock(t_s, turned, at, commands) for turned in (motion, motion * signs)
+        )
+    )
+    return upward >= LEAST_CORRELATION and upward > as_is + CLEARLY_BETTER
+
 
 def command_clock_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield an offset between the clocks of commands and of the motion."""

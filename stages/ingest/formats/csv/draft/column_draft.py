@@ -12,6 +12,8 @@ from auvid.stages.ingest.formats.csv.column_proposal import ahead_words, quoted
 
 NO_NAME = "no name tells this"
 NAMED = 12
+TWO_CLOCKS = "a clock of its own"
+"""Check of a time whose zero nothing relates to that of the other files."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,23 @@ class ColumnDraft:
             unused=(*self.unused, *gone),
         )
 
+    def on_clock_of(self, other: ColumnDraft) -> ColumnDraft:
+        """Return the draft with its times moved to begin when another file does."""
+        later_s = other.span_s[0] - self.span_s[0]
+        moved = replace(self, time={**self.time, "epoch": other.time["epoch"]})
+        return moved.shifted(later_s, f"{TWO_CLOCKS}: as if it began with {other.file}")
+
+    def shifted(self, later_s: float, why: str) -> ColumnDraft:
+        """Return the draft with its times moved, and in words why."""
+        shift_s = float(self.time.get("shift_s", 0.0)) + later_s
+        start, end = (time + later_s for time in self.span_s)
+        return replace(
+            self,
+            time={**self.time, "shift_s": f"{shift_s:.3f}"},
+            time_check=why,
+            span_s=(start, end),
+        )
+
     def document(self) -> dict[str, Any]:
         """Return the draft as the document of a column map."""
         columns = []
@@ -98,7 +117,8 @@ class ColumnDraft:
             entry |= {"sign": -1} if item.sign < 0 else {}
             entry |= {"frame": item.frame} if item.frame else {}
             columns.append(entry)
-        document: dict[str, Any] = {"time": dict(self.time)}
+        time = {key: float(text) if key == "shift_s" else text for key, text in self.time.items()}
+        document: dict[str, Any] = {"time": time}
         document |= {"delimiter": self.delimiter} if self.delimiter != "," else {}
         document |= {"decimal": self.decimal} if self.decimal != "." else {}
         document |= {"accelerometer": self.accelerometer} if self.accelerometer else {}
@@ -111,7 +131,10 @@ class ColumnDraft:
             "# What the columns are. Body axes forward, right, down; angles of roll, pitch, yaw."
         ]
         lines += [f"# check: {remark}" for remark in (*self.remarks, *ahead_words(self.ahead))]
-        time = ", ".join(f"{key}: {quoted(value)}" for key, value in self.time.items())
+        time = ", ".join(
+            f"{key}: {value if key == 'shift_s' else quoted(value)}"
+            for key, value in self.time.items()
+        )
         lines.append(_checked(f"time: {{{time}}}", self.time_check))
         if self.delimiter != ",":
             lines.append(f"delimiter: {json.dumps(self.delimiter)}")

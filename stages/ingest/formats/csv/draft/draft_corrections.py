@@ -6,7 +6,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft, DraftColumn
+from auvid.stages.ingest.formats.csv.draft.column_draft import (
+    TWO_CLOCKS,
+    ColumnDraft,
+    DraftColumn,
+)
 
 SIGNS = ("gyro_sign", "velocity_sign", "depth_sign")
 """Findings that a turned sign of their fields mends."""
@@ -23,7 +27,7 @@ def corrected(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> Colu
     A unit that a name says stays; a sign or axis that no name says is turned, and the
     draft says why.
     """
-    draft = _from_above(draft, findings)
+    draft = _on_one_clock(_from_above(draft, findings), findings)
     for item in findings:
         change = _change(item)
         if change is not None:
@@ -49,6 +53,18 @@ def _from_above(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> Co
     return in_upward_body(draft, why=why)
 
 
+def _on_one_clock(draft: ColumnDraft, findings: Sequence[Mapping[str, Any]]) -> ColumnDraft:
+    """Return commands of another clock at the offset that the motion tells, if any."""
+    own = draft.streams == ("actuators",) and draft.time_check.startswith(TWO_CLOCKS)
+    for item in findings if own else ():
+        # The remedy of an offset is a shift, that of a drift is a factor.
+        if item["id"] == "pose_clock" and "shift_s" in item["remedy"] and item["value"]:
+            text = str(item["text"]).split(":")[0]
+            why = f"{TWO_CLOCKS}, moved to where the motion answers: before, {text}"
+            return draft.shifted(float(item["value"]), why)
+    return draft
+
+
 def reversals(findings: Sequence[Mapping[str, Any]]) -> set[str]:
     """Return which findings say that signs of sensors are turned against each other."""
     return {
@@ -71,6 +87,17 @@ def in_upward_body(
         if item.stream in ("velocity", "imu", "attitude")
         and not item.frame
         and (heading or item.field != "psi_rad")
+        else item
+        for item in draft.columns
+    )
+    return replace(draft, columns=columns)
+
+
+def in_upward_poses(draft: ColumnDraft) -> ColumnDraft:
+    """Return the draft with z up for poses whose frame was assumed."""
+    columns = tuple(
+        replace(item, frame="flu", check="z up: commands answer so")
+        if item.stream == "pose" and not item.frame and item.check
         else item
         for item in draft.columns
     )

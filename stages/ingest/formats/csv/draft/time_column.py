@@ -131,7 +131,7 @@ def _clock(
         return entry, "" if item.unit in possible else check
     unit = next((unit for unit in possible if step * SECONDS[unit] <= FEW_SECONDS), "s")
     coarser = next((other for other in possible if other != unit), unit)
-    if FEW_SECONDS < step * SECONDS[coarser] and _comes_seldom(finite, steps, SECONDS[unit]):
+    if step * SECONDS[coarser] > FEW_SECONDS and _comes_seldom(finite, steps, SECONDS[unit]):
         unit = coarser
     return {
         "column": item.name,
@@ -141,7 +141,7 @@ def _clock(
 
 
 def _comes_seldom(times: Array, steps: Array, unit_s: float) -> bool:
-    """Tell whether the unit is too short: its log would end at once, or is as uneven as fixes."""
+    """Tell whether a unit is too short: its log ends at once, or is uneven as fixes."""
     if (times[-1] - times[0]) * unit_s < SHORTEST_LOG_S:
         return True
     middle = float(np.median(steps))

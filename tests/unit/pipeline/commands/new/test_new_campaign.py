@@ -326,6 +326,58 @@ def test_files_of_two_time_zones_are_named(tmp_path: Path, monkeypatch: pytest.M
         new_campaign("zones", paths)
 
 
+@pytest.mark.parametrize("commands_first", [False, True])
+def test_motion_capture_and_commands_of_two_clocks_are_one_dive(
+    tmp_path: Path, commands_first: bool
+) -> None:
+    step_s, random = 0.1, np.random.default_rng(4)
+    t = np.arange(0.0, 80.0, step_s)
+    commands = np.repeat(random.uniform(-1.0, 1.0, (t.size // 40, 4)), 40, axis=0)
+    rates = np.zeros((t.size, 4))
+    for row in range(1, t.size):  # a lag of half a second; surge, sway, heave, yaw
+        rates[row] = rates[row - 1] + 0.2 * (commands[row - 1] * 0.5 - rates[row - 1])
+    yaw = np.cumsum(rates[:, 3]) * step_s
+    c, s = np.cos(yaw), np.sin(yaw)
+    north, east, down = (
+        np.cumsum(rate) * step_s
+        for rate in (
+            c * rates[:, 0] - s * rates[:, 1],
+            s * rates[:, 0] + c * rates[:, 1],
+            rates.T[2],
+        )
+    )
+    level = np.zeros(t.size)
+    half = (np.pi / 2.0 - yaw) / 2.0  # counted from east, to the left
+    poses = np.column_stack(
+        [1.72e9 + t, east, north, -2.0 - down, level, level, np.sin(half), np.cos(half)]
+    )
+    poses[:, 1:4] += random.normal(0.0, 0.001, (t.size, 3))
+    paths = [tmp_path / "poses.csv", tmp_path / "commands.csv"]
+    table = poses[75:]  # the tracker starts 7.5 s late
+    np.savetxt(paths[0], table, "%.5f", ",", header="stamp,x,y,z,qx,qy,qz,qw", comments="")
+    table = np.column_stack([t + 3.4, commands])
+    head = "t,cmd_surge,cmd_sway,cmd_heave,cmd_yaw"
+    np.savetxt(paths[1], table, "%.4f", ",", header=head, comments="")
+    (log,) = survey(paths[::-1] if commands_first else paths)
+    (ours,) = [f.draft for f in log.files if f.draft and f.draft.streams == ("actuators",)]
+    (other,) = [f.draft for f in log.files if f.draft and "pose" in f.draft.streams]
+    assert ours.document()["time"]["shift_s"] == pytest.approx(1.72e9 - 3.4, abs=0.15)
+    assert ours.time["epoch"] == other.time["epoch"] == "unix"
+    assert "moved to where the motion answers" in ours.text()
+    assert {item.frame for item in other.columns} == {"flu"}
+
+
+def test_files_of_two_clocks_that_both_move_stay_two_logs(tmp_path: Path) -> None:
+    t, random = np.arange(0.0, 60.0, 0.2), np.random.default_rng(3)
+    heads = ("time,roll_deg,pitch_deg,heading_deg,depth_m", "time,cmd_heave,gyro_x,gyro_y,gyro_z")
+    paths = []
+    for name, head, start_s in zip(("a", "b"), heads, (1.78e9, 5.0), strict=True):
+        table = np.column_stack([start_s + t, random.standard_normal((t.size, head.count(",")))])
+        paths.append(tmp_path / f"{name}.csv")
+        np.savetxt(paths[-1], table, "%.3f", ",", header=head, comments="")
+    assert [len(log.files) for log in survey(paths)] == [1, 1]
+
+
 def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
     text = (ROOT / "campaigns/blueye_heave/logs/dive.csv").read_text()
     logs = [tmp_path / "dive.csv", tmp_path / "dive.txt"]
