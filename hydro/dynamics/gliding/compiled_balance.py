@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import Array, Index
 
 F = TypeVar("F", bound=Callable[..., Any])
 ITERATIONS = 30
@@ -50,4 +50,30 @@ def angles_beyond_zero_lift(
             and np.sign(lean[i] - beyond) == np.sign(lean[i])
         )
         out[i] = beyond if glides else np.nan
+    return out
+
+
+@_compiled
+def lagging(t_s: Array, part: Index, steady: Array, lag_s: Array) -> Array:
+    """Return means (n,) of a speed that lags behind steady ones, first order.
+
+    dU/dt = (U_s - U) / tau over rows with mean U_s (n,) and tau (n,) [s], centred at
+    t_s (n,) [s]; a part (n,) begins as if U_s had changed before as it does in its first rows.
+    """
+    out = np.empty(steady.size)
+    speed = 0.0
+    for i in range(steady.size):
+        first = i == 0 or part[i] != part[i - 1]
+        last = i + 1 == steady.size or part[i + 1] != part[i]
+        if first and last:
+            out[i] = steady[i]
+            continue
+        length = t_s[i] - t_s[i - 1] if last else t_s[i + 1] - t_s[i]
+        tau = max(lag_s[i], 1e-9)
+        if first:
+            slope = (steady[i + 1] - steady[i]) / length
+            speed = steady[i] - slope * (tau + 0.5 * length)
+        left = np.exp(-length / tau)
+        out[i] = steady[i] + (speed - steady[i]) * tau / length * (1.0 - left)
+        speed = steady[i] + (speed - steady[i]) * left
     return out

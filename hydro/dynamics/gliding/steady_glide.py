@@ -152,21 +152,16 @@ def slow_change(
 ) -> SteadyGlide:
     """Return glides (n,) whose speed lags behind the steady one, t_s (n,) [s].
 
-    `part` (n,): number of the glide, ascending; nothing is differenced across two.
+    `part` (n,): number of the glide, ascending; nothing carries over from one to the next.
 
-    As water layers or the pitch change, U = U_s (1 - (m + m_a) U_s' / (2 F sin(gamma))),
-    the balance along the path with the acceleration of the steady speed U_s, to first
-    order.
+    Along the path U follows the steady speed U_s as dU/dt = (U_s - U) / tau, with
+    tau = (m + m_a) U_s / (2 F sin(gamma)): layers of the water and jitter of the pitch.
     """
-    later = np.minimum(np.arange(t_s.size) + 1, t_s.size - 1)
-    later = np.where(part[later] == part, later, np.arange(t_s.size))
-    earlier = np.maximum(np.arange(t_s.size) - 1, 0)
-    earlier = np.where(part[earlier] == part, earlier, np.arange(t_s.size))
-    step = np.maximum(t_s[later] - t_s[earlier], 1e-9)
-    change = (glide.speed_m_s[later] - glide.speed_m_s[earlier]) / step
+    from auvid.hydro.dynamics.gliding.compiled_balance import lagging  # numba: a second
+
     pull = 2.0 * net_buoyancy(state, body, trim_m3) * np.sin(glide.path_rad)
-    inertia = body.mass_kg + body.added_kg
-    share = 1.0 - inertia * change / pull
+    lag_s = (body.mass_kg + body.added_kg) * glide.speed_m_s / pull
+    share = lagging(t_s, part, glide.speed_m_s, lag_s) / glide.speed_m_s
     return SteadyGlide(
         glide.alpha_rad, glide.path_rad, glide.speed_m_s * share, glide.depth_rate_m_s * share
     )

@@ -1,7 +1,8 @@
 """Drag, lift, zero-lift angle and trim of a glider from settled glides.
 
 Gauss-Newton on depth rate and, where measured, speed through the water. What the record
-knows worse than the vehicle file is fixed there, and its spread goes into the intervals.
+knows worse than the vehicle file is fixed there, and its spread goes into the intervals;
+what it knows better is free beside what the file says of it.
 """
 
 from __future__ import annotations
@@ -45,6 +46,8 @@ FLATTEST = (0.0, 0.15, 0.3, 0.45)
 """Shares of the rows, the flattest ones, that are left out where no steady glide is so flat."""
 FREED = 0.7
 """The record frees an unknown that it alone knows better than this share of the prior."""
+OF_FILE = -1
+"""Yo of a pull of the vehicle file."""
 OF_RECORD = ("alpha_0", "C_D1")
 """Unknowns that it may free so, in this order."""
 
@@ -55,6 +58,20 @@ class FileFigure:
 
     mean: float
     sd: float
+
+
+@dataclass(frozen=True)
+class Pull:
+    """What the file says of a free unknown: (value - mean) sqrt(colour) / sd."""
+
+    name: str
+    figure: FileFigure
+    colour: float
+
+    def residual(self, values: Array) -> float:
+        """Return the residual at values of UNKNOWNS."""
+        away = float(values[UNKNOWNS.index(self.name)]) - self.figure.mean
+        return away * float(np.sqrt(self.colour)) / self.figure.sd
 
 
 @dataclass(frozen=True)
@@ -131,8 +148,9 @@ def fit_glides(
     s_g = J_g' (I - J_g H^-1 J_g')^-1 r_g of yo g (as if it had been left out:
     MacKinnon and White 1985, HC3, by clusters). Free are drag and, with dives and climbs,
     trim; lift where speed was measured; induced drag and zero-lift angle where the
-    record alone knows them better than FREED of the prior. Where a search ends at the edge
-    of what glides, the flattest rows are left out. Raises `DataError` for too few glides
+    record alone knows them better than FREED of the prior: then the file pulls at them with
+    its spread, as strongly as the residuals are coloured (`_pulls`). Where a search ends at
+    the edge of what glides, the flattest rows are left out. Raises `DataError` for too few glides
     and for a record that no balance fits.
     """
     steepness = np.abs(rows.state.pitch_rad)
@@ -167,6 +185,9 @@ def _solved(
     values = problem.solve(values, free)
     if "trim" in free:
         values = _freed(problem, values, free, prior)
+    if np.isfinite(problem.slopes(values)).all():
+        problem.pulls = _pulls(problem, values, free, prior)
+        values = problem.solve(values, free)
     return problem, values, free
 
 
@@ -190,6 +211,24 @@ def _freed(
         else:
             problem.noise = noise
     return values
+
+
+def _pulls(
+    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+) -> tuple[Pull, ...]:
+    """Return the pulls of the file at what the record has freed.
+
+    Residuals of a yo go together: their squares count for more than they know. The weight
+    of a pull is raised by the ratio of clustered to white variance of its unknown.
+    """
+    jacobian = problem.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
+    clustered = np.diag(_clustered(jacobian, problem.residuals(values), problem.yo))
+    white = np.diag(_inverse(jacobian))
+    return tuple(
+        Pull(name, prior[name], max(float(clustered[place] / white[place]), 1.0))
+        for place, name in enumerate(free)
+        if name in OF_RECORD
+    )
 
 
 def fitted_beside(
@@ -231,20 +270,29 @@ class _Problem:
     body: GliderBody
     measured: Mask
     noise: Array
+    pulls: tuple[Pull, ...] = ()
 
     @property
     def yo(self) -> Index:
-        """Return the yo of every residual."""
+        """Return the yo of every residual, `OF_FILE` of pulls."""
         yos = yos_of(self.rows)
-        return np.concatenate([yos, yos[self.measured]])
+        pulls = np.full(len(self.pulls), OF_FILE, dtype=yos.dtype)
+        return np.concatenate([yos, yos[self.measured], pulls])
+
+    @property
+    def speeds(self) -> slice:
+        """Return where the residuals of the speed are."""
+        split = self.rows.t_s.size
+        return slice(split, split + int(self.measured.sum()))
 
     def residuals(self, values: Array) -> Array:
-        """Return the residuals of depth rate and measured speed over their noise."""
+        """Return residuals of depth rate and speed over their noise, and the pulls."""
         glide = _glide(values, self.rows, self.body)
         depth_rate = self.rows.depth_rate_m_s - glide.depth_rate_m_s
         speed = (self.rows.speed_m_s - glide.speed_m_s)[self.measured]
-        both = np.concatenate([depth_rate / self.noise[0], speed / self.noise[1]])
-        return np.asarray(np.nan_to_num(both, nan=np.inf))
+        pulls = np.array([pull.residual(values) for pull in self.pulls])
+        parts = [depth_rate / self.noise[0], speed / self.noise[1], pulls]
+        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=np.inf))
 
     def slopes(self, values: Array) -> Array:
         """Return the slopes of the residuals by UNKNOWNS."""
@@ -255,7 +303,7 @@ class _Problem:
         for _ in range(REWEIGHTINGS):
             values = self._gauss_newton(values, [UNKNOWNS.index(name) for name in free])
             residual, split = self.residuals(values), self.rows.t_s.size
-            self.noise = self.noise * [_rms(residual[:split]), _rms(residual[split:])]
+            self.noise = self.noise * [_rms(residual[:split]), _rms(residual[self.speeds])]
         return values
 
     def _gauss_newton(self, values: Array, free: list[int]) -> Array:
@@ -369,13 +417,23 @@ def _glide_figures(values: Array, pitch_rad: float) -> Array:
     return np.array([float(alpha), float(polar.drag_coefficient(alpha)), float(lift)])
 
 
-def _clustered(jacobian: Array, residual: Array, yo: Index) -> Array:
-    """Return H^-1 (sum_g s_g s_g') H^-1 (k, k), H = J' J, s_g as in `fit_glides`."""
+def _inverse(jacobian: Array) -> Array:
+    """Return H^-1 (k, k) of H = J' J."""
     scale = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / scale
-    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-14)
+    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-14) / np.outer(scale, scale))
+
+
+def _clustered(jacobian: Array, residual: Array, yo: Index) -> Array:
+    """Return H^-1 (sum_g s_g s_g') H^-1 (k, k), H = J' J, s_g as in `fit_glides`.
+
+    Of pulls H alone has a share: `_estimate` adds their spread.
+    """
+    scale = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / scale
+    inverse = _inverse(scaled)
     meat = np.zeros_like(inverse)
-    for number in np.unique(yo):
+    for number in np.unique(yo[yo != OF_FILE]):
         part, left = scaled[yo == number], residual[yo == number]
         score = part.T @ np.linalg.solve(np.eye(left.size) - part @ inverse @ part.T, left)
         meat += np.outer(score, score)
@@ -397,11 +455,15 @@ def _estimate(
     scale = np.linalg.norm(jacobian[:, inside], axis=0)
     answer = np.linalg.lstsq(jacobian[:, inside] / scale, jacobian[:, fixed] * spread, rcond=None)
     moves[inside] = -answer[0] / scale[:, None]
-    yos = int(np.unique(problem.yo).size)
+    yos = int(np.unique(yos_of(problem.rows)).size)
     noise *= widened_by(yos - 1) ** 2
+    pulled = _inverse(jacobian[:, inside])[:, [free.index(pull.name) for pull in problem.pulls]]
+    spreads = np.array([pull.colour / pull.figure.sd for pull in problem.pulls])
+    noise[np.ix_(inside, inside)] += (pulled * spreads**2) @ pulled.T
     covariance = noise + moves @ moves.T
     split = problem.rows.t_s.size
-    parts = [_rms(residual[:split]) * problem.noise[0], _rms(residual[split:]) * problem.noise[1]]
+    rms = _rms(residual[:split]), _rms(residual[problem.speeds])
+    parts = [each * noise for each, noise in zip(rms, problem.noise, strict=True)]
     return GlideEstimate(
         values,
         covariance,

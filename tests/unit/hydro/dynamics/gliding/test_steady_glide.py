@@ -13,6 +13,7 @@ from auvid.hydro.dynamics.gliding.steady_glide import (
     Polar,
     angle_of_attack,
     net_buoyancy,
+    slow_change,
     steady_glide,
 )
 from tests.support.glider_twin import BODY, POLAR, TRIM_M3
@@ -63,3 +64,38 @@ def test_a_glider_that_never_turns_is_refused() -> None:
     plan = FlightPlan((Yo(-0.4, 0.4, -2.3e-4, 2.3e-4),), 5.0, 90.0, 2e-5, 5.0)
     with pytest.raises(ValueError, match="does not reach 90 m"):
         fly_yos(FlyingBody(BODY, POLAR, 0.0, -3.0, -55.0), water, plan)
+
+
+def test_the_speed_lags_behind_a_jittering_pitch_as_the_motion_does() -> None:
+    """Means over 20 s against the balance along the path, integrated finely."""
+    t = np.arange(0.0, 1200.0, 0.1)
+    pitch = np.radians(-22.0 + 1.5 * np.sin(t / 20.0) + np.sin(t / 47.0))
+    fine = GlideState(
+        pitch,
+        np.full(t.size, -2.3e-4),
+        np.full(t.size, 1025.0),
+        np.full(t.size, 3e5),
+        np.full(t.size, 283.15),
+    )
+    steady = steady_glide(fine, body=BODY, polar=POLAR, trim_m3=0.0)
+    force = net_buoyancy(fine, BODY, 0.0) * np.sin(steady.path_rad)
+    speed = np.empty(t.size)
+    speed[0] = steady.speed_m_s[0]
+    for i in range(t.size - 1):
+        pull = force[i] * (1.0 - (speed[i] / steady.speed_m_s[i]) ** 2)
+        speed[i + 1] = speed[i] + 0.1 * pull / (BODY.mass_kg + BODY.added_kg)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return np.asarray(values.reshape(-1, 200).mean(axis=1))
+
+    rows = GlideState(
+        *(mean(each) for each in (pitch, fine.drive_m3, fine.density_kg_m3)),
+        mean(fine.pressure_pa),
+        mean(fine.temperature_K),
+    )
+    at_rows = steady_glide(rows, body=BODY, polar=POLAR, trim_m3=0.0)
+    one = np.zeros(60, dtype=np.intp)
+    lagging = slow_change(at_rows, rows, body=BODY, trim_m3=0.0, t_s=mean(t), part=one)
+    off = lagging.speed_m_s - mean(speed)
+    without = at_rows.speed_m_s - mean(speed)
+    assert np.std(off[2:]) < 0.25 * np.std(without[2:])

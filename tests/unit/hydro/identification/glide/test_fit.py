@@ -13,7 +13,7 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.flight import FlightPlan, FlyingBody, Yo, fly_yos
 from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
 from auvid.hydro.identification.glide.comparison import clearest_step, compare
-from auvid.hydro.identification.glide.fit import fit_glides
+from auvid.hydro.identification.glide.fit import FileFigure, fit_glides
 from tests.support.glider_twin import (
     BODY,
     POLAR,
@@ -92,7 +92,8 @@ def test_scipy_finds_the_same_minimum() -> None:
     body = replace(BODY, mass_kg=BODY.mass_kg)
     rows = rows_of(record(flight(), 2))
     steady = replace(body, added_kg=-body.mass_kg)  # no inertia: steady at every row
-    estimate = fit_glides(rows, body=steady, prior=file_figures())
+    silent = {"alpha_0": FileFigure(0.0, 1e3), "C_D1": FileFigure(POLAR.induced, 1e5)}
+    estimate = fit_glides(rows, body=steady, prior={**file_figures(), **silent})
     spread = estimate.residual_m_s
 
     def residuals(p: np.ndarray) -> np.ndarray:
@@ -149,3 +150,18 @@ def test_a_trim_that_drifts_or_scatters_does_not_step() -> None:
     assert (first, size, error) == (0, 0.0, 0.0)
     few = [clearest_step(values[:5], up[:5]) for values in noise]
     assert np.mean([bool(at) and abs(step) > 6.0 * own for at, step, own in few]) < 0.02
+
+
+def test_the_file_speaks_beside_the_record_in_what_the_record_frees() -> None:
+    """Inverse variances weigh the two, whatever the colour of the residuals."""
+    rows = rows_of(record(flight(), 4, speed="none"))
+    no_file = {**file_figures(), "alpha_0": FileFigure(0.0, 1e3)}
+    record_only = fit_glides(rows, body=BODY, prior=no_file)
+    value, error = record_only.value("alpha_0"), record_only.standard_error("alpha_0")
+    sd = 2.0 * error
+    mean = value + sd
+    both = fit_glides(rows, body=BODY, prior={**file_figures(), "alpha_0": FileFigure(mean, sd)})
+    assert "alpha_0" in both.free
+    # Student's t makes the record's own error a little larger than the weights take it.
+    assert both.value("alpha_0") - value == pytest.approx((mean - value) / 5.0, rel=0.5)
+    assert both.standard_error("alpha_0") < error
