@@ -10,6 +10,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.identification.checks.motion_checks import angles_at, response_gains
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, OF_POSES, RATES, SPEEDS
+from auvid.stages.ingest.health.actuation.marker_turn import turned_markers
 from auvid.stages.ingest.health.actuation.push_answers import DRIVEN, body_motion
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, finding, limit, listed
 
@@ -67,6 +68,10 @@ def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
             stream="pose",
             value=1.0,
         )
+        return
+    turned = list(turned_markers(log))
+    if turned:
+        yield from turned
         return
     words = [
         f"{axis} the commands of {listed(pushing)}"

@@ -286,6 +286,21 @@ def test_commands_that_a_frame_mixed_are_named(seed: int) -> None:
     assert "--commands" in item["remedy"]
 
 
+@pytest.mark.parametrize(("angle", "seed"), [(0, 1), (10, 2), (-35, 3), (90, 4), (180, 5)])
+def test_markers_that_are_turned_are_named_with_their_angle(angle: float, seed: int) -> None:
+    """Exchanged commands turn surge one way and sway the other: they are no turn."""
+    run = noisy(tank_run(seed), seed)
+    run["yaw_rad"] = run["yaw_rad"] + np.radians(angle)
+    items = of(ingested(*tank_poses(run)), "pose_turned")
+    assert len(items) == (angle != 0)
+    for item in items:
+        off = (item["value"] + angle + 180.0) % 360.0 - 180.0
+        assert off == pytest.approx(0.0, abs=3.0)
+        assert f"mounting: {{value: [0, 0, {-item['value']:.0f}]" in item["remedy"]
+    run["cmd2"], run["cmd3"] = run["cmd3"], run["cmd2"]
+    assert not of(ingested(*tank_poses(run)), "pose_turned")
+
+
 def with_y_up(run: dict[str, Array], frame: str) -> tuple[dict[str, Array], list[dict[str, Any]]]:
     """Return poses of a run as a tracking system with y up writes them, in a declared frame."""
     columns, entries = tank_poses(run)
