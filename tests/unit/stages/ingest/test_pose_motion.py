@@ -20,6 +20,7 @@ from auvid.hydro.identification.signals.bias import lever_arm_velocity
 from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
+from auvid.stages.ingest.health.agreement.velocity import velocity_clock
 from tests.support.motions import vehicle_document
 from tests.support.pose_runs import PoseRun, pose_run, tracked
 from tests.support.tank_runs import noisy, tank_run
@@ -299,6 +300,14 @@ def test_markers_that_are_turned_are_named_with_their_angle(angle: float, seed: 
         assert f"mounting: {{value: [0, 0, {-item['value']:.0f}]" in item["remedy"]
     run["cmd2"], run["cmd3"] = run["cmd3"], run["cmd2"]
     assert not of(ingested(*tank_poses(run)), "pose_turned")
+
+
+def test_no_axis_of_poses_has_a_clock_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Poses have one clock: sway that follows late is a hull whose drag is bent."""
+    monkeypatch.setattr(velocity_clock, "slow_by_itself", lambda log, axis, less: False)
+    run = noisy(tank_run(1), 1)
+    run["cmd3"] = np.roll(run["cmd3"], -12)
+    assert not of(ingested(*tank_poses(run)), "velocity_lag")
 
 
 def with_y_up(run: dict[str, Array], frame: str) -> tuple[dict[str, Array], list[dict[str, Any]]]:

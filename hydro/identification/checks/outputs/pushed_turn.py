@@ -1,4 +1,4 @@
-"""By what angle commands of surge and sway push poses aside: x of the markers is not ahead."""
+"""By what angle commands of surge and sway push poses aside."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ CLEAR_GAIN = 6.0
 def pushed_turn(
     t_s: Array, commands: Array, t_motion: Array, velocity: Array, coupled: Array
 ) -> tuple[float, float] | None:
-    """Return the angle [rad] to the right by which pushes are turned, and its deviation.
+    """Return the angle [rad] by which pushes are turned, and its deviation.
 
-    G = R(angle) diag(g_u, g_v) of gains of commands (n, k), those of surge and sway first, in
-    velocity (m, 2) beside `coupled` (m, l). The deviation is half of what the two angles
-    differ by, at least: thrusters that push aside, or a hull, turn each another way. None
-    where either command tells no direction.
+    To the right. G = R(angle) diag(g_u, g_v) of gains of commands (n, k), those of surge and
+    sway first, in velocity (m, 2) beside `coupled` (m, l). The deviation is half of what the
+    two angles differ by, at least: thrusters that push aside, or a hull, turn each another
+    way. None where either command tells no direction.
     """
     angle, deviation = 0.0, math.inf
     for _ in range(PASSES):
@@ -44,9 +44,9 @@ def _angle_left(
     """Return the mean of the angles that both commands tell, and its deviation."""
     gains = []
     for axis in range(2):
-        beside = np.hstack([coupled, velocity[:, [1 - axis]]])
+        products = np.hstack([coupled, velocity[:, [1 - axis]]])
         own = np.ascontiguousarray(velocity[:, axis])
-        item = response_gains(t_s, commands, t_motion, own, coupled=beside)
+        item = response_gains(t_s, commands, t_motion, own, coupled=products)
         if item is None or item.explained < LEAST_EXPLAINED:
             return None
         gains.append(item)
@@ -57,9 +57,9 @@ def _angle_left(
         return None
     ahead, aside = math.atan2(gain[1, 0], gain[0, 0]), math.atan2(-gain[0, 1], gain[1, 1])
     weights = (size / np.array([sd[1, 0], sd[0, 1]])) ** 2
-    apart = _within_half_turn(aside - ahead)
-    deviation = max(float(weights.sum()) ** -0.5, abs(apart) / 2.0)
-    return ahead + float(weights[1] / weights.sum()) * apart, deviation
+    difference = _within_half_turn(aside - ahead)
+    deviation = max(float(weights.sum()) ** -0.5, abs(difference) / 2.0)
+    return ahead + float(weights[1] / weights.sum()) * difference, deviation
 
 
 def _within_half_turn(angle: float) -> float:
