@@ -19,7 +19,7 @@ from auvid.hydro.dynamics.mechanics.kinematics import rotation_body_to_ned
 from auvid.hydro.dynamics.vehicle.logged_directions import with_logged_directions
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import CoastRecord
-from auvid.hydro.identification.coasting.finding import CoastRule, CoastSearch, find_coasts
+from auvid.hydro.identification.coasting.finding import Coast, CoastRule, CoastSearch, find_coasts
 from auvid.hydro.identification.coasting.finding import idle_axes as idle_by_thrusters
 from auvid.hydro.identification.coasting.thrust_scale import PoweredLeg
 from auvid.stages.columns import (
@@ -52,6 +52,8 @@ FORCE_COLUMNS = tuple(
 COMMANDS = tuple(schema("actuators").columns)
 STILL_REV_S = 0.05
 """A propeller that turns slower stands."""
+BEFORE_S = 2.0
+"""What of the thrust before a stop may still fade after it."""
 OVER_GROUND = 2
 """Surge and sway of a velocity log over ground have a current in them."""
 
@@ -107,7 +109,8 @@ def segment_coasts(
     if has_columns(residual, force_columns("fins")):
         modelled = modelled + forces(residual, "fins")
     down = _down(fused, vehicle)
-    late = first_order_lag(thrust, lag_s=lag_s, step_s=float(t_s[1] - t_s[0]))
+    step_s = float(t_s[1] - t_s[0])
+    late = first_order_lag(thrust, lag_s=lag_s, step_s=step_s)
     out = {}
     for name, place_of in DEGREES.items():
         speed = column(fused, VELOCITY[place_of])
@@ -131,10 +134,17 @@ def segment_coasts(
                     ),
                     np.interp(at, t_s, late[:, place_of] / m),
                     drift[(t_s >= item.start_s) & (t_s <= item.end_s)].mean(axis=0),
+                    _driven(t_s, thrust[:, place_of] / m, item),
                 )
             )
         out[name] = SegmentCoasts(search, tuple(records))
     return out
+
+
+def _driven(t_s: Array, thrust: Array, coast: Coast) -> Array:
+    """Return times and thrust (k, 2) from before the stop of a coast to its end."""
+    rows = (t_s >= coast.stop_s - BEFORE_S) & (t_s <= coast.end_s)
+    return np.column_stack([t_s[rows], thrust[rows]])
 
 
 def force_columns_of(place: int) -> tuple[str, ...]:

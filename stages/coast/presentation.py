@@ -101,7 +101,9 @@ def drag_rows(axes: Mapping[str, AxisCoasts]) -> dict[str, Any]:
             e1, e2 = (float(value) for value in np.sqrt(np.diag(decay.covariance)))
             speed = decay.reference_speed
             values = [d1, e1, d2, e2, speed, *decay.rate(speed)]
-        scales = [np.nan] * 3 if scale is None else [scale.scale, scale.standard_error, scale.lag_s]
+        scales = (
+            [np.nan] * 3 if scale is None else [scale.scale, scale.standard_error, scale.lag.lag_s]
+        )
         count = len(axis.records) if decay is None else decay.coasts
         rows.append((name, count, axis.verdict, *values, *scales, axis.mass_share))
     return {head: [row[place] for row in rows] for place, head in enumerate(heads)}

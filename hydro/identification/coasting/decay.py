@@ -19,6 +19,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Ints
+from auvid.hydro.dynamics.actuators.lag import first_order_lag
 from auvid.hydro.identification.regression.standard_errors import widened_by
 
 LEAST_COASTS = 3
@@ -56,8 +57,10 @@ class CoastRecord:
     """Samples of one coast: x (n,) at t_s (n,), the modelled acceleration a (n,).
 
     `shapes` (n, k): g_k of the module; `fading` (n,): acceleration of thrust that lags
-    after the stop, as the vehicle file has it. `drift` (q,): share of each component of the
-    currents that lies along the axis, none where x is through the water.
+    after the stop, as the vehicle file has it; `drive` (k, 2): times and acceleration of
+    the thrust without its lag, on a uniform clock that begins before the stop. `drift`
+    (q,): share of each component of the currents that lies along the axis, none where x is
+    through the water.
     """
 
     t_s: Array
@@ -66,6 +69,15 @@ class CoastRecord:
     shapes: Array
     fading: Array
     drift: Array = field(default_factory=lambda: np.zeros(0))
+    drive: Array | None = None
+
+    def at_lag(self, lag_s: float, delay_s: float) -> CoastRecord:
+        """Return the record with what fades of `drive` after a delay and at a lag."""
+        if self.drive is None:
+            return self
+        t_s, thrust = self.drive.T
+        late = first_order_lag(thrust, lag_s=lag_s, step_s=float(t_s[1] - t_s[0]))
+        return replace(self, fading=np.interp(self.t_s - delay_s, t_s, late))
 
     def with_fading(self, thrust_scale: float) -> CoastRecord:
         """Return the record with what fades over the scale, as the last shape, too."""
@@ -118,6 +130,11 @@ class CoastDecay:
     used: Ints
     odd: Ints
     simulated: tuple[Array, ...]
+
+    @property
+    def law(self) -> Array:
+        """Return drag and currents (2 + q,)."""
+        return np.append(self.drag, self.current)
 
     @property
     def covariance(self) -> Array:

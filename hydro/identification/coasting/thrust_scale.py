@@ -8,7 +8,7 @@ the vehicle file, so s is that of thrust over mass.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,8 +22,13 @@ from auvid.hydro.identification.regression.standard_errors import (
     long_run_moment,
 )
 
-LAGS_S = np.arange(0.0, 0.31, 0.02)
-"""Lags of the thrust that are tried; the one with the least error is taken."""
+LAG_STEP_S = 0.02
+LAGS_S = np.arange(0.0, 0.41, LAG_STEP_S)
+"""Lags of the thrust that are tried; the least error between them is taken."""
+CLOCK_SD_S = 0.02
+"""Of the outputs against the velocity, by which a lag may be a delay; see decision 0133."""
+LEAST_LAG_SD_S = 0.01
+"""Below which form of the lag and clock of the outputs move it."""
 CERTAIN = 3.0
 """Standard errors beyond which a scale departs from 1 ..."""
 MATTERS = 0.05
@@ -56,16 +61,34 @@ class PoweredLeg:
 
 
 @dataclass(frozen=True)
+class ThrustLag:
+    """By how much thrust is late [s]: a delay, then a first-order lag, and its sd."""
+
+    lag_s: float
+    delay_s: float
+    sd_s: float
+
+    @property
+    def errors(self) -> tuple[ThrustLag, ThrustLag]:
+        """Return a lag one deviation longer, and one of which a part is delay."""
+        part = CLOCK_SD_S if self.lag_s >= CLOCK_SD_S else -CLOCK_SD_S
+        return (
+            replace(self, lag_s=self.lag_s + self.sd_s),
+            replace(self, lag_s=self.lag_s - part, delay_s=self.delay_s + part),
+        )
+
+
+@dataclass(frozen=True)
 class ThrustScale:
     """Thrust of the vehicle file over the thrust there is, on one axis.
 
-    `standard_error` has both drags; `lag_s`: lag of the thrust that fits best; `mass`:
-    apparent mass [kg, kg m^2] that both go with.
+    `standard_error` has both drags and that of the lag that fits best; `mass`: apparent mass
+    [kg, kg m^2] that both go with.
     """
 
     scale: float
     standard_error: float
-    lag_s: float
+    lag: ThrustLag
     mass: float
 
 
@@ -78,23 +101,36 @@ def drag_and_scale(
 ) -> tuple[CoastDecay, ThrustScale]:
     """Return the drag of the coasts and the scale, each with the other's result.
 
-    The thrust that fades after a stop is that of the vehicle file over its scale.
-    Legs are gone through several times, one after the other. Raises `DataError` for too
+    The thrust that fades after a stop is that of the vehicle file over its scale, with the
+    lag that the powered legs show. Legs are gone through several times. Raises `DataError` for too
     few coasts, and where they determine no drag.
     """
+    legs = list(legs)
     decay = fit_decay(records, prior_sd=prior_sd)
     if not np.isfinite(decay.drag).all():
         raise DataError("the coasts determine no drag", value=decay.drag.tolist())
     result = thrust_scale(legs, decay, mass=mass)
+
+    def again(lag: ThrustLag) -> tuple[CoastDecay, ThrustScale]:
+        late = [record.at_lag(lag.lag_s, lag.delay_s) for record in records]
+        own = fit_decay(late, prior_sd=prior_sd, thrust_scale=result.scale)
+        return own, thrust_scale(legs, own, mass=mass)
+
     for _ in range(MOST_ROUNDS):
         if not result.standard_error < DOUBTFUL * result.scale:
-            break
+            return decay, result
         before = result.scale
-        decay = fit_decay(records, prior_sd=prior_sd, thrust_scale=before)
-        result = thrust_scale(legs, decay, mass=mass)
+        decay, result = again(result.lag)
         if abs(result.scale - before) < SETTLED * result.standard_error:
             break
-    return decay, result
+    # What the lag errs by moves drag and scale together.
+    joint, variance = decay.joint, result.standard_error**2
+    for changed in result.lag.errors:
+        other, moved = again(changed)
+        away = other.law - decay.law
+        joint = joint + np.outer(away, away)
+        variance += (moved.scale - result.scale) ** 2
+    return replace(decay, joint=joint), replace(result, standard_error=float(np.sqrt(variance)))
 
 
 def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) -> ThrustScale:
@@ -105,78 +141,152 @@ def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) 
     smooth, so that noise of the acceleration in `force` does not pull s to 0. Errors:
     coloured ones of the samples, and the covariance of the coasts.
     """
-    law = np.append(decay.drag, decay.current)
-    fits = _Fits.of(legs, [law], mass, LAGS_S)
-    best = int(np.argmin(fits.errors[0]))
-    lag, scale = float(LAGS_S[best]), float(fits.solutions[0, best, 0])
+    legs = list(legs)
+    lag, law = thrust_lag(legs, decay.current), decay.law
+    fits = _Fits.of(legs, [law], mass, lag)
+    scale = float(fits.solutions[0, 0])
     steps = np.diag(STEP * np.maximum(np.abs(law), 0.1))
-    moved = _Fits.of(legs, list(law + steps), mass, LAGS_S[[best]])
-    by_drag = (moved.solutions[:, 0, 0] - scale) / steps.max(axis=1)
-    noise = fits.variance(legs, law, mass, best)
+    moved = _Fits.of(legs, list(law + steps), mass, lag)
+    by_drag = (moved.solutions[:, 0] - scale) / steps.max(axis=1)
+    noise = fits.variance(legs, law, mass, lag)
     variance = noise + float(by_drag @ decay.joint @ by_drag)
     return ThrustScale(scale, float(np.sqrt(variance)), lag, mass)
 
 
+def thrust_lag(legs: Sequence[PoweredLeg], current: Array) -> ThrustLag:
+    """Return by how much the thrust follows its command late.
+
+    force = thrust, late, over s - D(x) + shapes + a constant of each leg, all but the lag by
+    least squares: neither the drag of the coasts nor the curve's scale takes part.
+    """
+    errors, gains = _LagSums.of(legs, current).errors_and_gains()
+    gain = float(gains[np.argmin(errors)])
+    best = ThrustLag(_lowest(errors), 0.0, np.inf)
+    information, score = 0.0, 0.0
+    for leg in legs:
+        lags = np.array([max(best.lag_s - LAG_STEP_S, 0.0), best.lag_s, best.lag_s + LAG_STEP_S])
+        late, rest, force = _of_lag(leg, current, lags)
+        design = np.column_stack([late[:, 1], rest])
+        by_lag = gain * (late[:, 2] - late[:, 0]) / (lags[2] - lags[0])
+        left_over, slope = (
+            part - design @ np.linalg.lstsq(design, part, rcond=None)[0] for part in (force, by_lag)
+        )
+        information += float(slope @ slope)
+        score += float(long_run((slope * left_over)[:, None])[0, 0])
+    sd = np.sqrt(score) / information if information > 0.0 else np.inf
+    return replace(best, sd_s=float(min(np.hypot(sd, LEAST_LAG_SD_S), LAGS_S[-1])))
+
+
+def _lowest(errors: Array) -> float:
+    """Return the lag [s] of the least error, by a parabola between those of LAGS_S."""
+    best = int(np.argmin(errors))
+    if 0 < best < errors.size - 1:
+        left, middle, right = errors[best - 1 : best + 2]
+        return float(LAGS_S[best] + 0.5 * LAG_STEP_S * (left - right) / (left - 2 * middle + right))
+    return float(LAGS_S[best])
+
+
+@dataclass(frozen=True)
+class _LagSums:
+    """Products of force, drag (k) and thrust at each lag (l) over all legs."""
+
+    rest: Array
+    rest_late: Array
+    rest_force: Array
+    late: Array
+    late_force: Array
+    force: float
+
+    @classmethod
+    def of(cls, legs: Sequence[PoweredLeg], current: Array) -> _LagSums:
+        """Return the sums; a leg's late thrust is in memory at a time."""
+        parts: list[tuple[Array, ...]] = []
+        for leg in legs:
+            late, rest, force = _of_lag(leg, current, LAGS_S)
+            parts.append(
+                (
+                    rest.T @ rest,
+                    rest.T @ late,
+                    rest.T @ force,
+                    np.einsum("nl,nl->l", late, late),
+                    late.T @ force,
+                    force @ force,
+                )
+            )
+        return cls(*(np.sum(part, axis=0) for part in zip(*parts, strict=True)))
+
+    def errors_and_gains(self) -> tuple[Array, Array]:
+        """Return sums of squares (l,) and 1 / s (l,) of the fit with each lag."""
+        inverse = np.linalg.pinv(self.rest)
+        late = self.late - np.einsum("kl,kj,jl->l", self.rest_late, inverse, self.rest_late)
+        both = self.late_force - self.rest_late.T @ inverse @ self.rest_force
+        force = self.force - float(self.rest_force @ inverse @ self.rest_force)
+        late = np.maximum(late, 1e-12 * np.max(self.late))
+        return np.asarray(force - both**2 / late), np.asarray(both / late)
+
+
+def _of_lag(leg: PoweredLeg, current: Array, lags_s: Array) -> tuple[Array, Array, Array]:
+    """Return thrust at lags (n, l), drag (n, k), force (n,), each about its mean."""
+    x = leg.speed - leg.drift @ current
+    late = np.column_stack([_late(leg, ThrustLag(lag, 0.0, 0.0)) for lag in lags_s.tolist()])
+    rest = np.column_stack([x, x * np.abs(x), leg.shapes])
+    return late - late.mean(axis=0), rest - rest.mean(axis=0), leg.force - leg.force.mean()
+
+
+def _late(leg: PoweredLeg, lag: ThrustLag) -> Array:
+    """Return the thrust of a leg (n,) after its delay and its lag."""
+    at = np.arange(leg.thrust.size, dtype=np.float64)
+    delayed = np.interp(at - lag.delay_s / leg.step_s, at, leg.thrust)
+    return first_order_lag(delayed, lag_s=lag.lag_s, step_s=leg.step_s)
+
+
 @dataclass(frozen=True)
 class _Fits:
-    """Fits with d drags and l lags of the thrust; a leg is in memory at a time.
+    """Fits with d drags; a leg is in memory at a time.
 
     Unknowns: the scale, factors of the shapes, a constant for each leg. bread (d, k, k),
-    solutions (d, l, k), errors (d, l): sums of squares.
+    solutions (d, k).
     """
 
     bread: Array
     solutions: Array
-    errors: Array
 
     @classmethod
     def of(
-        cls, legs: Iterable[PoweredLeg], drags: Sequence[Array], mass: float, lags_s: Array
+        cls, legs: Iterable[PoweredLeg], drags: Sequence[Array], mass: float, lag: ThrustLag
     ) -> _Fits:
-        """Return the fits of legs with each drag and each lag."""
+        """Return the fits of legs with each drag."""
         products = []
         for leg in legs:
-            late = np.column_stack(
-                [first_order_lag(leg.thrust, lag_s=lag, step_s=leg.step_s) for lag in lags_s]
-            )
+            late = _late(leg, lag)
             pairs = [_columns(leg, drag, mass) for drag in drags]
             products.append(
                 (
                     np.array([instrument.T @ design for design, instrument in pairs]),
-                    np.array([design.T @ design for design, _ in pairs]),
                     np.array([instrument.T @ late for _, instrument in pairs]),
-                    np.array([design.T @ late for design, _ in pairs]),
-                    np.einsum("nl,nl->l", late, late),
                 )
             )
         count, size = len(products), products[0][0].shape[-1]
         unknowns = size - 1 + count
-        cross, square = np.zeros((2, len(drags), unknowns, unknowns))
-        by_instrument, by_design = np.zeros((2, len(drags), unknowns, len(lags_s)))
-        for index, (of_both, of_design, z_late, d_late, _) in enumerate(products):
+        cross = np.zeros((len(drags), unknowns, unknowns))
+        by_instrument = np.zeros((len(drags), unknowns))
+        for index, (of_both, z_late) in enumerate(products):
             own = _places(size, index)
             cross[:, own[:, None], own] += of_both
-            square[:, own[:, None], own] += of_design
             by_instrument[:, own] += z_late
-            by_design[:, own] += d_late
         bread = np.array([np.linalg.pinv(each) for each in cross])
-        solutions = (bread @ by_instrument).transpose(0, 2, 1)
-        errors = (
-            sum(late for *_, late in products)
-            - 2.0 * np.einsum("dlk,dkl->dl", solutions, by_design)
-            + np.einsum("dlk,dkj,dlj->dl", solutions, square, solutions)
-        )
-        return cls(bread, solutions, errors)
+        return cls(bread, np.einsum("dkj,dj->dk", bread, by_instrument))
 
-    def variance(self, legs: Iterable[PoweredLeg], drag: Array, mass: float, place: int) -> float:
-        """Return the variance of the scale with the first drag and one of the lags."""
-        solution, bread = self.solutions[0, place], self.bread[0]
+    def variance(
+        self, legs: Iterable[PoweredLeg], drag: Array, mass: float, lag: ThrustLag
+    ) -> float:
+        """Return the variance of the scale with the first drag."""
+        solution, bread = self.solutions[0], self.bread[0]
         moments = np.zeros_like(bread)
         for index, leg in enumerate(legs):
             design, instrument = _columns(leg, drag, mass)
             own = _places(design.shape[1], index)
-            lag_s = float(LAGS_S[place])
-            late = first_order_lag(leg.thrust, lag_s=lag_s, step_s=leg.step_s)
+            late = _late(leg, lag)
             left = late - design @ solution[own]
             moments[np.ix_(own, own)] += long_run(instrument * left[:, None])
         return float((bread @ moments @ bread.T)[0, 0])
@@ -240,7 +350,8 @@ def common_scale(scales: Sequence[ThrustScale], mass_share: Sequence[float]) -> 
     `mass_share`: standard deviation of each apparent mass as a share, which weighs a
     doubtful mass down. Both errors count as independent among the axes.
 
-    >>> axes = [ThrustScale(1.0, 0.03, 0.1, 20.0), ThrustScale(1.2, 0.03, 0.1, 20.0)]
+    >>> lag = ThrustLag(0.1, 0.0, 0.01)
+    >>> axes = [ThrustScale(1.0, 0.03, lag, 20.0), ThrustScale(1.2, 0.03, lag, 20.0)]
     >>> mean = common_scale(axes, [0.04, 0.0])
     >>> round(mean.scale, 3), round(mean.noise, 3), mean.departs
     (1.147, 0.023, True)

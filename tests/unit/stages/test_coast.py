@@ -23,7 +23,7 @@ from auvid.hydro.dynamics.simulation.rov.truth import truth_of_model
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.models import IdentifiedModel
 from auvid.hydro.identification.coasting.decay import CoastDecay
-from auvid.hydro.identification.coasting.thrust_scale import CommonScale, ThrustScale
+from auvid.hydro.identification.coasting.thrust_scale import CommonScale, ThrustLag, ThrustScale
 from auvid.stages import coast, fuse, resample, residual
 from auvid.stages.base import Collection, collection
 from auvid.stages.coast.presentation import AxisCoasts, scale_words
@@ -56,7 +56,9 @@ def with_curve(scale: float) -> Vehicle:
     return replace(VEHICLE, thrusters=replace(thrusters, curve=curve))
 
 
-def inputs(vehicle: Vehicle, *, sticks: dict[str, Any], north_m_s: float = 0.0) -> coast.Inputs:
+def inputs(
+    vehicle: Vehicle, *, sticks: dict[str, Any], north_m_s: float = 0.0, lag_s: float = 0.1
+) -> coast.Inputs:
     """What coast reads of one leg of a twin in a current, made by the stages before it."""
     leg = {
         "id": "a",
@@ -71,7 +73,11 @@ def inputs(vehicle: Vehicle, *, sticks: dict[str, Any], north_m_s: float = 0.0) 
     }
     plan = parse(DivePlanDocument, document | {"sensors": SENSORS, "water": water})
     still = truth_of_model(VEHICLE, IdentifiedModel("truth", TRUTH))
-    truth = replace(still, current_m_s=np.array([north_m_s, 0.0, 0.0]))
+    truth = replace(
+        still,
+        current_m_s=np.array([north_m_s, 0.0, 0.0]),
+        loss=replace(still.loss, lag_s=lag_s),
+    )
     _, record = dive_in_memory(truth, plan, "a", seed=4)
     names = ("imu", "attitude", "velocity", "depth", "actuators", "battery")
     tables = {name: make_table(name, record.streams[name]) for name in names}
@@ -106,8 +112,8 @@ def inputs(vehicle: Vehicle, *, sticks: dict[str, Any], north_m_s: float = 0.0) 
 
 
 def surge(push_s: float, rest_s: float) -> dict[str, Any]:
-    """A forward stick that pushes and is let go of, by turns."""
-    at = 1.0 + np.arange(len(PUSHES)) * (push_s + rest_s)
+    """A forward stick that pushes and is let go of, by turns, between samples of the log."""
+    at = 1.0 + np.arange(len(PUSHES)) * (push_s + rest_s + 0.03)
     times = np.column_stack([at, at + push_s]).ravel()
     values = np.column_stack([PUSHES, np.zeros(len(PUSHES))]).ravel()
     return {"forward": {"kind": "steps", "times_s": times.tolist(), "values": values.tolist()}}
@@ -119,7 +125,7 @@ def remarks(outputs: coast.Outputs, level: str) -> str:
     return "\n".join(block["text"] for block in blocks if block["level"] == level)
 
 
-@pytest.mark.parametrize("scale", [1.0, 1.25])
+@pytest.mark.parametrize("scale", [1.0, 2.0])
 def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: float) -> None:
     outputs = coast.run(inputs(with_curve(scale), sticks=surge(3.5, 4.0)), coast.Params())
     row = outputs.coast_drag.to_pylist()[0]
@@ -130,11 +136,12 @@ def test_drag_is_found_whatever_the_thrust_curve_and_the_curve_is_judged(scale: 
     assert row["verdict"] == "identified"
     assert row["rate"] == pytest.approx(true, rel=0.08)
     assert abs(row["rate"] - true) < 3.0 * row["rate_se"]
-    # Eight coasts of one axis; their standard error is 6 %.
+    # Eight coasts of one axis; most of the standard error of 15 % is that of the lag.
     assert row["scale"] == pytest.approx(scale, rel=0.1)
-    assert abs(row["scale"] - scale) < 3.0 * row["scale_se"]
+    assert abs(row["scale"] - scale) < 1.96 * row["scale_se"]
+    assert row["scale_se"] < 0.2 * scale
     warned = remarks(outputs, "warning")
-    assert ("the thrust curve or the mass is off" in warned) == (scale == 1.25)
+    assert ("the thrust curve or the mass is off" in warned) == (scale == 2.0)
     assert ("the thrust curve holds" in remarks(outputs, "finding")) == (scale == 1.0)
     assert "heave (" in remarks(outputs, "note")
     taken = [item for item in outputs.coasts.to_pylist() if item["use"] == "taken"]
@@ -152,9 +159,23 @@ def test_a_steady_current_is_no_drag_and_no_fault_of_the_thrust_curve() -> None:
     assert not remarks(outputs, "warning")
 
 
+def test_thrusters_that_follow_late_are_no_fault_of_the_thrust_curve() -> None:
+    """The lag is that of the powered legs, not the 0.1 s that are assumed first."""
+    sticks = surge(3.53, 4.0)
+    outputs = coast.run(inputs(VEHICLE, sticks=sticks, lag_s=0.17), coast.Params())
+    row = outputs.coast_drag.to_pylist()[0]
+    assert row["thrust_lag_s"] == pytest.approx(0.17, abs=0.04)
+    assert abs(row["scale"] - 1.0) < 1.96 * row["scale_se"]
+    assert row["scale"] == pytest.approx(1.0, abs=0.2)
+
+
 def test_a_scale_that_the_mass_may_explain_is_no_fault_of_the_curve() -> None:
     decay = cast(CoastDecay, SimpleNamespace(coasts=25))
-    fitted = {"u": AxisCoasts(decay=decay, scale=ThrustScale(1.08, 0.025, 0.1, 20.0))}
+    fitted = {
+        "u": AxisCoasts(
+            decay=decay, scale=ThrustScale(1.08, 0.025, ThrustLag(0.1, 0.0, 0.01), 20.0)
+        )
+    }
     clear, doubtful = CommonScale(1.25, 0.025, 0.081), CommonScale(1.08, 0.025, 0.081)
     assert clear.alarming
     assert not clear.by_mass

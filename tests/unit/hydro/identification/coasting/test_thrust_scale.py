@@ -14,6 +14,7 @@ from auvid.hydro.identification.coasting.decay import CoastDecay
 from auvid.hydro.identification.coasting.thrust_scale import (
     PoweredLeg,
     drag_and_scale,
+    thrust_lag,
     thrust_scale,
 )
 
@@ -53,8 +54,18 @@ def test_the_scale_of_the_thrust_in_the_vehicle_file_is_found(scale: float) -> N
     legs = [leg(scale, noise=4.0, seed=seed) for seed in (1, 2)]
     scaled = thrust_scale(legs, decay(np.zeros((2, 2))), mass=MASS)
     assert scaled.scale == pytest.approx(scale, rel=0.01)
-    assert scaled.lag_s == pytest.approx(LAG_S, abs=0.021)
+    assert scaled.lag.lag_s == pytest.approx(LAG_S, abs=0.021)
     assert abs(scaled.scale - scale) < 4.0 * scaled.standard_error + 0.005 * scale
+
+
+def test_the_lag_of_the_thrust_is_told_without_drag_or_curve() -> None:
+    """Neither the curve, twice too strong, nor a current under the speed takes part."""
+    flown = leg(2.0, noise=4.0, seed=3)
+    drift = np.ones((flown.speed.size, 1))
+    over_ground = replace(flown, speed=flown.speed + 0.2, drift=drift)
+    lag = thrust_lag([over_ground], np.array([0.2]))
+    assert abs(lag.lag_s - LAG_S) < 3.0 * lag.sd_s
+    assert lag.sd_s < 0.015
 
 
 def test_the_error_of_the_coasts_is_in_the_error_of_the_scale() -> None:
