@@ -79,6 +79,9 @@ AS_WELL = 2.0
 """Held-out fit [%] that a lag of other axes may cost."""
 SURGE_WORTH = 1.0
 """Held-out fit [%] that a force ahead in heave has to gain in each part (decision 0127)."""
+WINDOWS = "windows"
+UNLIKE = 0.5
+"""A validation leg flown to less than this share of what windows left out are moves unlike them."""
 BY_SURGE = (
     "a force follows surge (part of the force ahead, behind the lag of its speed), which flies"
     " what was held out better; surge_in_heave: false leaves it out"
@@ -170,7 +173,11 @@ def fit_all(
     commands = CommandForces(first.normalised, dict(first.full_force.items()), dict(ties.items()))
     every, together = fitted_together(fitted, legs, vehicle, options, commands)
     lacking += [doubtful[i.axis] for i in every if i.axis in doubtful and not i.predicts]
-    kept = tuple(item for item in every if item.predicts or item.axis not in doubtful)
+    kept = tuple(
+        replace(item, warnings=(*item.warnings, *unlike_validation(item)))
+        for item in every
+        if item.predicts or item.axis not in doubtful
+    )
     if together is not None and together.chosen:
         there = {item.axis for item in kept}
         together = replace(together, axes=tuple(a for a in together.axes if a in there))
@@ -366,8 +373,34 @@ def _refused(
         return Lacking(fit.axis, "wrong sign", AGAINST)
     if percent < 0.0:
         words = f"on what was held out its mean is the better guess ({fit_in_percent(percent)})"
-        return Lacking(fit.axis, "not predicted", words)
+        return Lacking(fit.axis, "not predicted", words + dives_apart(fit))
     return None
+
+
+def dives_apart(fit: FittedAxis) -> str:
+    """Return words where windows left out are flown, and whole legs are not."""
+    windows = [i.percent for i in fit.held_out if i.what.endswith(WINDOWS)]
+    if not windows or min(windows) < 0.0:
+        return ""
+    differ = [words.partition(": ")[2] for words in fit.warnings if DIVES_DIFFER in words]
+    why = differ[0].rpartition(": ")[0] if differ else "one dive does not tell the other"
+    return (
+        f", though windows left out in turn are flown to {fit_in_percent(min(windows))} and more:"
+        f" {why}. Give each dive a campaign of its own"
+    )
+
+
+def unlike_validation(fit: FittedAxis) -> tuple[str, ...]:
+    """Return a sentence where legs for validation move unlike the training legs."""
+    windows = [i.percent for i in fit.held_out if i.what.endswith(WINDOWS)]
+    least = min(windows, default=0.0)
+    return tuple(
+        f"{AXIS_WORDS[fit.axis].capitalize()}: {i.what} is flown to {fit_in_percent(i.percent)},"
+        f" windows of the training legs that were left out to {fit_in_percent(least)} and more:"
+        " that dive moves unlike these (tether, ballast, a snag). A campaign of its own tells how."
+        for i in fit.held_out
+        if i.validates and least >= SIMULATED_PERCENT and i.percent < UNLIKE * least
+    )
 
 
 def turned_round(

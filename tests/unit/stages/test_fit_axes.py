@@ -25,8 +25,14 @@ from auvid.stages.columns import TOO_COARSE
 from auvid.stages.fit_axes.card import lacking_axis, model_card, ranking
 from auvid.stages.fit_axes.coupling import fitted_together
 from auvid.stages.fit_axes.filling import FillSources, filled_axes
-from auvid.stages.fit_axes.fitted import AxisFits, HeldOutFit, Lacking, LackingVerdict
-from auvid.stages.fit_axes.fitting import fit_all, shared_lag
+from auvid.stages.fit_axes.fitted import (
+    AxisFits,
+    FittedAxis,
+    HeldOutFit,
+    Lacking,
+    LackingVerdict,
+)
+from auvid.stages.fit_axes.fitting import dives_apart, fit_all, shared_lag, unlike_validation
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.presentation import fit_section, together_words
 from auvid.stages.fit_axes.scaling import scaled
@@ -505,3 +511,29 @@ def test_the_lag_of_a_rate_counts_before_that_of_depth() -> None:
     assert (heave.measured_by, yaw.measured_by) == ("depth", "gyro")
     assert shared_lag([heave, yaw], 0.05) == pytest.approx((0.24, 0.03))
     assert shared_lag([replace(heave, measured_by="velocity log"), yaw], 0.05) is None
+
+
+def left_out(**percent: float) -> FittedAxis:
+    """Return heave of the made-up dive, flown to these percentages where it was not fitted."""
+    heave = next(item for item in fits(False).fitted if item.axis == "Z")
+    held_out = tuple(HeldOutFit(what.replace("_", " "), own, 5) for what, own in percent.items())
+    return replace(heave, held_out=held_out)
+
+
+def test_a_validation_dive_that_moves_unlike_the_training_legs_is_named() -> None:
+    unlike = left_out(even_windows=70.0, odd_windows=63.0, validation_leg_check=30.0)
+    (words,) = unlike_validation(unlike)
+    assert "validation leg check is flown to 30 %" in words
+    assert "63 % and more" in words
+    assert not unlike_validation(left_out(odd_windows=63.0, validation_leg_check=40.0))
+    assert not unlike_validation(left_out(odd_windows=20.0, validation_leg_check=5.0))
+
+
+def test_dives_that_are_each_flown_but_not_by_the_other_are_to_be_parted() -> None:
+    lost = left_out(even_windows=9.0, odd_windows=44.0, leg_one=29.0, leg_two=-144.0)
+    assert "one dive does not tell the other. Give each dive a campaign" in dives_apart(lost)
+    words = "Heave: the dives differ by more than chance in drag (largest over smallest 3.2): mean"
+    assert "more than chance in drag (largest over smallest 3.2). Give" in dives_apart(
+        replace(lost, warnings=(words,))
+    )
+    assert not dives_apart(left_out(even_windows=-5.0, odd_windows=44.0, leg_two=-144.0))
