@@ -80,6 +80,8 @@ class StreamInfo(Model):
     """Longest step."""
     gaps: int
     """Steps longer than the limit."""
+    smoothed_s: float | None = None
+    """Time over which a velocity from position fixes is smoothed; null for others."""
 
 
 class LogInfo(Model):

@@ -116,6 +116,7 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
     record, drive, notes = result.record, result.drive, inputs.log_info.notes
+    velocity = inputs.log_info.streams.get("velocity")
     return AxisWindowsRecord.model_validate(
         {
             "leg": inputs.leg.id,
@@ -126,6 +127,7 @@ def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
             "normalised": record.normalised,
             "force": drive.words,
             "measured_by": dict(record.measured_by),
+            "smoothed_s": velocity.smoothed_s if velocity is not None else None,
             "windows_s": {axis: result.length_s(axis) for axis in record.windows},
             "left_out": [LeftOutStretch.model_validate(item._asdict()) for item in record.left_out],
             "full_force": dict(inputs.vehicle.commands.full_force),

@@ -66,7 +66,14 @@ from auvid.stages.fit_axes.flight import (
     pushed,
 )
 from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
-from auvid.stages.fit_axes.markers import arm_doubts, at_origin, by_poses, doubted, markers_of
+from auvid.stages.fit_axes.markers import (
+    arm_doubts,
+    at_origin,
+    by_fixes,
+    by_poses,
+    doubted,
+    markers_of,
+)
 from auvid.stages.fit_axes.thrusters import as_strong, ratios_of
 from auvid.stages.model_use import TILTS, axes_listed
 from auvid.stages.number_format import SIMULATED_PERCENT, fit_in_percent
@@ -182,7 +189,7 @@ def fit_all(
         there = {item.axis for item in kept}
         together = replace(together, axes=tuple(a for a in together.axes if a in there))
     return AxisFits(
-        fitted=tuple(by_poses(doubted(item, markers), legs) for item in kept),
+        fitted=tuple(by_fixes(by_poses(doubted(item, markers), legs), legs) for item in kept),
         markers=markers,
         lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from auvid.data_schemas.records.motion import InstallationFigure
-from auvid.hydro.arrays import VELOCITIES, Array, cross, runs_of
+from auvid.hydro.arrays import AXES, VELOCITIES, Array, cross, runs_of
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.quantities import FitQuantity
@@ -19,7 +19,8 @@ from auvid.hydro.identification.signals.installation import CERTAIN, departure_v
 from auvid.hydro.identification.signals.pose.marker_arm import TurningLeg, marker_arm
 from auvid.stages.fit_axes.fitted import ArmChoice, FittedAxis, Markers
 from auvid.stages.fit_axes.flight import LegData
-from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
+from auvid.stages.leg_record.motion import FIXES, POSES, VELOCITY_LOG
+from auvid.stages.page.first_screen import AXIS_WORDS
 
 LIMITS_M = (0.02, 0.02, 0.05)
 """A departure from a measured arm counts beyond these and three standard errors: down, the
@@ -37,8 +38,14 @@ POSE_MOTION_SD = 0.01
 """Relative deviation of what motion by poses gives, beside its noise: the smoother passes
 what is slow, and takes of drag by .5 to 2.1 % in twenty tanks (decision 0032).
 """
+SLOWEST_SHARE = 3.0
+"""Largest factor by which smoothing makes a time constant long."""
 SENSORS = {POSES: "pose", VELOCITY_LOG: "dvl"}
 """What measures a velocity -> its key among the sensors of the vehicle file."""
+STEADY = "steady speed"
+"""Begin of the names of quantities that no time is in."""
+WORTH_WORDS = 0.05
+"""Relative deviation by smoothing from which a sentence says so."""
 REACHES = ("YZN", "XZN", "XY")
 """Axes whose fits a wrong arm forward, right and down reaches."""
 
@@ -166,8 +173,57 @@ def by_poses(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
     return replace(item, equation=wide, quantities=quantities)
 
 
-def _widened(quantity: FitQuantity) -> FitQuantity:
-    shift = POSE_MOTION_SD * abs(quantity.value)
+def by_fixes(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
+    """Return an axis with what the smoothing of position fixes does in its intervals.
+
+    A smoother over T makes the answer to a step slower, T^2 more in the square of its time
+    constant tau: x' = a x + b x|x| + c F + d has all four small by one factor up to f =
+    1 / sqrt(1 - T^2 / tau^2), and P + d d' with d = s (a, b, c, d), 1.96 s = f - 1. What has
+    no time in it, as the steady speed and drag per thrust, is as sure as before.
+    """
+    smoothed = [
+        leg.windows.smoothed_s or 0.0
+        for leg in legs.values()
+        if leg.record.measured_by.get(item.axis) == FIXES
+    ]
+    if not smoothed:
+        return item
+    equation, longest_s = item.equation, max(smoothed)
+    values = dict(zip(equation.names, equation.values, strict=True))
+    rate = VELOCITIES[AXES.index(item.axis)]
+    slope = -values.get(rate, 0.0) - 2.0 * item.rate_rms * values.get(f"{rate}*|{rate}|", 0.0)
+    rest = 1.0 - (longest_s * max(slope, 0.0)) ** 2
+    factor = 1.0 / float(np.sqrt(max(rest, SLOWEST_SHARE**-2)))
+    share = (factor - 1.0) / NORMAL_95
+    shift = share * np.asarray(equation.values)
+    wide = replace(equation, covariance=equation.covariance + np.outer(shift, shift))
+    quantities = tuple(
+        quantity if quantity.name.startswith(STEADY) else _slower(quantity, share)
+        for quantity in item.quantities
+    )
+    words = (
+        f"{AXIS_WORDS[item.axis].capitalize()} is measured by position fixes, smoothed over"
+        f" {longest_s:.2g} s: its time constant may be {factor:.2g} times too long, damping and"
+        " gain over the inertia too small by that factor, which intervals contain. The steady"
+        " speed of a force is free of it."
+    )
+    warnings = (*item.warnings, words) if share > WORTH_WORDS else item.warnings
+    return replace(item, equation=wide, quantities=quantities, warnings=warnings)
+
+
+def _slower(quantity: FitQuantity, share: float) -> FitQuantity:
+    """Return a quantity that goes with time, wider by the error of smoothing."""
+    if not quantity.low > 0.0:
+        return _widened(quantity, share)
+    ends = np.log(quantity.high / quantity.value), np.log1p(NORMAL_95 * share)
+    half = float(np.hypot(*ends))  # an interval in the logarithm
+    error = float(np.hypot(quantity.standard_error, share * quantity.value))
+    low, high = (float(quantity.value * np.exp(end)) for end in (-half, half))
+    return replace(quantity, standard_error=error, low=low, high=high)
+
+
+def _widened(quantity: FitQuantity, share: float = POSE_MOTION_SD) -> FitQuantity:
+    shift = share * abs(quantity.value)
     low, high = (
         quantity.value + sign * float(np.hypot(abs(end - quantity.value), NORMAL_95 * shift))
         for sign, end in ((-1.0, quantity.low), (1.0, quantity.high))

@@ -185,6 +185,9 @@ def _read(inputs: Inputs, params: Params) -> _Read:
         tables[name] = make_table(name, _columns(stream))
     info = log_info(log, files, streams, rejected, gap_s=params.gap_s, set_us=set_us)
     info.notes.extend((*motion.notes, *turning.notes, *acoustic.notes))
+    if acoustic.track is not None and "velocity" in acoustic.streams:
+        smoothed = {"smoothed_s": acoustic.track.smoothed_s}
+        info.streams["velocity"] = info.streams["velocity"].model_copy(update=smoothed)
     return _Read(
         tables,
         info,

@@ -23,7 +23,7 @@ PAUSE_STEPS = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
 OVERSAMPLED = 1.5
 """A sensor faster than this many times the clock is averaged between its times."""
-VELOCITY_LOG, POSES, FIXES = "velocity log", "poses", "position fixes"
+VELOCITY_LOG, POSES, FIXES, DEPTH = "velocity log", "poses", "position fixes", "depth"
 GYRO_RATES = "gyro"
 """What measures u, v, w: a sensor, or the slope of places."""
 LETTER = dict(zip(VELOCITIES, "XYZKMN", strict=True))
@@ -133,7 +133,7 @@ def motion_of(streams: Streams, t_s: Array, max_gap_s: float) -> LegMotion:
     if depth is not None:
         down = rotation_body_to_ned(np.nan_to_num(attitude))[:, 2, :]
         depth_m = on_clock(depth, t_s, max_gap_s)[:, 0] - down @ vehicle.depth_sensor.arm_m
-        by.setdefault("Z", "depth")
+        by.setdefault("Z", DEPTH)
     return LegMotion(rate, depth_m, attitude, by, jumps, tuple(notes))
 
 

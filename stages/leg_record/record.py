@@ -25,6 +25,7 @@ from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.stages.columns import ATTITUDE, AXIS_UNITS, GYRO, OF_FIXES, OF_POSES, VELOCITY
 from auvid.stages.leg_record.force import LegDrive, actuator_table, drive_of
 from auvid.stages.leg_record.motion import (
+    DEPTH,
     FIXES,
     GYRO_RATES,
     POSES,
@@ -167,7 +168,12 @@ def _of_places(motion: LegMotion, info: LogInfo) -> LegMotion:
         for places, words in ((OF_POSES, POSES), (OF_FIXES, FIXES)):
             if source.startswith(places):
                 by |= {axis: words for axis, own in motion.by.items() if own == sensor}
-    return replace(motion, by=by)
+    rate = motion.rate
+    if by.get("Z") == FIXES and motion.depth_m is not None:
+        # Between fixes it is the slope of the depth, which tells more by itself.
+        by["Z"] = DEPTH
+        rate = {**rate, "w": np.full_like(rate["w"], np.nan)}
+    return replace(motion, by=by, rate=rate)
 
 
 def _clock(streams: Streams, leg: str, rate_hz: float) -> tuple[Array, float]:

@@ -10,13 +10,14 @@ import pytest
 from auvid.data_schemas.documents.vehicle.quantities import Vector
 from auvid.data_schemas.documents.vehicle.sensors import MountedEntry
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.signals.pose.marker_arm import MarkerArm
 from auvid.stages.fit_axes.fitted import AxisFits
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
 from auvid.stages.fit_axes.markers import arm_doubts, at_origin, markers_of, markers_words
-from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
+from auvid.stages.leg_record.motion import FIXES, POSES, VELOCITY_LOG
 from tests.unit.stages.test_axes_together import TRUTH, body, file_inertia, legs_of
 
 ARM = np.array([0.15, -0.08, 0.0])
@@ -72,6 +73,43 @@ def test_motion_by_poses_is_a_percent_less_sure() -> None:
     for wide, plain in zip(poses.quantities, log.quantities, strict=True):
         half = np.hypot(plain.high - plain.value, 0.0196 * abs(plain.value))
         assert wide.high - wide.value == pytest.approx(half, rel=1e-3)
+
+
+@pytest.mark.parametrize("smoothed_s", [0.2, 1.2])
+def test_motion_by_fixes_may_be_slower_than_the_vehicle(smoothed_s: float) -> None:
+    """What has time in it is less sure, by how long the smoother is; the steady speed is not."""
+    legs = off_origin(np.zeros(3))
+    fixes, log = (
+        fit_all(
+            {
+                key: LegData(
+                    replace(item.record, measured_by=dict.fromkeys("XYN", sensor)),
+                    item.windows.model_copy(
+                        update={
+                            "measured_by": dict.fromkeys("XYN", sensor),
+                            "smoothed_s": smoothed_s if sensor == FIXES else None,
+                        }
+                    ),
+                )
+                for key, item in legs.items()
+            },
+            body(),
+            OPTIONS,
+        ).fitted[0]
+        for sensor in (FIXES, VELOCITY_LOG)
+    )
+    a, b = (log.equation.value(name) for name in ("v", "v*|v|"))
+    rest = 1.0 - (smoothed_s * -(a + 2.0 * b * log.rate_rms)) ** 2
+    factor = 1.0 / np.sqrt(max(rest, 1.0 / 9.0))
+    added = np.diag(fixes.equation.covariance - log.equation.covariance)
+    expected = ((factor - 1.0) / NORMAL_95 * np.asarray(log.equation.values)) ** 2
+    np.testing.assert_allclose(added, expected, rtol=1e-6, atol=1e-15)
+    told_apart = smoothed_s < 1.0
+    assert (fixes.verdict("v*|v|") == "identified") == told_apart
+    assert any("smoothed over" in words for words in fixes.warnings) == (not told_apart)
+    for wide, plain in zip(fixes.quantities, log.quantities, strict=True):
+        assert (wide.high > plain.high) == (not plain.name.startswith("steady speed"))
+        assert (wide.low > 0.0) == (plain.low > 0.0) or plain.name.endswith("/M")
 
 
 def test_the_arm_that_legs_show_gives_the_model_of_the_origin() -> None:

@@ -43,7 +43,7 @@ EARTH_M = 6371008.8
 class FixTrack:
     """Velocity north, east (n, 2) [m/s] with deviations at the fixes kept, t_s (n,).
 
-    position (n, 2) [m]; `noise_m` of a fix; `lag_s` of each
+    position (n, 2) [m]; `noise_m` of a fix, `speed` (RMS) and `lag_s` of each
     coordinate (2,); `outliers` and `repeats`: fixes left out; `begins` (n,): where a
     pause or a jump ended.
     """
@@ -53,6 +53,7 @@ class FixTrack:
     velocity: Array
     velocity_sd: Array
     noise_m: Array
+    speed: Array
     lag_s: Array
     outliers: int
     repeats: int
@@ -65,6 +66,16 @@ class FixTrack:
         # What is known of v has less scatter than v by what is not.
         rms = float(np.sqrt(np.mean(self.velocity**2) + deviation**2))
         return deviation / max(rms, 1e-12)
+
+    @property
+    def smoothed_s(self) -> float:
+        """Return the time [s] over which the velocity is smoothed, the longer of two.
+
+        Of noise R each step dt against white acceleration q it is (R dt / q)^(1/4).
+        """
+        step_s = float(np.median(np.diff(self.t_s)))
+        acceleration = 2.0 * self.speed**2 / self.lag_s
+        return float(np.max(self.noise_m**2 * step_s / acceleration) ** 0.25)
 
     @property
     def too_coarse(self) -> bool:
@@ -121,6 +132,7 @@ def fix_track(t_s: Array, position: Array) -> FixTrack:
         states[:, :, 1],
         np.sqrt(np.maximum(variance, 0.0)),
         np.array([size[0] for size in sizes]),
+        np.array([size[1] for size in sizes]),
         np.array([size[2] for size in sizes]),
         int(np.count_nonzero(~used)),
         int(np.count_nonzero(~fresh)),

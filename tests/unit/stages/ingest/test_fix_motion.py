@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
@@ -70,6 +71,23 @@ def test_velocity_of_fixes_has_an_honest_deviation(
     # Steps of thrust are no white noise: the deviation is on the safe side.
     assert np.mean(inside) >= 0.93
     assert np.mean(errors) < rms
+
+
+@pytest.mark.parametrize(("noise_m", "every_s"), [(0.1, 0.25), (0.05, 0.5), (0.5, 1.0)])
+def test_the_velocity_is_that_of_the_vehicle_smoothed_over_so_long(
+    noise_m: float, every_s: float
+) -> None:
+    errors = np.zeros(3)
+    for seed in range(3):
+        t, _, velocity = path(seed)
+        t_s, measured, _ = fixes(seed, noise_m=noise_m, every_s=every_s, outliers=0.0)
+        track = fix_track(t_s, measured)
+        for place, factor in enumerate((0.0, 1.0, 3.0)):
+            width = factor * track.smoothed_s / STEP_S
+            smooth = gaussian_filter1d(velocity, width, axis=0) if width else velocity
+            errors[place] += np.sum(error_of(track, t, smooth) ** 2)
+    assert errors[1] < 0.85 * errors[0]
+    assert errors[1] < 0.85 * errors[2]
 
 
 @pytest.mark.compiles("hydro/identification/signals/pose/compiled_fixes.py")
