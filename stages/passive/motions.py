@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pyarrow as pa
@@ -29,7 +29,13 @@ from auvid.hydro.identification.passive.releases import (
     released,
     towed,
 )
-from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
+from auvid.hydro.identification.passive.tow import (
+    TowFit,
+    TowRecord,
+    current_and_offset,
+    fit_tow,
+    force_delay,
+)
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.stages.columns import ATTITUDE, GYRO, POSITION, VELOCITY, leg_window
@@ -125,6 +131,8 @@ class PassiveMotions:
     by: dict[str, str] = field(default_factory=dict)
     oblique: dict[str, float] = field(default_factory=dict)
     """Leg that is towed with a sideslip -> angle between hull and path [rad]."""
+    both_ways: dict[str, str] = field(default_factory=dict)
+    """Channel -> what its tows ahead and astern tell of a current along them, in words."""
     odd: dict[str, str] = field(default_factory=dict)
     """Channel whose tows no drag and no mass explain as the file has them -> in words."""
     guessed: set[str] = field(default_factory=set)
@@ -223,12 +231,14 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
     for channel, tows in out.tows.items():
         mass, spread = apparent_mass(vehicle, channel)
         try:
-            records = [record for _, record in tows]
+            records, words = _in_still_water([record for _, record in tows])
+            out.tows[channel] = list(zip([name for name, _ in tows], records, strict=True))
+            out.both_ways[channel] = f"In {channel} {words}"
             # A mass that is assumed only says how large it may be.
             assumed = spread if vehicle.spreads else mass
             out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=assumed)
             unbound = fit_tow(records, mass_kg=mass, mass_sd_kg=10.0 * mass)
-            if words := _odd_tow(unbound, mass):
+            if words := _odd_tow(unbound, mass, force_delay(records)):
                 out.odd[channel] = f"In {channel} {words} Figures of the tow are weak."
         except DataError as fault:
             out.left_out.append(f"tow, {channel}: {fault}")
@@ -242,11 +252,42 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
     return out
 
 
-def _odd_tow(fit: TowFit, mass_kg: float) -> str:
+def _in_still_water(tows: list[TowRecord]) -> tuple[list[TowRecord], str]:
+    """Return tows without the current or offset that they show, and that in words."""
+    current, offset = current_and_offset(tows)
+    if current:
+        words = (
+            f"tows ahead and astern show a current of {current:.2g} m/s along them, or a zero of"
+            " the speed that is off by it. It is taken off."
+        )
+        return [replace(tow, speed=tow.speed - current) for tow in tows], words
+    if offset:
+        words = (
+            f"tows ahead and astern show an offset of {offset:.2g} N of the load cell. It is taken"
+            " off."
+        )
+        return [replace(tow, force_N=tow.force_N - offset) for tow in tows], words
+    signs = {bool(np.nanmean(tow.speed) > 0.0) for tow in tows}
+    if len(signs) == 1:
+        return tows, (
+            "all tows go one way: a steady current along them and an offset of the load cell are in"
+            " the drag, and nothing tells them from it. Tow both ways."
+        )
+    return tows, "tows ahead and astern agree: no steady current along them."
+
+
+def _odd_tow(fit: TowFit, mass_kg: float, delay_s: float) -> str:
     """Return what is odd of tows: forces without speeds, or far another mass.
 
     `fit`: one whose mass that of the file, `mass_kg`, does not hold.
     """
+    if delay_s:
+        late = "late" if delay_s > 0.0 else "early"
+        return (
+            f"the force of the line is logged {abs(delay_s):.2g} s {late} against the speed: log"
+            " both on one clock, or take the force from a file of its own with time.shift_s:"
+            f" {-delay_s:.2g} in its column map."
+        )
     size = float(np.mean(np.abs(fit.forces_N)))
     if float(np.std(fit.forces_N)) > UNEVEN * size and fit.held_out < LEAST_HELD_OUT:
         return (

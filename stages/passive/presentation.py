@@ -76,6 +76,7 @@ def passive_section(motions: PassiveMotions, results: dict[str, Any]) -> dict[st
         remark(words, "finding" if headline else "warning")
         for words, headline in _sentences(motions)
     ]
+    blocks += [remark(words) for words in motions.both_ways.values()]
     blocks += [
         remark(
             f"Leg '{leg}' is towed with a sideslip of {np.degrees(angle):.0f} degrees: the line"

@@ -9,7 +9,13 @@ import pytest
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.constants import NORMAL_95
-from auvid.hydro.identification.passive.tow import TowFit, TowRecord, fit_tow
+from auvid.hydro.identification.passive.tow import (
+    TowFit,
+    TowRecord,
+    current_and_offset,
+    fit_tow,
+    force_delay,
+)
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
 
 
@@ -96,3 +102,32 @@ def test_drag_by_a_power_of_the_speed_counts_what_linear_and_quadratic_drag_miss
         return max(abs(fit.drag(x)[0] - 27.0 * x**1.62) / fit.drag(x)[1] for x in speeds)
 
     assert away(fit) < NORMAL_95 < away(replace(fit, power=None))
+
+
+def test_a_force_on_another_clock_is_told_by_tows_whose_speed_changes() -> None:
+    for seed in range(6):
+        unsteady, steady = tows(seed), tows(seed, steady=True)
+        assert force_delay(unsteady) == 0.0
+        assert force_delay(steady) == 0.0
+        late = [replace(tow, force_N=np.roll(tow.force_N, 20)) for tow in unsteady]
+        assert force_delay(late) == pytest.approx(1.0)
+
+
+def test_tows_both_ways_tell_a_current_from_an_offset_of_the_load_cell() -> None:
+    for seed in range(3):
+        ahead, astern = tows(seed), tows(seed + 50)
+        ways = [
+            *ahead,
+            *(replace(tow, speed=-tow.speed, force_N=-tow.force_N) for tow in astern),
+        ]
+        assert current_and_offset(ways) == (0.0, 0.0)
+        drifting = [replace(tow, speed=tow.speed + 0.08) for tow in ways]
+        current, offset = current_and_offset(drifting)
+        assert current == pytest.approx(0.08, abs=0.01)
+        assert offset == 0.0
+        pulled = [replace(tow, force_N=tow.force_N + 3.0) for tow in ways]
+        current, offset = current_and_offset(pulled)
+        assert offset == pytest.approx(3.0, abs=0.3)
+        assert current == 0.0
+        one_way = [replace(tow, speed=tow.speed + 0.08) for tow in ahead]
+        assert current_and_offset(one_way) == (0.0, 0.0)
