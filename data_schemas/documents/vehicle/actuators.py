@@ -206,6 +206,9 @@ class CommandsEntry(Model):
     """Frame of ArduSub, for pulses where neither `thrusters` nor the log says how they
     mix.
     """
+    direction: list[Literal[1, -1]] | None = None
+    """1, or -1 for a motor of `frame` that is mirrored; MOT_n_DIRECTION of a log goes before.
+    """
     full_force: FullForceEntry = FullForceEntry()
     """Force of a full command; one axis is enough to turn everything into newtons."""
 

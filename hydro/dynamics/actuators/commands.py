@@ -99,12 +99,14 @@ class FullCommands:
     """What is known of actuators that are told in full commands.
 
     `axes`: letters that normalised commands drive; none for those that are logged.
-    `frame`: layout of the autopilot in the vehicle file. `full_force`: axis -> force of a
-    full command [N, N m], measured. `thrusters`: layout with thrust in full commands.
+    `frame`: layout of the autopilot in the vehicle file, `direction`: of its motors.
+    `full_force`: axis -> force of a full command [N, N m], measured. `thrusters`: layout
+    with thrust in full commands.
     """
 
     axes: tuple[str, ...] = ()
     frame: str | None = None
+    direction: tuple[int, ...] = ()
     full_force: Mapping[str, float] = field(default_factory=dict)
     thrusters: Thrusters | None = None
 

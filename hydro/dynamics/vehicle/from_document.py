@@ -26,6 +26,7 @@ from auvid.data_schemas.errors import CampaignError, PipelineError, raise_faults
 from auvid.hydro.arrays import AXES, VELOCITIES, Array, read_only
 from auvid.hydro.dynamics.actuators.buoyancy_engine import BuoyancyEngine
 from auvid.hydro.dynamics.actuators.commands import (
+    ARDUSUB_FRAMES,
     COMMANDS,
     UNIT_THRUST,
     FullCommands,
@@ -231,9 +232,18 @@ def _thrusters(entry: ThrustersEntry) -> Thrusters:
 
 def _commands(entry: CommandsEntry, layout: Thrusters | None) -> FullCommands:
     """Return what is known in full commands, with the layout of the thrusters."""
+    motors = len(ARDUSUB_FRAMES[entry.frame]) if entry.frame else 0
+    if entry.direction is not None and len(entry.direction) != motors:
+        raise CampaignError(
+            "one direction for each motor of the frame is needed",
+            field="actuators.commands.direction",
+            value=entry.direction,
+            allowed=f"{motors} of 1 and -1 for frame {entry.frame}" if motors else "with a frame",
+        )
     return FullCommands(
         axes=tuple(axis_of(name) for name in entry.axes or ()),
         frame=entry.frame,
+        direction=tuple(entry.direction or ()),
         full_force={
             axis_of(name): force.si
             for name in COMMANDS

@@ -48,7 +48,10 @@ def layout_without_curve(
     frame = commands.frame or frame_name(parameters)
     if frame is not None:
         where = "the vehicle file" if commands.frame else "FRAME_CONFIG of the log"
-        thrusters = joined_as_logged(frame_thrusters(frame), parameters)
+        thrusters = frame_thrusters(frame)
+        if len(commands.direction) == len(thrusters.outputs):
+            thrusters = replace(thrusters, direction=np.array(commands.direction, dtype=float))
+        thrusters = joined_as_logged(thrusters, parameters)
         return UnscaledLayout(thrusters, f"frame {frame} of {where}", False, frame)
     of_px4 = px4_thrusters(parameters)
     return None if of_px4 is None else UnscaledLayout(of_px4, "CA_ROTOR of the log", True)

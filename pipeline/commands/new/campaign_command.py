@@ -15,6 +15,7 @@ import numpy as np
 
 from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.data_schemas.records.fleet import MotionTrace
+from auvid.hydro.dynamics.actuators.commands import ARDUSUB_FRAMES
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.structures import lift_and_drag
 from auvid.hydro.identification.checks.signal_checks import clock_statistics
@@ -56,6 +57,7 @@ from auvid.pipeline.commands.new.refusal import (
     unreadable,
 )
 from auvid.pipeline.commands.new.vehicle_choice import (
+    LAYOUT,
     OWN_FILE,
     VehicleChoice,
     choose_vehicle,
@@ -138,7 +140,7 @@ def write_campaign(
     Whether it would run is not tried. Raises `PipelineError`, with nothing written, for
     logs that feed no campaign.
     """
-    feed, kept, left_out = _sort(surveyed, _passive_body(vehicle))
+    feed, kept, left_out = _sort(surveyed, _passive_body(vehicle), named=vehicle is not None)
     ids = [f"dive_{number}" for number in range(1, len(kept) + 1)] if len(kept) > 1 else ["dive"]
     by_id = dict(zip(ids, kept, strict=True))
     first = checked(kept[0].page)
@@ -261,11 +263,11 @@ def _passive_body(named: str | None) -> Vehicle | None:
 
 
 def _sort(
-    surveyed: Sequence[SurveyedLog], body: Vehicle | None
+    surveyed: Sequence[SurveyedLog], body: Vehicle | None, *, named: bool
 ) -> tuple[CampaignFeed, list[SurveyedLog], list[str]]:
     """Return what the logs feed, those that do, and in words why not the others.
 
-    body: the vehicle, where a named one has no actuators.
+    body: the vehicle, where a named one has no actuators; named: whether one is.
 
     Raises `NoCampaignError` where none feeds anything.
     """
@@ -275,7 +277,7 @@ def _sort(
         if log.page.health is None:
             refused.append(unreadable(log.name, log.page))
             continue
-        feed = feed_of(log.page, body)
+        feed = feed_of(log.page, body, named=named)
         if isinstance(feed, CampaignFeed):
             feeds.append((log, feed))
         else:
@@ -440,7 +442,7 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
         return (
             f"no log tells {choice.lacking}, and there is no default. Fill it in in"
             f" {folder / 'vehicle.yaml'}, or remove {folder} and name a vehicle with --vehicle"
-            " (auvid vehicles lists those that come with auvid)."
+            f" (auvid vehicles lists those that come with auvid).{_of_frame(choice)}"
         )
     pages = log_pages(str(folder), None)
     for page in pages:
@@ -455,6 +457,17 @@ def _stop(folder: Path, choice: VehicleChoice) -> str:
     )
     return (
         f"{refusal}{doubt if choice.guessed and choice.name in MOTORS_OF_VEHICLE.values() else ''}"
+    )
+
+
+def _of_frame(choice: VehicleChoice) -> str:
+    """Return what a vehicle whose outputs are mixed by an unknown frame can do."""
+    if not choice.lacking.startswith(LAYOUT):
+        return ""
+    return (
+        " Mixed by a frame of ArduSub, its pulses feed axes in full commands by a vehicle file with"
+        f" actuators: {{commands: {{frame: NAME}}}}; NAME: {', '.join(ARDUSUB_FRAMES)}. Commands of"
+        " single axes (surge, sway, heave, yaw of a CSV table, --commands) need no frame."
     )
 
 

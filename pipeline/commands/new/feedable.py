@@ -23,6 +23,7 @@ from auvid.hydro.identification.selection.leg_proposal import (
 from auvid.pipeline.commands.check.axes_route import axes_fed, likely_vehicle
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.commands.new.refusal import NO_ACTUATORS, NOT_UNDER_WATER
+from auvid.pipeline.commands.new.vehicle_choice import unbundled_frame
 from auvid.stages import passive as passive_stage
 from auvid.stages.ingest.health.actuation.motions import MOTION_WORDS
 from auvid.stages.ingest.health.actuation.outputs import activity
@@ -197,13 +198,20 @@ ROUTES: dict[str, Callable[[CheckedLog, Mapping[str, Any]], CampaignFeed | str]]
 """What each kind of campaign is fed, or why a log cannot feed it; the better first."""
 
 
-def feed_of(page: LogPage, vehicle: Vehicle | None = None) -> CampaignFeed | dict[str, str]:
-    """Return what a log feeds, or by kind of campaign why it feeds none."""
+def feed_of(
+    page: LogPage, vehicle: Vehicle | None = None, *, named: bool = False
+) -> CampaignFeed | dict[str, str]:
+    """Return what a log feeds, or by kind of campaign why it feeds none.
+
+    named: the user names a vehicle. Else one of a frame that none has is in full commands.
+    """
     assert page.health is not None
     log = checked(page, vehicle)
     reasons: dict[str, str] = {}
+    unscaled = "" if named else unbundled_frame(log)
     for kind, route in ROUTES.items():
-        feed = route(log, page.health)
+        without = unscaled if kind == "identification" else ""
+        feed = without or route(log, page.health)
         if isinstance(feed, CampaignFeed):
             return feed
         reasons[kind] = feed

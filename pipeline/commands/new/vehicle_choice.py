@@ -12,6 +12,7 @@ import numpy as np
 
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.yaml_text import read_yaml
+from auvid.hydro.dynamics.actuators.commands import frame_name
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -57,11 +58,13 @@ FILL_IN = """
 actuators:
   thrusters:  # fill in: no log tells where thrusters sit; forward, right, down
     position:
-      value: fill in one [x, y, z] for each of the outputs below
+      value:
+{places}
       unit: m
       source: measured
     axis:
-      value: fill in one [x, y, z] of length 1 for each of the outputs below
+      value:
+{axes}
       unit: "1"
       source: measured
     direction: {{value: {ones}, unit: "1", source: no thruster mirrored, assumed: true}}
@@ -74,6 +77,7 @@ actuators:
       voltage_exponent: {{value: 1.0, unit: "1", source: class of thruster, assumed: true}}
 """
 
+LAYOUT = "position and axis of each thruster"
 FILL_IN_FINS = """
 actuators: fill in propeller and fins, in place of this line, as in the example below
 # actuators:
@@ -144,6 +148,9 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
         return VehicleChoice(OWN_FILE, why, _skeleton(log, ""))
     if normalised:
         why = "commands have no unit of force: only ratios to its mass come out"
+        frame_words = unbundled_frame(log)
+        if frame_words:
+            why = f"{frame_words}: forces in full commands, newtons need a file of your own"
         return VehicleChoice(OWN_FILE, why, _skeleton(log, ""))
     frame = log.info.parameters.get("FRAME_CONFIG")
     if frame is not None and int(frame) in FRAMES:
@@ -160,6 +167,14 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
         text = _as_guess(_annotated(SHIPPED_VEHICLES / f"{name}.yaml", log), why)
         return VehicleChoice(name, f"guessed, {why}", _as_moved(text, log), guessed=True)
     return _unknown(log, driven, frame)
+
+
+def unbundled_frame(log: CheckedLog) -> str:
+    """Return in words that no bundled vehicle has the frame of a log, '' otherwise."""
+    config, name = log.info.parameters.get("FRAME_CONFIG"), frame_name(log.info.parameters)
+    if config is None or name is None or int(config) in FRAMES:
+        return ""
+    return f"no bundled vehicle has frame {name} (FRAME_CONFIG {config:g})"
 
 
 def _as_guess(text: str, why: str) -> str:
@@ -234,9 +249,13 @@ def _unknown(log: CheckedLog, driven: Sequence[int], frame: float | None) -> Veh
         if frame is not None
         else f"outputs {listed([str(number) for number in driven])} are driven"
     )
-    block = FILL_IN.format(ones=[1] * len(driven), outputs=list(driven))
+    rows = {
+        key: "\n".join(f"        - fill in one {words} for output {number}" for number in driven)
+        for key, words in (("places", "[x, y, z]"), ("axes", "[x, y, z] of length 1"))
+    }
+    block = FILL_IN.format(ones=[1] * len(driven), outputs=list(driven), **rows)
     why = f"a skeleton, {about}"
-    return VehicleChoice(OWN_FILE, why, _skeleton(log, block), "position and axis of each thruster")
+    return VehicleChoice(OWN_FILE, why, _skeleton(log, block), f"{LAYOUT} ({about})")
 
 
 def _skeleton(log: CheckedLog, actuators: str) -> str:

@@ -100,11 +100,13 @@ def joined_outputs(
     """
     as_it_is = _same_wiring(allocation, linear=linear, horizontal=horizontal)
     orders = _orders(allocation.shape[1])
-    rows = np.array([_joined(allocation, direction, order) for order in orders] + [*geometries])
+    rows = np.array(
+        [joined_allocation(allocation, direction, order) for order in orders] + [*geometries]
+    )
     pairs = list(combinations(range(len(direction)), 2))
     best: tuple[float, OtherOrder, JoinedOutputs] | None = None
     for motion in motions:
-        axes = _AxisProducts.of(motion, impulse)
+        axes = AxisProducts.of(motion, impulse)
         plain = float(axes.likelihood(as_it_is).max())
         otherwise = axes.likelihood(rows).tolist()
         place = int(np.argmax(otherwise))
@@ -141,7 +143,7 @@ def joined_outputs(
 
 
 @dataclass(frozen=True)
-class _AxisProducts:
+class AxisProducts:
     """Products of impulse and change of each axis less its drag terms.
 
     gram (k, m, m), along (k, m), spread (k,); n samples.
@@ -153,7 +155,7 @@ class _AxisProducts:
     count: int
 
     @classmethod
-    def of(cls, motion: WindowMotion, impulse: Array) -> _AxisProducts:
+    def of(cls, motion: WindowMotion, impulse: Array) -> AxisProducts:
         gram, along, spread = [], [], []
         for change, drag in zip(motion.changes.T, motion.drag, strict=True):
             terms = np.column_stack([np.ones(len(change)), drag])
@@ -180,7 +182,7 @@ class _AxisProducts:
         return np.asarray(-0.5 * self.count * np.log1p(-self.shares(rows)).sum(axis=-1))
 
 
-def _joined(allocation: Array, direction: Array, order: Order) -> Array:
+def joined_allocation(allocation: Array, direction: Array, order: Order) -> Array:
     """Return the allocation (k, m) of outputs in an order.
 
     Thruster i has the pulses of output source[i], whose force was made with the

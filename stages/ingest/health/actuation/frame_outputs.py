@@ -24,7 +24,12 @@ from auvid.hydro.dynamics.vehicle.logged_directions import (
     turned_as_logged,
 )
 from auvid.hydro.identification.checks.motion_checks import integrals, shared_windows
-from auvid.hydro.identification.checks.outputs.joined_outputs import OtherOrder, joined_outputs
+from auvid.hydro.identification.checks.outputs.joined_outputs import WindowMotion
+from auvid.hydro.identification.checks.outputs.turned_outputs import (
+    OtherWiring,
+    TurnedOutputs,
+    turned_outputs,
+)
 from auvid.stages.columns import RATES, SPEEDS
 from auvid.stages.ingest.health.actuation.motions import motions
 from auvid.stages.ingest.health.actuation.output_order import (
@@ -48,10 +53,13 @@ from auvid.stages.number_format import percent
 HORIZONTAL = {0: "u", 1: "v", 5: "r"}
 """Rows of an allocation that tell how outputs of a frame are joined. In heave, roll and pitch
 an autopilot holds still, and its frame says how commands mix, not how thrusters push: there
-sound logs prefer another order by a logarithm of the likelihood of up to 89, here by 23.
+sound twins prefer another order by a logarithm of the likelihood of up to 89.
 """
-BEYOND_SOUND = 30.0
-"""Least logarithm of the likelihood over the best other explanation."""
+BACKWARD, EXCHANGED = 20.0, 45.0
+"""Least logarithm of the likelihood over the outputs as they stand: 840 sound records of seven
+frames have at most 4 for any set of directions, and 36 for two exchanged.
+"""
+EQUALLY, LEAST_RISE = 10.0, 0.1
 MOST_CAUSES = 3
 LEAST_PART, NO_PART = 0.3, 0.05
 """Of the largest entry of a row of an allocation: less has no sure sign, less is none."""
@@ -193,19 +201,60 @@ def frame_outputs(log: CheckedLog) -> Iterator[Finding]:
     layout = _layout(log)
     if layout is None:
         return
-    thrusters = unscaled(
-        turned_as_logged(layout.thrusters, log.info.parameters) or layout.thrusters
-    )
+    turned = turned_as_logged(layout.thrusters, log.info.parameters)
+    thrusters = unscaled(turned or layout.thrusters)
     names = [f"pwm_{number}_us" for number in thrusters.outputs]
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
-    order = _other_order(log, thrusters)
-    if order is not None:
-        yield _joined_wrong(log, *order, thrusters, layout, names)
+    motion = _level_motion(log, thrusters)
+    if motion is None:
+        return
+    answers, impulse, rows = motion
+    other = turned_outputs(
+        answers, impulse, thrusters.allocation[rows], thrusters.direction, equally=EQUALLY
+    )
+    if other is None or float(np.max(other.share - other.own)) < LEAST_RISE:
+        return
+    if other.log_ratio < (BACKWARD if other.best.backward else EXCHANGED):
+        return
+    stated = turned is not None or (log.vehicle and log.vehicle.commands.direction)
+    if layout.frame is None or stated:
+        yield _joined_wrong(log, other, rows, thrusters, layout, names)
+    else:
+        yield _unstated(other, rows, thrusters, layout, names)
 
 
-def _other_order(log: CheckedLog, thrusters: Thrusters) -> tuple[OtherOrder, list[int]] | None:
-    """Return another order that the motion shows, and its rows, or None."""
+def _unstated(
+    other: OtherWiring,
+    rows: list[int],
+    thrusters: Thrusters,
+    layout: UnscaledLayout,
+    names: list[str],
+) -> Finding:
+    """Return the finding of motors of a frame whose directions nothing states."""
+    words = [(*SPEEDS, *RATES)[row] for row in rows]
+    guess = np.ones(len(thrusters.outputs), dtype=int)
+    guess[list(other.best.backward)] = -1
+    level = np.abs(thrusters.allocation[rows]).max(axis=0) > LEAST_ALLOCATION
+    others = [str(number) for number in np.array(thrusters.outputs)[~level]]
+    rest = f"; this log does not tell those of outputs {listed(others)}" if others else ""
+    turned = f": {_words(other.best, thrusters)}" if other.best.backward else ""
+    return finding(
+        "response_order",
+        f"Nothing states how the motors turn, and {listed(words)} do not answer {layout.source}"
+        f" with all of them forward{turned}.",
+        stream="actuators",
+        value=other.log_ratio,
+        fields=tuple(names),
+        remedy=f"State them in the vehicle file as MOT_n_DIRECTION of the autopilot has them:"
+        f" actuators: {{commands: {{frame: {layout.frame}, direction: {guess.tolist()}}}}}{rest}.",
+    )
+
+
+def _level_motion(
+    log: CheckedLog, thrusters: Thrusters
+) -> tuple[list[WindowMotion], Array, list[int]] | None:
+    """Return changes of surge, sway and yaw, impulses of thrusters, and the rows."""
     measured = motions(log)
     rows = [
         row
@@ -223,95 +272,73 @@ def _other_order(log: CheckedLog, thrusters: Thrusters) -> tuple[OtherOrder, lis
     if at.size < LEAST_ORDER_WINDOWS:
         return None
     terms = [other_terms(log, row, times) for row, (times, _) in zip(rows, own, strict=True)]
-    joined = joined_outputs(
-        [motion_windows(own, terms, at + lag) for lag in ANSWERS_S],
-        integrals(t_s, forces_along(log, thrusters), at, ORDER_WINDOW_S),
-        thrusters.allocation[rows],
-        thrusters.direction,
-        linear=sum(row < 2 for row in rows),
-        horizontal=rows[:2] == [0, 1],
-    )
-    other = joined.other
-    return None if other is None or other.log_ratio < BEYOND_SOUND else (other, rows)
+    impulse = integrals(t_s, forces_along(log, thrusters), at, ORDER_WINDOW_S)
+    return [motion_windows(own, terms, at + lag) for lag in ANSWERS_S], impulse, rows
 
 
 def _joined_wrong(
     log: CheckedLog,
-    other: OtherOrder,
+    other: OtherWiring,
     rows: list[int],
     thrusters: Thrusters,
     layout: UnscaledLayout,
     names: list[str],
 ) -> Finding:
-    best = int(np.argmax(other.share - other.own))
+    axis = int(np.argmax(other.share - other.own))
     otherwise, as_it_is = (
-        percent(round(float(part[best]), 2)) for part in (other.share, other.own)
+        percent(round(float(part[axis]), 2)) for part in (other.share, other.own)
     )
-    words = (*SPEEDS, *RATES)[rows[best]]
-    moved = _moved(other.source)
-    others = [_words(source, backward, thrusters) for (source, backward), _ in other.equals]
-    also = f" As well explained: {'; '.join(others[:MOST_CAUSES])}." if others else ""
-    what = _words(other.source, other.backward, thrusters)
+    what = _words(other.best, thrusters)
+    others = [_words(item, thrusters) for item in other.equals[:MOST_CAUSES]]
+    also = f" As well explained: {'; '.join(others)}." if others else ""
     return finding(
         "response_order",
-        f"{what[0].upper()}{what[1:]}: then {words} answers {layout.source} ({otherwise} of what"
-        f" drag leaves of its changes), as it stands it hardly does ({as_it_is}).{also}",
+        f"{what[0].upper()}{what[1:]}: then {(*SPEEDS, *RATES)[rows[axis]]} answers"
+        f" {layout.source} ({otherwise} of what drag leaves of its changes), as it stands"
+        f" {as_it_is}.{also}",
         stream="actuators",
         value=other.log_ratio,
         fields=tuple(names),
-        remedy=_remedy(log, other.backward, moved, thrusters, layout),
+        remedy=_remedy(log, other.best, thrusters, layout),
     )
 
 
-def _moved(source: tuple[int, ...]) -> list[int]:
-    """Return the places of thrusters that listen to another output."""
-    return [place for place, other in enumerate(source) if other != place]
-
-
-def _words(source: tuple[int, ...], backward: int | None, thrusters: Thrusters) -> str:
-    if backward is not None:
-        return f"output {thrusters.outputs[backward]} seems to act backward"
-    moved = [thrusters.outputs[place] for place in _moved(source)]
-    if len(moved) == 2:
-        return f"outputs {moved[0]} and {moved[1]} look exchanged"
-    return f"outputs look in the order {', '.join(str(thrusters.outputs[n]) for n in source)}"
+def _words(item: TurnedOutputs, thrusters: Thrusters) -> str:
+    """Return how outputs are joined, in the middle of a sentence."""
+    numbers = [str(thrusters.outputs[place]) for place in (*item.backward, *item.exchanged)]
+    if item.exchanged:
+        return f"outputs {listed(numbers)} look exchanged"
+    if not numbers:
+        return "all outputs as they stand"
+    several = len(numbers) > 1
+    return f"output{'s' * several} {listed(numbers)} seem{'s' * (not several)} to act backward"
 
 
 def _remedy(
-    log: CheckedLog,
-    backward: int | None,
-    moved: list[int],
-    thrusters: Thrusters,
-    layout: UnscaledLayout,
+    log: CheckedLog, item: TurnedOutputs, thrusters: Thrusters, layout: UnscaledLayout
 ) -> str:
     """Return what to change at the vehicle, and for this log in the vehicle file."""
     parameters = log.info.parameters
-    if backward is not None:
-        output = thrusters.outputs[backward]
-        motor = MOTOR_OF_FUNCTION.get(
-            parameters.get(f"SERVO{output}_FUNCTION") or 0.0, backward + 1
+    if item.exchanged:
+        functions = " and ".join(
+            f"SERVO{thrusters.outputs[place]}_FUNCTION" for place in item.exchanged
         )
-        name = f"MOT_{motor}_DIRECTION"
-        turned = f"{-thrusters.direction[backward]:.0f}"
-        vehicle = (
-            f"Run motor {motor} by itself. If it does, set {name} to {turned} (the log has"
-            f" {parameters[name]:g}), or exchange two of its wires; not both."
-            if parameters.get(name) is not None
-            else f"Check motor {motor}: its wires, its propeller and {name}, which the log lacks."
-        )
-        change = f"turn the signs of row {backward + 1}"
-    else:
-        outputs = [thrusters.outputs[place] for place in moved]
-        functions = " and ".join(f"SERVO{output}_FUNCTION" for output in outputs[:2])
-        vehicle = (
-            f"Run both motors one by one. If so, exchange {functions}, or the plugs; not both."
-            if len(outputs) == 2
-            else f"Check SERVOn_FUNCTION and plugs of outputs {listed([str(n) for n in outputs])}."
-        )
+        vehicle = f"Run both motors one by one. If so, exchange {functions}, or the plugs, not both"
         change = "give outputs in the order of the rows"
+    else:
+        parts = []
+        for place in item.backward:
+            function = parameters.get(f"SERVO{thrusters.outputs[place]}_FUNCTION") or 0.0
+            name = f"MOT_{MOTOR_OF_FUNCTION.get(function, place + 1)}_DIRECTION"
+            logged = parameters.get(name)
+            has = "" if logged is None else f" (the log has {logged:g})"
+            parts.append(f"{name} to {-thrusters.direction[place]:.0f}{has}")
+        vehicle = f"Run each motor by itself. If so, set {listed(parts)}, or exchange two wires"
+        rows = listed([str(place + 1) for place in item.backward])
+        change = f"turn the signs of row {rows}"
     if layout.frame is None:
-        return f"{vehicle} For this log {change} of actuators.thrusters in the vehicle file."
+        return f"{vehicle}. For this log {change} of actuators.thrusters in the vehicle file."
     return (
-        f"{vehicle} For this log give actuators.thrusters in the vehicle file (effect: a row X Y Z"
+        f"{vehicle}. For this log give actuators.thrusters in the vehicle file (effect: a row X Y Z"
         f" K M N for each motor of the frame) and {change}."
     )

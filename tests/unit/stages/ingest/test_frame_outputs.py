@@ -7,6 +7,7 @@ import copy
 import numpy as np
 import pytest
 
+from auvid.data_schemas.errors import CampaignError
 from auvid.hydro.dynamics.actuators.commands import ARDUSUB_FRAMES
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.health.finding import Finding
@@ -72,6 +73,24 @@ def test_exchanged_outputs_of_a_frame_are_named(log: Log) -> None:
     (item,) = named(log, "response_order")
     assert "Outputs 2 and 1 look exchanged" in item["text"]
     assert "exchange SERVO2_FUNCTION and SERVO1_FUNCTION" in item["remedy"]
+
+
+def test_motors_whose_directions_nothing_states_are_named_with_them(log: Log) -> None:
+    turns = [log.info["parameters"].pop(f"MOT_{number}_DIRECTION") for number in range(1, 9)]
+    backward = [str(number) for number, turn in enumerate(turns[:4], start=1) if turn < 0.0]
+    (item,) = named(log, "response_order")
+    assert "Nothing states how the motors turn" in item["text"]
+    assert f"{' and '.join(backward)} seem" in item["text"]
+    assert "does not tell those of outputs 5, 6, 7 and 8" in item["remedy"]
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    turned = [int(turn) for turn in turns]
+    commands = {"frame": "vectored_6dof", "direction": turned}
+    document["actuators"] = {"commands": commands}
+    log.vehicle = vehicle_from_document(document)
+    assert not named(log, "response_order")
+    commands["direction"] = turned[:6]
+    with pytest.raises(CampaignError, match="8 of 1 and -1 for frame vectored_6dof"):
+        vehicle_from_document(document)
 
 
 def test_another_frame_of_the_vehicle_file_is_named(log: Log) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auvid.hydro.identification.checks.outputs.joined_outputs import WindowMotion, _AxisProducts
+from auvid.hydro.identification.checks.outputs.joined_outputs import AxisProducts, WindowMotion
 from auvid.hydro.identification.checks.outputs.motor_directions import motor_directions
 
 
@@ -15,7 +15,7 @@ def test_outputs_whose_pushes_cancel_explain_nothing() -> None:
     impulse = np.column_stack([push, push * (1.0 + 1e-15)])
     change = (2.0 * push + rng.normal(size=400))[:, None]
     motion = WindowMotion(change, [rng.normal(size=(400, 1))])
-    products = _AxisProducts.of(motion, impulse)
+    products = AxisProducts.of(motion, impulse)
     assert products.shares(np.array([[1.0, -1.0]])) == 0.0
     assert products.shares(np.array([[-1.0, 1.0]])) == 0.0
     assert products.shares(np.array([[1.0, 1.0]])) > 0.7

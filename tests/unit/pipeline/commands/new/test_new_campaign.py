@@ -18,10 +18,10 @@ from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
 from auvid.pipeline.commands.check.check_command import check
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
-from auvid.pipeline.commands.new.feedable import CampaignFeed, proposal
+from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal
 from auvid.pipeline.commands.new.log_survey import apart_words, survey, unused_words
 from auvid.pipeline.commands.new.refusal import NoCampaignError
-from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice
+from auvid.pipeline.commands.new.vehicle_choice import VehicleChoice, choose_vehicle
 from auvid.pipeline.output import OUTPUT
 from auvid.stages.ingest.formats.csv.draft.column_draft import ColumnDraft
 from auvid.stages.ingest.health.finding import CheckedLog
@@ -232,14 +232,49 @@ def test_a_vehicle_without_thrusters_takes_axes_in_full_commands_by_a_frame(
 ) -> None:
     """Its velocity log would feed a force model, and nothing gives newtons."""
     document = read_yaml((ROOT / "vehicles/bluerov2_heavy.yaml").read_text())
-    document["actuators"] = {"commands": {"frame": "vectored_6dof"}}
+    commands: dict[str, object] = {"frame": "vectored_6dof"}
+    document["actuators"] = {"commands": commands}
     path = tmp_path / "own.yaml"
+    path.write_text(json.dumps(document))
+    result = new_campaign("unturned", [DIVE], vehicle=str(path))
+    assert "Nothing states how the motors turn" in result.stop
+    assert "outputs 1 and 2 seem to act backward" in result.stop
+    commands["direction"] = [-1, -1, 1, 1, -1, 1, 1, -1]
     path.write_text(json.dumps(document))
     result = new_campaign("pier", [DIVE], vehicle=str(path))
     assert result.stop == ""
     assert read_yaml((result.folder / "campaign.yaml").read_text())["kind"] == "axes"
     check([str(result.folder)])
     assert "in full commands, not newtons" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_frame_that_no_bundled_vehicle_has_is_driven_in_full_commands() -> None:
+    """Unless a vehicle is named, whose file may give newtons."""
+    (dive,) = survey([DIVE], {})
+    assert dive.page.outputs is not None
+    parameters = {"FRAME_CONFIG": 3.0} | {f"MOT_{n}_DIRECTION": 1.0 for n in range(1, 9)}
+    info = dive.page.outputs.log_info.model_copy(update={"parameters": parameters})
+    page = replace(dive.page, outputs=replace(dive.page.outputs, log_info=info))
+    feeds = [feed_of(page, named=named) for named in (False, True)]
+    kinds = [feed.kind if isinstance(feed, CampaignFeed) else "none" for feed in feeds]
+    assert kinds[0] != "identification"
+    assert kinds[1] == "identification"
+    choice = choose_vehicle(checked(page), named=None, normalised=True)
+    assert "no bundled vehicle has frame vectored_6dof_90deg (FRAME_CONFIG 3)" in choice.why
+    assert not choice.lacking
+
+
+def test_a_custom_frame_has_a_row_to_fill_in_for_each_output_that_moves() -> None:
+    (dive,) = survey([DIVE], {})
+    assert dive.page.outputs is not None
+    info = dive.page.outputs.log_info.model_copy(update={"parameters": {"FRAME_CONFIG": 7.0}})
+    page = replace(dive.page, outputs=replace(dive.page.outputs, log_info=info))
+    choice = choose_vehicle(checked(page), named=None, normalised=False)
+    for number in range(1, 9):
+        assert f"        - fill in one [x, y, z] of length 1 for output {number}\n" in choice.text
+    stop = _stop(Path("made"), choice)
+    assert "(FRAME_CONFIG 7 (custom) of the log has no bundled vehicle)" in stop
+    assert "actuators: {commands: {frame: NAME}}; NAME: bluerov1, vectored, " in stop
 
 
 @pytest.mark.parametrize(
