@@ -51,6 +51,7 @@ def test_two_commands_lead_from_a_tow_to_newtons(workspace: Path) -> None:
     assert rows["restoring in roll, by the file"]["verdict"] == "from the prior"
     checked = CliRunner().invoke(cli.app, ["check", "towed"])
     assert "would stop" not in checked.output
+    assert "Nothing on board drives it" in checked.output
     page = (workspace / "runs/towed/report/report_html.html").read_text()
     assert page.index("Simulated (up) against measured") < page.index("What the motions tell")
     model = read_model(workspace / "runs/towed/model_file/model_file/passive.json")
@@ -106,6 +107,10 @@ def test_without_a_tow_force_a_file_without_actuators_opens_the_route(workspace:
     log = write_towed_body(workspace / "free.csv", columns)
     with pytest.raises(PipelineError, match="add --vehicle passive_body"):
         new_campaign("free", [log])
+    assert new_campaign("named", [log], vehicle="passive_body").kind == "passive"
+    one_axis = {"time_s": columns["time_s"], "surge_speed_m_s": columns["u_m_s"]}
+    with pytest.raises(PipelineError, match="add them as columns of zeros"):
+        new_campaign("one", [write_towed_body(workspace / "one.csv", one_axis)])
     new_campaign("towed", [write_towed_body(workspace / "towed.csv", towed_body(2))])
     body = workspace / "campaigns/towed/vehicle.yaml"
     assert new_campaign("free", [log], vehicle=str(body)).kind == "passive"
