@@ -67,7 +67,8 @@ def level_by_law(
 
     outputs: samples of the thrusters; pulses: by another way. What is left at the samples
     is added along lines. None where sticks, gyro, heading or modes lack, where the mixer
-    is another one, or where every other sample, left out, is not hit twice as well as by lines.
+    is another one or the loop is off, or where every other sample, left out, is not hit twice
+    as well as by lines.
     """
     cause = _cause(streams)
     factors = frame_factors(thrusters)[:, 3:]
@@ -80,6 +81,8 @@ def level_by_law(
     if np.sqrt(np.mean((shares - mixed @ factors.T) ** 2)) > LARGEST_MISFIT:
         return None
     gains = logged_gains(parameters)
+    if not (gains.angle > 0.0 and gains.dead < 1.0):
+        return None  # of a loop that is switched off
     tries = [
         tried
         for lag_s in LAGS_S
@@ -92,7 +95,7 @@ def level_by_law(
     if not errors[0] < TRUSTED * lines[0]:
         return None
     along = np.stack([np.interp(t_s, outputs.t_s, column) for column in mixed.T], axis=1)
-    taken = errors <= lines
+    taken = errors < lines
     there = _near(cause.t_s, cause.there, t_s) & np.isfinite(pulses).all(axis=1)
     out = pulses.copy()
     better = NEUTRAL_US + RANGE_US * turned * (np.where(taken, values, along) @ factors.T)
@@ -125,25 +128,21 @@ def _tried(
     yaw = yaw_command(
         cause.t_s, stick, cause.heading_rad, cause.turn_rad_s, cause.mode, gains=gains
     )
-    remains = mixed[there, 0] - np.interp(at_s[there], cause.t_s, yaw)
-    values = np.column_stack(
-        [
-            np.interp(t_s, cause.t_s, yaw) + np.interp(t_s, at_s[there], remains),
-            gain * _latest(cause.sticks, t_s - lag_s)[:, :2],
-        ]
-    )
-    left, kept = slice(1, None, 2), slice(0, None, 2)
     at = at_s[there]
-    errors = np.column_stack(
-        [
-            remains[left] - np.interp(at[left], at[kept], remains[kept]),
-            driven[left] - gain * pushed[left],
-        ]
+    remains = mixed[there] - np.column_stack([np.interp(at, cause.t_s, yaw), gain * pushed])
+    values = np.column_stack(
+        [np.interp(t_s, cause.t_s, yaw), gain * _latest(cause.sticks, t_s - lag_s)[:, :2]]
     )
-    lines = np.stack(
-        [own[left] - np.interp(at[left], at[kept], own[kept]) for own in mixed[there].T], axis=1
-    )
-    return values, np.sqrt(np.mean(errors**2, axis=0)), np.sqrt(np.mean(lines**2, axis=0))
+    values += np.stack([np.interp(t_s, at, own) for own in remains.T], axis=1)
+    errors, lines = (_left_out(at, own) for own in (remains, mixed[there]))
+    return values, errors, lines
+
+
+def _left_out(t_s: Array, values: Array) -> Array:
+    """Return by how much lines miss every other of samples (n, c), RMS (c,)."""
+    left, kept = slice(1, None, 2), slice(0, None, 2)
+    lines = [np.interp(t_s[left], t_s[kept], own[kept]) for own in values.T]
+    return np.sqrt(np.mean((values[left] - np.stack(lines, axis=1)) ** 2, axis=0))
 
 
 def _cause(streams: Streams) -> _Cause | None:

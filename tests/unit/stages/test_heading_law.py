@@ -29,7 +29,7 @@ GAIN, DRAG = 12.0, 2.0
 """Yaw acceleration of a full output [rad/s^2], and linear drag over inertia [1/s]."""
 
 
-def flown() -> tuple[Streams, Array, Array]:
+def flown(gain_by_hand: float = PILOT_GAIN) -> tuple[Streams, Array, Array]:
     """Return the log of an autopilot of another origin, times and its outputs (n, 6).
 
     It steers a hull against a moment that comes and goes, stabilised and then by hand.
@@ -47,8 +47,8 @@ def flown() -> tuple[Streams, Array, Array]:
     shares = np.zeros((t.size, 6))
     for i, now in enumerate(t):
         hand = now >= MANUAL_FROM_S
-        stick = np.array([0.0, 0.0, 0.0, PILOT_GAIN * yaw[i] if hand else turn[i], 0.0, 0.0])
-        stick[4] = PILOT_GAIN * ahead[i]
+        stick = np.array([0.0, 0.0, 0.0, gain_by_hand * yaw[i] if hand else turn[i], 0.0, 0.0])
+        stick[4] = (gain_by_hand if hand else PILOT_GAIN) * ahead[i]
         autopilot_step(
             memory, gains, MANUAL if hand else STABILIZE, stick, np.zeros(6),
             (0.0, 0.0, 5.0, 0.0, 0.0, heading[i]), (0.0, 0.0, 0.0, 0.0, 0.0, rate[i]),
@@ -90,9 +90,18 @@ def test_outputs_are_those_of_another_autopilot_of_the_same_law() -> None:
     assert errors[0] < 0.5 * errors[1]
 
 
+def test_a_pilot_who_changes_the_gain_leaves_no_sample_wrong() -> None:
+    law, _, true = by_law(*flown(gain_by_hand=0.4))
+    assert law is not None
+    at = np.isin(np.round(CLOCK, 3), SLOW)
+    assert np.abs(law.pulses - true)[at].max() < 1.0
+
+
 def test_what_another_law_made_is_left_as_it_is() -> None:
     streams, t, pulses = flown()
     assert by_law(streams, t, pulses, ATC_RAT_YAW_P=0.9)[0] is None
+    assert by_law(streams, t, pulses, ATC_ANG_YAW_P=0.0)[0] is None
+    assert by_law(streams, t, pulses, RC4_DZ=400.0)[0] is None
     without = dict(streams.tables) | {"mode": None}
     assert by_law(Streams(without, 0, (0.0, SECONDS), VEHICLE), t, pulses)[0] is None
     pulses[:, 0] = 1500.0  # a mixer that drives one thruster of four less
