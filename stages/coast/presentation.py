@@ -163,7 +163,9 @@ def scale_words(fitted: Mapping[str, AxisCoasts], common: CommonScale) -> str:
     if common.departs:
         words += (
             f": the thrust curve or the mass is off, and forces and coefficients with it"
-            f" ({significant(common.scale, 3)} times too large if the mass is right)"
+            f" ({significant(common.scale, 3)} times too large if the mass is right). If it is"
+            " weighed, multiply thrust_curve.force of the vehicle file by"
+            f" {1.0 / common.scale:.2f}; else weigh it first"
         )
     else:
         words += ": the thrust curve holds as far as they show"

@@ -180,6 +180,7 @@ def test_a_scale_that_the_mass_may_explain_is_no_fault_of_the_curve() -> None:
     assert clear.alarming
     assert not clear.by_mass
     assert "times too large if the mass is right" in scale_words(fitted, clear)
+    assert "multiply thrust_curve.force of the vehicle file by 0.80" in scale_words(fitted, clear)
     words = scale_words(fitted, doubtful)
     assert doubtful.departs
     assert not doubtful.alarming
