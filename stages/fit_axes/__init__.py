@@ -72,6 +72,13 @@ class Params:
         meaning="fit a force ahead in heave beside it, under a prior around 0; null: where depth"
         " measures heave and what is held out is flown better with it",
     )
+    linear_drag: tuple[str, ...] = param(
+        "1",
+        (),
+        meaning="axes in which the vehicle only creeps, so that no quadratic drag is fitted; all"
+        " are then fitted one by one",
+        names=AXES,
+    )
     together: str = param(
         "1",
         "better",
@@ -134,7 +141,8 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         given_inertia=params.given_inertia,
         inertia_sd=params.inertia_sd,
         surge_in_heave=params.surge_in_heave,
-        together=params.together,
+        linear_drag=params.linear_drag,
+        together="never" if params.linear_drag else params.together,
         marker_arm=cast(ArmChoice, params.marker_arm),
         newtons_from="mass" if params.newtons_from == "mass" else "pull",
     )

@@ -455,6 +455,7 @@ def _single(
         try_lag=options.fit_lag,
         lag_sd_s=options.lag_sd_s,
         try_shape=options.fit_curve,
+        creeps=axis in options.linear_drag,
     )
 
 

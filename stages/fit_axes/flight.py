@@ -60,6 +60,7 @@ class FitOptions:
     axes are fitted together, `better`: where that moves better on what was held out.
     lag_sd_s: deviation of a lag that is not fitted. surge_in_heave: None decides by what is
     held out, of heave by depth.
+    linear_drag: axes without quadratic drag, which are fitted one by one.
     newtons_from: what turns full commands into newtons, as `scaling.scaled` takes it.
     marker_arm: whether velocities have the arm of the file or the one that the legs show.
     """
@@ -72,6 +73,7 @@ class FitOptions:
     given_inertia: Collection[str] = ("X", "Y", "Z")
     inertia_sd: float = 0.3
     surge_in_heave: bool | None = None
+    linear_drag: Collection[str] = ()
     together: str = "better"
     newtons_from: Literal["pull", "mass"] = "pull"
     marker_arm: ArmChoice = "where_assumed"

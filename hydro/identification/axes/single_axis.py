@@ -239,6 +239,7 @@ def fit_axis(
     try_lag: bool = True,
     lag_sd_s: float = 0.0,
     try_shape: bool = False,
+    creeps: bool = False,
     loss: Loss = "soft_l1",
 ) -> SingleAxisFit:
     """Fit one axis to the windows of all legs.
@@ -249,7 +250,8 @@ def fit_axis(
     (`record`), by `speed_share` of those that forces give; depth without its climb is
     the caller's. doubtful: the records with one figure that they rest on one deviation off,
     each. try_lag: whether the lag is fitted where the data determine it; lag_sd_s: deviation
-    of one that is not. try_shape: the same of dead band and curve of commands. Raises
+    of one that is not. try_shape: the same of dead band and curve of commands. creeps: its
+    drag is linear alone. Raises
     `DataError` with the reason where an axis is refused.
     """
     reason = refusal(records, axis)
@@ -261,7 +263,7 @@ def fit_axis(
     moment, drag_sd = hull if acts else None, 0.0
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
-        surge and velocity == "w", loss, moment, speed_share,
+        surge and velocity == "w", loss, moment, speed_share, creeps=creeps,
     )  # fmt: skip
     hull_motion: _HullMotion | None = None
     if fitted.turns_hull:
@@ -326,6 +328,7 @@ class _Setup:
     hull: Array | None = None
     speed_share: float = 1.0
     hull_drag: float = 1.0
+    creeps: bool = False
 
     def pool(
         self,
@@ -350,7 +353,7 @@ class _Setup:
         inputs = (self.axis, *extra)
         terms = axis_terms(
             self.axis, inputs=inputs, inverse=inverse, sides=sides,
-            restoring=self.velocity in "pq", extra=extra,
+            restoring=self.velocity in "pq", extra=extra, creeps=self.creeps,
         )  # fmt: skip
         windows = windows_of(self.records, (self.velocity,))
         if legs is not None:

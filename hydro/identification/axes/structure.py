@@ -24,6 +24,7 @@ from auvid.hydro.arrays import AXES, VELOCITIES, Array, Ints
 LINEAR, QUADRATIC, INPUT, CONSTANT, RESTORING, SHARE = 0, 1, 2, 3, 4, 9
 SIDES = {"ahead": (5, 7), "back": (6, 8)}
 """Kinds of `compiled_motion`; on one side of 0: linear, quadratic."""
+SIDES_QUADRATIC = (QUADRATIC, 7, 8)
 INERTIA = "inertia"
 """Name of the term by which the inertia of an axis differs from its given one: a factor of
 it in the Coriolis force, no force itself (`SHARE`, as all that only multiplies products)."""
@@ -152,12 +153,14 @@ def axis_terms(
     couplings: Sequence[str] = (),
     extra: Mapping[str, tuple[float, float]] | None = None,
     share_sd: float = 0.0,
+    creeps: bool = False,
 ) -> tuple[AxisTerm, ...]:
     """Return the terms of one axis: damping not above 0, force, constant, couplings.
 
     inverse: prior of c, mean and sd (0 fixes it). sides: damping ahead and back by
     coefficients of their own. couplings: velocities with linear terms. extra: input ->
     prior of its coefficient. share_sd: prior of the factor of its inertia, around 1; 0 for none.
+    creeps: quadratic damping is 0.
     """
     at = AXES.index(axis)
     x = VELOCITIES[at]
@@ -166,7 +169,8 @@ def axis_terms(
     for side, kinds in SIDES.items() if sides else {"": (LINEAR, QUADRATIC)}.items():
         words = (f"{x} {side}".strip(), f"{x}|{x}| {side}".strip())
         for name, kind in zip(words, kinds, strict=True):
-            out.append(AxisTerm(axis, name, kind, at, upper=0.0))
+            sd_of = 0.0 if creeps and kind in SIDES_QUADRATIC else np.inf
+            out.append(AxisTerm(axis, name, kind, at, upper=0.0, sd=sd_of))
     out.append(AxisTerm(axis, FORCE, INPUT, list(inputs).index(axis), lower=0.0, mean=mean, sd=sd))
     out.append(AxisTerm(axis, "constant", CONSTANT, 0))
     if restoring:

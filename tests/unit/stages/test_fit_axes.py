@@ -537,3 +537,12 @@ def test_dives_that_are_each_flown_but_not_by_the_other_are_to_be_parted() -> No
         replace(lost, warnings=(words,))
     )
     assert not dives_apart(left_out(even_windows=-5.0, odd_windows=44.0, leg_two=-144.0))
+
+
+def test_a_vehicle_that_creeps_has_linear_drag_alone() -> None:
+    options = replace(FREE, axes=("Z",), linear_drag=("Z",))
+    legs = {"one": leg(seconds=40.0)}
+    (heave,) = fit_all(legs, vehicle("bluerov2_heavy"), options).fitted
+    both = next(item for item in fits(False).fitted if item.axis == "Z")
+    assert heave.equation.value("w*|w|") == 0.0 > both.equation.value("w*|w|")
+    assert heave.equation.value("w") < both.equation.value("w") < 0.0
