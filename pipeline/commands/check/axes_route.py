@@ -10,7 +10,7 @@ from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.units import NEUTRAL_US
 from auvid.data_schemas.yaml_text import read_yaml
-from auvid.hydro.dynamics.actuators.commands import FullCommands
+from auvid.hydro.dynamics.actuators.commands import FullCommands, px4_thrusters
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.pipeline.campaigns.workspace import SHIPPED_VEHICLES
@@ -43,6 +43,8 @@ def likely_vehicle(log: CheckedLog) -> Vehicle:
     frame = log.info.parameters.get("FRAME_CONFIG")
     driven = driven_outputs(log) if log.has("actuators") else []
     name = MOTORS_OF_VEHICLE.get(len(driven)) if frame is None else FRAMES.get(int(frame))
+    if frame is None and px4_thrusters(log.info.parameters) is not None:
+        name = None  # the log has a geometry of its own
     path = SHIPPED_VEHICLES / f"{name or 'bluerov2'}.yaml"
     text = path.read_text(encoding="utf-8")
     vehicle = vehicle_from_document(VehicleDocument.model_validate(read_yaml(text)))

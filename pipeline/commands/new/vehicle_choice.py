@@ -12,7 +12,7 @@ import numpy as np
 
 from auvid.data_schemas.documents.vehicle.vehicle import VehicleDocument
 from auvid.data_schemas.yaml_text import read_yaml
-from auvid.hydro.dynamics.actuators.commands import frame_name
+from auvid.hydro.dynamics.actuators.commands import frame_name, px4_thrusters
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.hydro.dynamics.vehicle.logged_directions import MOTOR_OF_FUNCTION
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
@@ -161,7 +161,7 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
             _annotated(SHIPPED_VEHICLES / f"{name}.yaml", log),
         )
     driven = driven_outputs(log)
-    if frame is None and len(driven) in MOTORS_OF_VEHICLE:
+    if frame is None and len(driven) in MOTORS_OF_VEHICLE and not unbundled_frame(log):
         name = MOTORS_OF_VEHICLE[len(driven)]
         why = f"{len(driven)} outputs are driven and the log names no frame"
         text = _as_guess(_annotated(SHIPPED_VEHICLES / f"{name}.yaml", log), why)
@@ -172,6 +172,10 @@ def choose_vehicle(log: CheckedLog, *, named: str | None, normalised: bool) -> V
 def unbundled_frame(log: CheckedLog) -> str:
     """Return in words that no bundled vehicle has the frame of a log, '' otherwise."""
     config, name = log.info.parameters.get("FRAME_CONFIG"), frame_name(log.info.parameters)
+    rotors = px4_thrusters(log.info.parameters) if config is None else None
+    if rotors is not None:
+        count = len(rotors.outputs)
+        return f"no bundled vehicle has the geometry of the log (CA_ROTOR_COUNT {count})"
     if config is None or name is None or int(config) in FRAMES:
         return ""
     return f"no bundled vehicle has frame {name} (FRAME_CONFIG {config:g})"

@@ -319,6 +319,12 @@ def _remedy(
 ) -> str:
     """Return what to change at the vehicle, and for this log in the vehicle file."""
     parameters = log.info.parameters
+    if layout.source.startswith("CA_ROTOR"):
+        return (
+            "Run each motor by itself. If so, correct the functions and the reversed range of the"
+            " outputs in PX4 (PWM_MAIN_FUNCn, PWM_MAIN_REV), or exchange wires. For this log give"
+            " actuators.thrusters in the vehicle file."
+        )
     if item.exchanged:
         functions = " and ".join(
             f"SERVO{thrusters.outputs[place]}_FUNCTION" for place in item.exchanged

@@ -16,6 +16,7 @@ from auvid.data_schemas.errors import PipelineError, UsageError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
+from auvid.pipeline.commands.check.axes_route import likely_vehicle
 from auvid.pipeline.commands.check.check_command import check
 from auvid.pipeline.commands.new.campaign_command import _stop, new_campaign
 from auvid.pipeline.commands.new.feedable import CampaignFeed, checked, feed_of, proposal
@@ -262,6 +263,12 @@ def test_a_frame_that_no_bundled_vehicle_has_is_driven_in_full_commands() -> Non
     choice = choose_vehicle(checked(page), named=None, normalised=True)
     assert "no bundled vehicle has frame vectored_6dof_90deg (FRAME_CONFIG 3)" in choice.why
     assert not choice.lacking
+    geometry = dive.page.outputs.log_info.model_copy(update={"parameters": {"CA_ROTOR_COUNT": 8.0}})
+    log = checked(replace(page, outputs=replace(dive.page.outputs, log_info=geometry)))
+    assert "the geometry of the log (CA_ROTOR_COUNT 8)" in (
+        choose_vehicle(log, named=None, normalised=True).why
+    )
+    assert likely_vehicle(log).thrusters is None
 
 
 def test_a_custom_frame_has_a_row_to_fill_in_for_each_output_that_moves() -> None:
