@@ -32,7 +32,7 @@ from auvid.hydro.identification.passive.releases import (
 from auvid.hydro.identification.passive.tow import (
     TowFit,
     TowRecord,
-    current_and_offset,
+    both_ways,
     fit_tow,
     force_delay,
 )
@@ -254,19 +254,32 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
 
 def _in_still_water(tows: list[TowRecord]) -> tuple[list[TowRecord], str]:
     """Return tows without the current or offset that they show, and that in words."""
-    current, offset = current_and_offset(tows)
-    if current:
-        words = (
-            f"tows ahead and astern show a current of {current:.2g} m/s along them, or a zero of"
-            " the speed that is off by it. It is taken off."
+    differ = both_ways(tows)
+    current, offset, astern = differ.current_m_s, differ.offset_N, differ.astern
+    causes = [
+        words
+        for value, words in (
+            (current, f"a current of {current:.2g} m/s along them, or that zero of the speed"),
+            (offset, f"an offset of {offset:.2g} N of the load cell"),
+            (astern, f"a drag that is {100.0 * astern:.0f} % larger astern than ahead"),
         )
-        return [replace(tow, speed=tow.speed - current) for tow in tows], words
-    if offset:
-        words = (
-            f"tows ahead and astern show an offset of {offset:.2g} N of the load cell. It is taken"
-            " off."
+        if value
+    ]
+    if len(causes) > 1:
+        return tows, (
+            f"tows ahead and astern differ as by {', or by '.join(causes)}: tows at other speeds"
+            " would tell which. Nothing is taken off."
         )
-        return [replace(tow, force_N=tow.force_N - offset) for tow in tows], words
+    if astern:
+        return tows, (
+            f"tows ahead and astern show {causes[0]}. Figures are those of both ways together:"
+            " take legs of one way for its drag."
+        )
+    if causes:
+        moved = [
+            replace(tow, speed=tow.speed - current, force_N=tow.force_N - offset) for tow in tows
+        ]
+        return moved, f"tows ahead and astern show {causes[0]}. It is taken off."
     signs = {bool(np.nanmean(tow.speed) > 0.0) for tow in tows}
     if len(signs) == 1:
         return tows, (

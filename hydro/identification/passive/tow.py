@@ -11,7 +11,7 @@ D_1 [N s/m], D_2 [N s^2/m^2]: drag, positive.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,9 +38,9 @@ LATEST_S, LATE_STEP_S, LEAST_LATE_S, LATE = 4.0, 0.25, 0.5, 1.5
 """How late a force is looked for, what is told at least, and the error of the force as it is
 logged over that at the best delay, in squares, from which on it is late: 1.0 in 20 of 20
 unsteady tows on one clock, 2.3 and more half a second late."""
-FASTEST_CURRENT_M_S, CURRENT_STEP_M_S, BOTH_WAYS, DISAGREE = 0.6, 0.05, 3, 4.0
-"""Currents that are tried, windows each way that tell one, and the same ratio of errors: 1.0
-in 20 of 20 tows both ways in still water, 31 and more in 3 cm/s."""
+FASTEST_CURRENT_M_S, LARGEST_ASTERN, BOTH_WAYS, DISAGREE = 0.6, 0.96, 3, 4.0
+"""Currents and shares of the drag that are tried, windows each way that tell one, and the
+same ratio of errors: 1.0 in 20 of 20 tows both ways in still water, 31 and more in 3 cm/s."""
 EXPONENTS = np.linspace(0.8, 2.8, 81)
 """Of drag by a power of the speed, c x^n: what linear and quadratic drag may miss."""
 
@@ -52,6 +52,24 @@ class TowRecord:
     t_s: Array
     speed: Array
     force_N: Array
+
+
+@dataclass(frozen=True)
+class BothWays:
+    """What tows ahead and astern may differ by, each by itself; 0 where it does not.
+
+    A current along them [m/s], an offset of their force [N], and by what share drag is
+    larger astern than ahead.
+    """
+
+    current_m_s: float = 0.0
+    offset_N: float = 0.0
+    astern: float = 0.0
+
+    @property
+    def causes(self) -> int:
+        """Return how many explanations there are."""
+        return sum(value != 0.0 for value in (self.current_m_s, self.offset_N, self.astern))
 
 
 @dataclass(frozen=True)
@@ -162,36 +180,49 @@ def force_delay(tows: Sequence[TowRecord]) -> float:
     return float(delays[best]) if is_late else 0.0
 
 
-def current_and_offset(tows: Sequence[TowRecord]) -> tuple[float, float]:
-    """Return the current along tows both ways [m/s], or an offset of their force [N].
+def both_ways(tows: Sequence[TowRecord]) -> BothWays:
+    """Return what tows ahead and astern differ by, nothing where they agree.
 
-    Whichever explains better what tows ahead and astern differ by; both 0 where they agree,
-    or go one way, which tells neither from drag.
+    Tows one way tell none of it from drag. A current is one along the tows, drag by the
+    speed through the water; a hull whose drag is another astern has all of it larger by a
+    share. An explanation that leaves `LATE` times as much as the best one is none.
     """
     rows, target = _windows(tows)
-    ahead = int(np.sum(rows[:, 1] > 0.0))
-    if min(ahead, target.size - ahead) < BOTH_WAYS or target.size < LEAST_WINDOWS:
-        return 0.0, 0.0
+    back = rows[:, 1] < 0.0
+    if min(back.sum(), (~back).sum()) < BOTH_WAYS or target.size < LEAST_WINDOWS:
+        return BothWays()
 
-    def error(current: float) -> float:
+    def with_current(current: float) -> float:
         own = [replace(tow, speed=tow.speed - current) for tow in tows]
         moved, force = _windows(own)
         return _mean_square(moved, force) if 2 * force.size > target.size else np.inf
 
-    at, step = 0.0, CURRENT_STEP_M_S
-    tried = np.arange(-FASTEST_CURRENT_M_S, FASTEST_CURRENT_M_S + 0.5 * step, step)
+    def with_astern(share: float) -> float:
+        drag = np.where(back, 1.0 + share, 1.0)[:, None]
+        return _mean_square(np.column_stack([rows[:, :1], rows[:, 1:] * drag]), target)
+
+    current = _lowest_at(with_current, FASTEST_CURRENT_M_S)
+    astern = _lowest_at(with_astern, LARGEST_ASTERN)
+    with_constant = np.column_stack([rows, np.ones(target.size)])
+    offset = float(np.linalg.lstsq(with_constant, target, rcond=None)[0][3])
+    errors = np.array(
+        [with_current(current), _mean_square(with_constant, target), with_astern(astern)]
+    )
+    if _mean_square(rows, target) <= DISAGREE * errors.min():
+        return BothWays()
+    likely = errors < LATE * errors.min()
+    return BothWays(*np.where(likely, [current, offset, astern], 0.0).tolist())
+
+
+def _lowest_at(error: Callable[[float], float], largest: float) -> float:
+    """Return where an error is least between -largest and largest."""
+    at, step = 0.0, largest / 12.0
+    tried = np.arange(-largest, largest + 0.5 * step, step)
     for _ in range(3):
         at = float(min(tried, key=error))
         step /= 5.0
         tried = at + step * np.arange(-5, 6)
-    still, moving = _mean_square(rows, target), error(at)
-    with_constant = np.column_stack([rows, np.ones(target.size)])
-    shifted = _mean_square(with_constant, target)
-    if still <= DISAGREE * min(moving, shifted):
-        return 0.0, 0.0
-    if moving <= shifted:
-        return at, 0.0
-    return 0.0, float(np.linalg.lstsq(with_constant, target, rcond=None)[0][3])
+    return at
 
 
 def _mean_square(rows: Array, target: Array) -> float:

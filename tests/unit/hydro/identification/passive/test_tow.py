@@ -10,9 +10,10 @@ import pytest
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.passive.tow import (
+    BothWays,
     TowFit,
     TowRecord,
-    current_and_offset,
+    both_ways,
     fit_tow,
     force_delay,
 )
@@ -52,7 +53,7 @@ def test_drag_and_mass_lie_in_their_intervals_in_most_of_thirty_tows() -> None:
     assert all(fit.free == (True, True, True) for fit in fits)
 
 
-def test_steady_tows_of_one_speed_give_one_drag_and_no_mass() -> None:
+def test_steady_tows_of_few_give_one_drag_and_no_mass() -> None:
     body = towed_body(1, forces=(25.0,), steady=True)
     at = slice(200, 500)
     twice = [TowRecord(body["time_s"][at], body["u_m_s"][at], body["tow_force_n"][at])] * 2
@@ -120,14 +121,27 @@ def test_tows_both_ways_tell_a_current_from_an_offset_of_the_load_cell() -> None
             *ahead,
             *(replace(tow, speed=-tow.speed, force_N=-tow.force_N) for tow in astern),
         ]
-        assert current_and_offset(ways) == (0.0, 0.0)
-        drifting = [replace(tow, speed=tow.speed + 0.08) for tow in ways]
-        current, offset = current_and_offset(drifting)
-        assert current == pytest.approx(0.08, abs=0.01)
-        assert offset == 0.0
-        pulled = [replace(tow, force_N=tow.force_N + 3.0) for tow in ways]
-        current, offset = current_and_offset(pulled)
-        assert offset == pytest.approx(3.0, abs=0.3)
-        assert current == 0.0
-        one_way = [replace(tow, speed=tow.speed + 0.08) for tow in ahead]
-        assert current_and_offset(one_way) == (0.0, 0.0)
+        assert both_ways(ways) == BothWays()
+        drifting = both_ways([replace(tow, speed=tow.speed + 0.08) for tow in ways])
+        assert drifting.current_m_s == pytest.approx(0.08, abs=0.01)
+        assert drifting.causes == 1
+        pulled = both_ways([replace(tow, force_N=tow.force_N + 3.0) for tow in ways])
+        assert pulled.offset_N == pytest.approx(3.0, abs=0.3)
+        assert pulled.causes == 1
+        assert both_ways([replace(tow, speed=tow.speed + 0.08) for tow in ahead]) == BothWays()
+
+
+def test_a_hull_whose_drag_is_another_astern_is_in_no_current() -> None:
+    """A current that is taken off would be wrong by a tenth, and sure to a hundredth."""
+    for seed in range(3):
+        ahead, astern = tows(seed), tows(seed + 50)
+        blunt = [
+            replace(tow, speed=-tow.speed, force_N=-tow.force_N - drag)
+            for tow in astern
+            for drag in [0.2 * (LINEAR + QUADRATIC * tow.speed) * tow.speed]
+        ]
+        differ = both_ways([*ahead, *blunt])
+        assert differ.astern == pytest.approx(0.2, abs=0.04)
+        assert differ.causes == 1
+        few = both_ways([ahead[1], ahead[3], blunt[1], blunt[3]])
+        assert few.astern > 0.0
