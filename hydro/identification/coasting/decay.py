@@ -230,6 +230,13 @@ class _Errors:
     jacobian: list[Array]
     response: list[Array]
 
+    @property
+    def finite(self) -> bool:
+        """Tell whether every coast stays finite, with all its derivatives."""
+        return all(
+            np.isfinite(part).all() for part in (*self.error, *self.jacobian, *self.response)
+        )
+
 
 class _Problem:
     """The coasts of an axis with unknowns: d1, d2, b_k, currents, x(0) and c of each.
@@ -261,13 +268,18 @@ class _Problem:
             ]
         )
         sizes = np.log([0.01, 0.02, 0.02])
+        moved = self._errors(unknown)
         for step in range(STEPS):
-            parts = self._errors(unknown)
+            parts = moved
             if step in (0, 3, 6):
                 sizes = self._noise(parts, sizes, unknown)
             normal, score, scores, misfit = self._normal(parts, sizes, unknown)
             change = np.linalg.solve(normal, score)
             change /= max(1.0, float(np.max(np.abs(change[:2]) / FIRST)))
+            moved = self._errors(unknown - change)
+            while not moved.finite:  # drag that pushes makes a speed run away
+                change /= 2.0
+                moved = self._errors(unknown - change)
             unknown = unknown - change
             if step > 6 and float(np.max(np.abs(change))) < SETTLED:
                 break
@@ -319,7 +331,8 @@ class _Problem:
             half = 0.5 * np.diff(record.t_s)
             weights = np.tril(np.tile(np.append(half, 0.0) + np.append(0.0, half), (x.size, 1)))
             weights[np.diag_indices(x.size)] = np.append(0.0, half)
-            response = by_start[:, None] * weights / by_start
+            with np.errstate(all="ignore"):
+                response = by_start[:, None] * weights / by_start
             jacobian = np.zeros((x.size, unknown.size))
             jacobian[:, 0], jacobian[:, 1] = -states[:, 2], -states[:, 4]
             jacobian[:, 2 : self.currents] = response @ record.shapes

@@ -214,6 +214,8 @@ def _with_columns(
         if stream == "pose" and name in POSITION:
             group = of_one_unit(values[item.name], group)
         group = [values[item.name], *group] if name.startswith("command_") else group
+        if stream == "tow":  # a force and a speed are of no one unit
+            group = [values[item.name]]
         unit, check = unit_of(stream, name, item, group)
         if item.frame in (MATCHED, MATCHED_REVERSED):
             check = f"{NO_NAME}; {name.split('_')[1]} answers it best of all columns"

@@ -145,3 +145,16 @@ def test_a_dense_record_is_thinned_and_two_coasts_are_too_few() -> None:
     np.testing.assert_allclose(dense.thinned().speed[[0, -1]], record.speed[[0, -1]], rtol=0.1)
     with pytest.raises(DataError, match="too few coasts"):
         fit_decay(coasts(noise=0.0, seed=0)[:2])
+
+
+def test_speeds_that_a_turn_ends_at_once_are_no_fault_of_the_fit() -> None:
+    """A step of the fit makes their drag a push, and speeds run away."""
+    random = np.random.default_rng(1)
+    out = []
+    for start in (1.29, 0.93, -1.05, 1.02, -1.03, 1.15, 1.14, -1.08):
+        t = np.arange(0.0, 2.2, 0.1)
+        x = start / (1.0 + np.exp((t - 1.2) / 0.15)) + 0.008 * random.standard_normal(t.size)
+        out.append(CoastRecord(t, x, np.zeros(t.size), np.zeros((t.size, 0)), np.zeros(t.size)))
+    fitted = fit_decay(out)
+    assert np.isfinite(fitted.drag).all()
+    assert np.isfinite(fitted.covariance).all()

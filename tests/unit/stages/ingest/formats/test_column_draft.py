@@ -196,6 +196,13 @@ def test_fixes_that_come_every_few_seconds_are_not_read_in_ms(step_s: float, une
     assert drafted(columns | {"time": rows + 0.02 * np.sin(rows)}).time["unit"] == "ms"
 
 
+def test_the_speed_of_a_tow_has_the_unit_of_its_own_size() -> None:
+    """Newtons of the line say nothing of it."""
+    columns = {"t": T_S, "tension_N": 30.0 + wave(5.0), "speed": 1.0 + wave(0.2)}
+    units = {item.field: item.unit for item in drafted(columns).columns}
+    assert units == {"tow_force_n": "N", "tow_speed_m_s": "m/s"}
+
+
 def test_a_named_unit_of_time_is_marked_where_no_log_has_such_steps() -> None:
     draft = drafted({"timestamp_s": 1e8 + T_S * 1e6, "depth_m": wave(1.0)})
     assert draft.time["epoch"] == "boot"
