@@ -171,8 +171,10 @@ def _remedy(log: CheckedLog, lacks: str, more: Sequence[str]) -> str:
             return "".join(nameless) + (
                 "Add the file of its commands in the same call (--from imu.csv outputs.csv):"
                 " pulses of each output, or commands of surge, sway, heave, yaw as shares of the"
-                " largest, not in newtons; for a body that nothing drives (towed, let go, adrift)"
-                " add --vehicle passive_body, or your own vehicle file without actuators"
+                " largest, not in newtons (divide by that of a full command, and write it as"
+                " full_force of the vehicle file, docs/axes.md); for a body that nothing drives"
+                " (towed, let go, adrift) add --vehicle passive_body, or your own vehicle file"
+                " without actuators"
             )
         return "Log the outputs that drive the vehicle (docs/streams.md)"
     if not log.has("velocity") and not log.thrusters() and not log.commands():

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auvid.data_schemas.errors import LogError
 from auvid.hydro.arrays import Array
 from auvid.stages.ingest.formats.csv.column_names import (
     NamedColumn,
@@ -31,8 +32,29 @@ COMMANDS = re.compile(
 AXIS_NAMES = dict(zip("uvwpqr", ("surge", "sway", "heave", "roll", "pitch", "yaw"), strict=True))
 
 
-def as_command(item: NamedColumn, axis: str) -> NamedColumn:
-    """Return a column as the command of an axis that the user named."""
+SHARES = (
+    "Divide it by the force of a full command, and write that force as"
+    " actuators.commands.full_force of the vehicle file (docs/axes.md): figures then are in"
+    " newtons."
+)
+"""What to do with a command in newtons."""
+
+
+def as_command(item: NamedColumn, axis: str, *, file: str) -> NamedColumn:
+    """Return a column as the command of an axis that the user named.
+
+    Raises `LogError` for newtons: a command is a share of the full one.
+    """
+    if item.unit.removeprefix("k").startswith("N"):
+        raise LogError(
+            "a command in newtons",
+            file=file,
+            row=1,
+            field=item.name,
+            value=item.unit,
+            allowed="shares of the full command, percent, or pulses in us",
+            remedy=SHARES,
+        )
     mark = NAMED_REVERSED if axis.startswith("-") else NAMED_COMMAND
     return replace(item, place=("actuators", f"command_{axis.lstrip('-')}"), frame=mark)
 

@@ -123,7 +123,10 @@ def draft_columns(
         values = {name: np.append(values[name], own[name]) for name in values}
     rest = with_level_order(rest, values)
     named = dict(commands or {})
-    rest = [as_command(item, named[item.name]) if item.name in named else item for item in rest]
+    rest = [
+        as_command(item, named[item.name], file=file.name) if item.name in named else item
+        for item in rest
+    ]
     if named:
         rest = [item if item.name in named else without_guess(item) for item in rest]
     velocities = pose_velocities(rest, values, t_s)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from auvid.data_schemas.documents.vehicle.actuators import ActuatorsEntry
-from auvid.data_schemas.errors import PipelineError, UsageError
+from auvid.data_schemas.errors import LogError, PipelineError, UsageError
 from auvid.data_schemas.yaml_text import read_yaml
 from auvid.hydro.identification.selection.leg_proposal import LegProposal
 from auvid.pipeline.campaigns.campaign import load_campaign
@@ -418,6 +418,16 @@ def test_files_of_two_clocks_that_both_move_stay_two_logs(tmp_path: Path) -> Non
         paths.append(tmp_path / f"{name}.csv")
         np.savetxt(paths[-1], table, "%.3f", ",", header=head, comments="")
     assert [len(log.files) for log in survey(paths)] == [1, 1]
+
+
+def test_a_command_in_newtons_is_named_with_what_to_do(tmp_path: Path) -> None:
+    t_s = np.arange(0.0, 40.0, 0.1)
+    columns = {"t_s": t_s, "depth_m": 4.0 + np.sin(t_s), "Fz [N]": 50.0 * np.sin(0.7 * t_s)}
+    write_csv(tmp_path / "dive.csv", columns)
+    with pytest.raises(LogError, match=r"command in newtons.*Divide it by") as refusal:
+        new_campaign("drive", [tmp_path / "dive.csv"], commands="heave=Fz [N]")
+    assert "Fz [N]" in str(refusal.value)
+    assert "full_force" in str(refusal.value)
 
 
 def test_logs_of_one_stem_have_their_own_column_maps(tmp_path: Path) -> None:
