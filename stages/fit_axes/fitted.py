@@ -139,6 +139,8 @@ class FittedAxis:
     lag_s: float
     lag_error_s: float
     lag_verdict: LagVerdict
+    lag_told_s: tuple[float, float] | None = None
+    """What the motion tells of the lag, with its error, whatever is taken."""
     shape: ShapeVerdict = STRAIGHT
     inertia: str = "determined"
     """What the fit says of 1 / c: given, determined, weak, from the prior, not determined."""

@@ -173,7 +173,8 @@ def fit_all(
             )  # fmt: skip
     shared = shared_lag(fitted, options.lag_s)
     if options.fit_lag and shared is not None:
-        late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=False)
+        beside = not first.normalised and by_depth(telling_lag(fitted))
+        late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=beside)
         hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
         levelled = _with_doubts(hull.levelled(moved), hull, markers, clocks, common)
         fitted, legs = _with_shared_lag(fitted, legs, levelled, vehicle, late, hull)
@@ -233,24 +234,33 @@ def telling_lag(fitted: Sequence[FittedAxis]) -> list[FittedAxis]:
     """Return the axes that show how late thrusters are.
 
     Depth shows it worst, since what a tilted hull climbs is in it: beside a rate that shows
-    a lag, that of depth counts for nothing.
+    a lag, that of depth counts for nothing. Where none does, depth counts for what it tells.
     """
     telling = [item for item in fitted if item.lag_verdict == "identified"]
     rates = [item for item in telling if item.measured_by != "depth"]
-    return rates or telling
+    return rates or [
+        item
+        for item in fitted
+        if item.measured_by == "depth" and (item in telling or item.lag_told_s is not None)
+    ]
 
 
 def shared_lag(fitted: Sequence[FittedAxis], assumed_s: float) -> tuple[float, float] | None:
     """Return the lag [s] that some axes show, and its deviation; None where none does.
 
     Nor where all do. Thrusters of one vehicle are late alike. A depth is late itself: where
-    nothing else shows a lag, it lies between that and `assumed_s`, by their weights.
+    no rate shows a lag clearly, it lies between that and `assumed_s`, by their weights.
     """
     telling = telling_lag(fitted)
     if not telling or all(item in telling or item.axis in TILTS for item in fitted):
         return None
-    lags = np.array([item.lag_s for item in telling])
-    errors = np.array([item.lag_error_s for item in telling])
+    told = [
+        (item.lag_s, item.lag_error_s)
+        if item.lag_verdict == "identified" or item.lag_told_s is None
+        else item.lag_told_s
+        for item in telling
+    ]
+    lags, errors = np.array(told).T
     lag_s = float(np.average(lags, weights=errors**-2.0))
     error = max(float(np.hypot(errors.min(), lags.std())), LAG_FLOOR_S)
     if not by_depth(telling):
@@ -285,13 +295,14 @@ def _with_shared_lag(
         whose = f"between {whose}, whose depth is late itself, and the assumed one"
     out, used = [], legs
     for item in fitted:
-        if item.axis in telling or item.axis in TILTS or (late and item.lag_verdict == "weak"):
+        if item.axis in telling or item.axis in TILTS:
             out.append(item)
             continue
         other = _fit(item.axis, _using(levelled, item.axis), levelled, vehicle, options, hull)
         if (other.held_out_percent or 0.0) >= (item.held_out_percent or 0.0) - AS_WELL:
             word = AXIS_WORDS[item.axis].capitalize()
-            note = f"{word}: the lag is {whose}, {options.lag_s:.2g} s."
+            of = "the assumed lag" if options.fit_lag else "the lag"
+            note = f"{word}: {of} is {whose}, {options.lag_s:.2g} s."
             item = replace(other, notes=(*other.notes, note))
             used = levelled if item.axis == "Z" else used
         out.append(item)
@@ -495,6 +506,7 @@ def _fit(
         if fit.lag.by_motion_s is None and not fit.lag.determined
         else float(np.nan_to_num(fit.lag.standard_error, nan=fit.lag.deviation_s)),
         lag_verdict=_lag_word(fit.lag),
+        lag_told_s=fit.lag.told_s,
         shape=fit.shape,
         inertia=fit.inertia.word,
         quantities=fit.without_newtons(),

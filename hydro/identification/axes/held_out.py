@@ -45,12 +45,15 @@ class HeldOut:
     """Fit [%] by velocity on windows or a leg (`what`) that the fit did not use.
 
     `one_run`: of a leg, the same of one free run from its first window to its last.
+    `with_moment`: of yaw that the fit gives the moment of a hull by the speeds of its forces,
+    the same flown with that moment; no model without both speeds has it.
     """
 
     what: str
     percent: dict[str, float]
     windows: int
     one_run: dict[str, float] = field(default_factory=dict)
+    with_moment: dict[str, float] = field(default_factory=dict)
 
 
 def percent_of(measured: Array, simulated: Array) -> float:
@@ -78,14 +81,16 @@ def _percents(pool: Pool, parts: Sequence[Sequence[tuple[Array, Array]]]) -> dic
     }
 
 
-def _flown(pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow]) -> list[tuple[Array, Array]]:
+def _flown(
+    pool: Pool, fit: PoolFit, windows: Sequence[MotionWindow], *, moment: bool = False
+) -> list[tuple[Array, Array]]:
     """Return measured and simulated signal (n,) of each velocity over windows.
 
-    The constant of a window is 0, its expected value, and no moment of the hull acts: the
-    model has none without speeds.
+    The constant of a window is 0, its expected value, and no moment of the hull acts unless
+    `moment`: the model has none without speeds.
     """
     flown = replace(
-        pool.without(HULL, ASIDE),
+        pool if moment else pool.without(HULL, ASIDE),
         windows=tuple(windows),
         constant_sd=np.zeros_like(pool.constant_sd),
         drive=fit.drive,
@@ -130,12 +135,13 @@ def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
             fit = fit_pool(replace(pool, windows=rest), first)
             parts.append(_flown(pool, fit, [window]))
         return (HeldOut("windows in turn", _percents(pool, parts), len(pool.windows)),)
-    out = []
+    out, turns = [], ASIDE in pool.structure.inputs
     halves = (pool.windows[0::2], pool.windows[1::2])
     for train, test, what in ((*halves, "even windows"), (*halves[::-1], "odd windows")):
         if train and test:
             fit = fit_pool(replace(pool, windows=train), first)
-            out.append(HeldOut(what, score(pool, fit, test), len(test)))
+            by_moment = _percents(pool, [_flown(pool, fit, test, moment=True)]) if turns else {}
+            out.append(HeldOut(what, score(pool, fit, test), len(test), with_moment=by_moment))
     return tuple(out)
 
 

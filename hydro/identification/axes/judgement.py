@@ -199,11 +199,15 @@ class InertiaPrior:
 
 
 def hull_words(
-    velocity: str, records: Sequence[AxisRecord], inertia: Array | None
+    velocity: str,
+    records: Sequence[AxisRecord],
+    inertia: Array | None,
+    with_moment: Sequence[float] = (),
 ) -> tuple[str, ...]:
     """Return a sentence where motion of the hull may count as inertia of yaw or heave.
 
-    inertia (6,): what the fit has its motion by; None where it has none.
+    inertia (6,): what the fit has its motion by; None where it has none. with_moment:
+    held-out fits [%] of yaw that have the moment of the hull.
     """
     by_depth = velocity == "w" and any(depth_measures(record, "w") for record in records)
     if not (velocity == "r" or by_depth) or not unmeasured(records):
@@ -223,9 +227,16 @@ def hull_words(
             f"surge and sway are not measured: {what}, by speeds that its forces give, is taken"
             " off the depth; errors of these speeds count as heave",
         )
+    flown = ""
+    if with_moment:
+        percents = " and ".join(f"{percent:.0f}" for percent in with_moment)
+        flown = (
+            "; held-out fits are flown without it, as a simulation without both speeds is; with it"
+            f" every other window is flown to {percents} %"
+        )
     return (
         f"surge and sway are not measured: {what} is in the fit by speeds that its forces give,"
-        " with an error as large as itself; a model that has both speeds has it too",
+        f" with an error as large as itself; a model that has both speeds has it too{flown}",
     )
 
 
@@ -253,7 +264,8 @@ class LagVerdict:
 
     `deviation_s`: what an assumed one, or a determined one beside speeds that nothing
     measures, may be off by; 0 where it is given. `by_motion_s`: what the motion tells, with
-    its error, where the value lies between that and the assumed one.
+    its error, where the value lies between that and the assumed one. `told_s`: the same
+    whatever is taken, None where it tells none.
     """
 
     value_s: float
@@ -261,6 +273,7 @@ class LagVerdict:
     determined: bool
     deviation_s: float = 0.0
     by_motion_s: tuple[float, float] | None = None
+    told_s: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -85,11 +85,11 @@ CONSTANT_SD = {"u": 0.02, "v": 0.02, "w": 0.005, "p": 0.02, "q": 0.02, "r": 0.02
 SURGE = "surge"
 """Input of heave: force ahead behind the lag of the surge speed."""
 LAG_SD_S, LAG_FLOOR_S = 0.1, 0.02
-"""Deviation of a lag that nothing tells, as thrusters of vehicles have .05 to .3 s; and the
-least, where the lag that would be fitted is near the assumed one."""
-LEAST_OF_MOTION, AS_WELL = 0.5, 2.0
-"""Share of what is known of a lag from which on the motion counts beside the assumed one, and
-held-out fit [%] that the lag between the two may cost."""
+"""Deviation of a lag that nothing tells, as thrusters of vehicles have .05 to .3 s, and the
+largest error with which the motion counts beside it; and the least deviation, where the lag
+that would be fitted is near the assumed one."""
+AS_WELL = 2.0
+"""Held-out fit [%] that a lag between that of the motion and the assumed one may cost."""
 HULL_LAGS_S, LAG_STEP_S, DRAG_STEP = (0.01, 0.5), 0.05, 0.1
 """Ends of the lag of yaw and of the speeds of its hull [s]; steps of that lag and of the logarithm
 of the drag of the hull to each side, by which curvature is taken."""
@@ -98,9 +98,10 @@ DRAG_SPREAD, LARGEST_DRAG, DRAG_WITHIN = 2.0, 8.0, 0.15
 near its logarithm is sought before the lag is sought beside it."""
 LAG_KNOWN_S = 0.05
 """Largest deviation of a lag that is not fitted beside which an inertia is determined."""
-LAG_SHARE = 0.1
+LAG_SHARE, HULL_LAG_SHARE = 0.1, 0.2
 """Of a lag that is fitted, its deviation where surge and sway are not measured: of 21 twins it
-came out up to a seventh short (decision 0073)."""
+came out up to a seventh short (decision 0073). That of yaw beside speeds by forces: of 20 dives
+it came out .04 s short (RMS), by more than its errors (decision 0134)."""
 INERTIA_SD = 0.3
 """Relative deviation of the inertia of heave while the speeds of a hull are sought."""
 SURGE_LAG_S, SURGE_SHARE = 2.0, 0.3
@@ -250,8 +251,8 @@ def fit_axis(
     (`record`), by `speed_share` of those that forces give; depth without its climb is
     the caller's. doubtful: the records with one figure that they rest on one deviation off,
     each. try_lag: whether the lag is fitted where the data determine it; lag_sd_s: deviation
-    of one that is not. try_shape: the same of dead band and curve of commands. creeps: its
-    drag is linear alone. Raises
+    of the assumed one, where it is tried `LAG_SD_S` for 0. try_shape: the same of dead band
+    and curve of commands. creeps: its drag is linear alone. Raises
     `DataError` with the reason where an axis is refused.
     """
     reason = refusal(records, axis)
@@ -264,6 +265,7 @@ def fit_axis(
     fitted = _Setup(
         tuple(records), axis, velocity, inertia, drive or ForceDrive(),
         surge and velocity == "w", loss, moment, speed_share, creeps=creeps,
+        lag_sd_s=lag_sd_s or LAG_SD_S,
     )  # fmt: skip
     hull_motion: _HullMotion | None = None
     if fitted.turns_hull:
@@ -306,7 +308,10 @@ def fit_axis(
         lag, shape, verdict, speed, width,
         (
             *notes_of(fit, legs, sides, verdict, lag), *doubts(verdict, inertia),
-            *hull_words(velocity, records, moment),
+            *hull_words(
+                velocity, records, moment,
+                [part.with_moment[velocity] for part in blocks if velocity in part.with_moment],
+            ),
         ),
     )  # fmt: skip
 
@@ -329,6 +334,7 @@ class _Setup:
     speed_share: float = 1.0
     hull_drag: float = 1.0
     creeps: bool = False
+    lag_sd_s: float = LAG_SD_S
 
     def pool(
         self,
@@ -446,7 +452,7 @@ def _hull_motion(setup: _Setup, *, try_lag: bool) -> _HullMotion:
     """Return the drag and the lag by which forces turn the hull as measured.
 
     The least of W ln sigma + (ln drag / ln `DRAG_SPREAD`)^2 / 2 + ((lag - assumed) /
-    `LAG_SD_S`)^2 / 2, W: windows. One lag moves yaw and the speeds, and drag and lag
+    its deviation)^2 / 2, W: windows. One lag moves yaw and the speeds, and drag and lag
     trade, so that they are sought together; curvature at the least gives errors.
     """
     from scipy.optimize import minimize, minimize_scalar
@@ -460,7 +466,7 @@ def _hull_motion(setup: _Setup, *, try_lag: bool) -> _HullMotion:
         pool = replace(setup, hull_drag=float(np.exp(logarithm))).late(lag_s).pool()
         size = len(pool.windows) * float(np.log(fit_pool(pool, start).sigma[0]))
         by_prior = (logarithm / float(np.log(DRAG_SPREAD))) ** 2 + (
-            (lag_s - assumed) / LAG_SD_S
+            (lag_s - assumed) / setup.lag_sd_s
         ) ** 2
         return size + 0.5 * by_prior
 
@@ -489,7 +495,7 @@ def _hull_motion(setup: _Setup, *, try_lag: bool) -> _HullMotion:
         if step > 0.0
         else 0.0
     )
-    prior = (LAG_STEP_S / LAG_SD_S) ** 2
+    prior = (LAG_STEP_S / setup.lag_sd_s) ** 2
     own_bend, lag_s = lag_bend - prior, float(here[1] * LAG_STEP_S)
     if not 0.0 < own_bend < np.inf:
         return _HullMotion(drag, DRAG_STEP * bend**-0.5, assumed, np.inf)
@@ -543,6 +549,7 @@ def _with_lag(
     Otherwise that with the lag between what is assumed and what the motion tells.
     """
     hull = motion is not None
+    of_itself = HULL_LAG_SHARE if hull else LAG_SHARE
     if motion is None:
         late = setup.pool(free=(LAG,))
         other = fit_pool(late, fit.values)
@@ -555,30 +562,31 @@ def _with_lag(
         other = fit_pool(late, fit.values)
     off_s = float(np.hypot(error, value - pool.drive.lag_s))
     fixed = LagVerdict(
-        pool.drive.lag_s, float("nan"), False, min(max(off_s, LAG_FLOOR_S), LAG_SD_S)
-    )
+        pool.drive.lag_s, float("nan"), False, min(max(off_s, LAG_FLOOR_S), setup.lag_sd_s),
+        told_s=(value, error) if 0.0 < error < np.inf else None,
+    )  # fmt: skip
     if not 0.0 < error < np.inf:
         return setup, pool, fit, blocks, fixed
     if error * T_LIMIT < value:
         tried = held_out_blocks(late, fit.values)
         if flown_better(setup.velocity, tried, blocks, by=0.0):
-            share = LAG_SHARE * value if unmeasured(setup.records) else 0.0
+            share = of_itself * value if unmeasured(setup.records) else 0.0
             both = float(np.hypot(error, share))
-            verdict = LagVerdict(value, both, True, both if hull else share)
+            verdict = LagVerdict(value, both, True, both if hull else share, told_s=(value, error))
             return setup.late(value) if hull else setup, late, other, tried, verdict
     if setup.records[0].normalised:
         return setup, pool, fit, blocks, fixed
-    weight = LAG_SD_S**2 / (LAG_SD_S**2 + error**2)
+    weight = setup.lag_sd_s**2 / (setup.lag_sd_s**2 + error**2)
     lag_s = pool.drive.lag_s + weight * (value - pool.drive.lag_s)
     moved = replace(pool, drive=changed(pool.drive, {LAG: lag_s}))
     if hull:
         setup = setup.late(lag_s)
         moved = setup.pool()
     tried = held_out_blocks(moved, fit.values)
-    if weight < LEAST_OF_MOTION or not flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
+    if error > LAG_SD_S or not flown_better(setup.velocity, tried, blocks, by=-AS_WELL):
         return setup.late(pool.drive.lag_s), pool, fit, blocks, fixed
-    deviation = float(np.hypot(np.sqrt(weight) * error, LAG_SHARE * lag_s))
-    verdict = LagVerdict(lag_s, float("nan"), False, deviation, (value, error))
+    deviation = float(np.hypot(np.sqrt(weight) * error, of_itself * lag_s))
+    verdict = LagVerdict(lag_s, float("nan"), False, deviation, (value, error), (value, error))
     return setup, moved, fit_pool(moved, fit.values), tried, verdict
 
 

@@ -501,6 +501,29 @@ def test_a_late_depth_makes_no_late_thrusters() -> None:
     assert shared_lag([by_log, yaw], 0.05) == pytest.approx((0.30, 0.02))
 
 
+def test_depth_tells_of_a_lag_beside_a_yaw_that_hardly_tells_it() -> None:
+    """Of 32 dives yaw inertia came out nearer so (decision 0134)."""
+    heave, yaw = fits(False).fitted
+    heave = replace(heave, lag_verdict="assumed", lag_told_s=(0.2, 0.04))
+    yaw = replace(yaw, lag_verdict="weak", lag_s=0.09, lag_error_s=0.07, lag_told_s=(0.12, 0.1))
+    late = 0.04**2 + 0.1**2
+    expected = (0.05 / 0.1**2 + 0.2 / late) / (0.1**-2 + late**-1)
+    shared = shared_lag([heave, yaw], 0.05)
+    assert shared == pytest.approx((expected, (0.1**-2 + late**-1) ** -0.5))
+    assert shared_lag([replace(heave, lag_told_s=None), yaw], 0.05) is None
+    noisy = leg(seconds=40.0)
+    noise = 0.3 * np.random.default_rng(3).standard_normal(len(noisy.record.t_s))
+    rate = {**noisy.record.rate, "r": noisy.record.rate["r"] + noise}
+    noisy = replace(noisy, record=replace(noisy.record, rate=rate))
+    heave, yaw = fit_all({"one": noisy}, vehicle("bluerov2_heavy"), FitOptions()).fitted
+    by_depth, own = shared_lag([heave, yaw], 0.05), yaw.lag_told_s
+    assert by_depth is not None
+    assert own is not None
+    weights = by_depth[1] ** -2.0, own[1] ** -2.0
+    assert yaw.lag_s == pytest.approx(np.average([by_depth[0], own[0]], weights=weights))
+    assert any("the assumed lag is between that of heave" in words for words in yaw.notes)
+
+
 def test_the_lag_of_a_rate_counts_before_that_of_depth() -> None:
     """What a tilted hull climbs is in depth: of twins its lag came out a third short."""
     late, both = {"lag_verdict": "identified"}, []

@@ -321,7 +321,11 @@ def test_a_hull_whose_speeds_nobody_measures_is_no_inertia_of_yaw() -> None:
     with_hull = fit_axis(legs, "N", drive=drive, try_lag=False, hull=HULL_INERTIA)
     off = [abs(fit.inertia.value / HULL_INERTIA[5] - 1.0) for fit in (plain, with_hull)]
     assert off[1] < 0.04 < 0.06 < off[0], off
-    assert any("Munk" in note for note in with_hull.notes)
+    for part in with_hull.held_out[:2]:
+        assert part.with_moment["r"] > part.percent["r"] + 5.0
+    first, second = (round(part.with_moment["r"]) for part in with_hull.held_out[:2])
+    assert any("Munk" in n and f"to {first} and {second} %" in n for n in with_hull.notes)
+    assert plain.held_out[0].with_moment == {}
 
 
 def test_a_hull_that_drifts_aside_turns_itself_and_that_is_no_damping() -> None:
@@ -515,6 +519,19 @@ def test_an_inertia_is_weak_beside_a_lag_that_is_assumed() -> None:
     assert not assumed.lag.determined
     assert (assumed.inertia.word, by_hand.inertia.word) == ("weak", "determined")
     assert any("inertia trades with it" in note for note in assumed.notes)
+
+
+def test_an_assumed_lag_counts_by_its_deviation() -> None:
+    leg = axis_leg(3, YAW, seconds=40.0, noise=0.3)
+    fit = fit_axis([leg], "N", drive=ForceDrive(lag_s=0.05), lag_sd_s=0.07)
+    assert fit.lag.by_motion_s is not None
+    assert fit.lag.told_s == fit.lag.by_motion_s
+    by_motion, error = fit.lag.by_motion_s
+    lag_s = (by_motion / error**2 + 0.05 / 0.07**2) / (error**-2 + 0.07**-2)
+    assert fit.lag.value_s == pytest.approx(lag_s)
+    sure = fit_axis([leg], "N", drive=ForceDrive(lag_s=0.05), lag_sd_s=0.01)
+    assert sure.lag.value_s == pytest.approx(0.05, abs=0.003)
+    assert sure.lag.deviation_s < 0.02
 
 
 def test_a_lag_that_is_hardly_told_lies_between_and_widens_the_inertia() -> None:
