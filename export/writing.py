@@ -270,7 +270,7 @@ def _partial_lines(part: PartialFigures) -> list[str]:
     ]
     lines += [
         f"{MOTION_WORDS[item.axis].capitalize()} {item.words}: {item.value:.3g} {item.unit}"
-        f" ({item.interval_95[0]:.3g} to {item.interval_95[1]:.3g}, 95 % by noise), linear and"
+        f" ({item.interval_95[0]:.3g} to {item.interval_95[1]:.3g}, 95 %), linear and"
         " quadratic part together; these share their error."
         for item in part.total_drag
     ]

@@ -80,8 +80,10 @@ class TotalDrag(Model):
     """Force or moment against the motion, over the speed; of yaw -(N_r + N_r|r| speed)."""
     unit: str
     """N s/m or N m s/rad."""
+    standard_error: float
+    """By noise alone."""
     interval_95: list[float]
-    """Ends of its 95 % interval by noise."""
+    """Ends of its 95 % interval by noise and assumed figures together."""
     assumed_shifts: dict[str, float] = Field(default_factory=dict)
     """What it moves by with one standard deviation of an assumed figure of the vehicle file."""
     verdict: FigureVerdict

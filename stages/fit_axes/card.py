@@ -34,7 +34,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import MIXED
 from auvid.hydro.identification.axes.quantities import WIDEST
 from auvid.hydro.identification.fleet.drag import drag_at_speed
-from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO
+from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO, total_error
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, stands_clear
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
@@ -349,7 +349,7 @@ def total_drags(fits: AxisFits, scaled: ScaledAxes, vehicle: Vehicle) -> list[To
         value, error = drag.force / speed, drag.standard_error / speed
         shifts = _thrust_shift(value, scaled, vehicle)
         clear = item.predicts and stands_clear(value, error, shifts)
-        half = float(np.exp(NORMAL_95 * error / value))
+        half = float(np.exp(NORMAL_95 * total_error(error, shifts) / value))
         drags.append(
             TotalDrag.model_validate(
                 {
@@ -357,6 +357,7 @@ def total_drags(fits: AxisFits, scaled: ScaledAxes, vehicle: Vehicle) -> list[To
                     "speed": speed,
                     "value": value,
                     "unit": unit_of(item.axis, item.equation.speed, scaled),
+                    "standard_error": error,
                     "interval_95": [value / half, value * half],
                     "assumed_shifts": shifts,
                     "verdict": IDENTIFIED if clear else WEAK,

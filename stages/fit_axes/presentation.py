@@ -31,7 +31,6 @@ from auvid.stages.presentation import (
     remark,
     section,
     series,
-    shift_words,
     table,
     text,
     view,
@@ -201,13 +200,14 @@ def _drags(card: ModelCard) -> list[Block]:
         return []
     rows: list[list[str | float | None]] = [
         [f"{AXIS_WORDS[item.axis]}, {item.words}", item.value, *item.interval_95, item.unit,
-         item.verdict, shift_words(item.assumed_shifts, 0.0)]
+         item.verdict, half_95(item.standard_error)]
         for item in card.partial.total_drag
     ]  # fmt: skip
-    heads = ["figure", "value", "from", "to", "unit", "verdict", "besides, 95 %"]
+    heads = ["figure", "value", "from", "to", "unit", "verdict", "± 95 % by noise"]
     note = (
-        "Force over speed, linear and quadratic part together, with 95 % intervals by noise. The"
-        " parts below share their error: where they are weak, this is the figure to use."
+        "Force over speed, linear and quadratic part together, with 95 % intervals by noise and"
+        " thrust. The parts below share their error: where they are weak, this is the figure to"
+        " use."
     )
     return [table("Drag at one speed", heads, rows, note=note)]
 

@@ -8,6 +8,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.records.models import ModelCard, RankingRecord, UsableFor
 from auvid.data_schemas.records.partial import MassFreeFigure, PartialFigures, TotalDrag
 from auvid.hydro.arrays import AXES
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.stages.base import Document
 from auvid.stages.model_use import FITTED, axes_listed, partial_words, ratio_words
@@ -29,7 +30,7 @@ from auvid.stages.page.first_screen import (
     Use,
     anchor,
 )
-from auvid.stages.presentation import degrees, shift_words
+from auvid.stages.presentation import degrees
 from auvid.stages.report.summary.coefficient_table import assumed_most, coefficient_rows
 from auvid.stages.report.summary.coefficient_text import findings
 from auvid.stages.report.summary.model_summary import assumed_figures, damaged_logs, plural, warned
@@ -190,17 +191,17 @@ def _figures(part: PartialFigures) -> tuple[Figure, ...]:
 
 
 def _drag(item: TotalDrag) -> Figure:
-    """Return a drag at a speed with its interval by noise; beside it what scales it."""
+    """Return a drag at a speed with its interval, and beside it that of noise alone."""
     places = places_of_error((item.interval_95[1] - item.interval_95[0]) / 2.0)
     low, high = (fixed(end, places) for end in item.interval_95)
-    shifts = shift_words(item.assumed_shifts, 0.0)
+    noise = significant(100.0 * NORMAL_95 * item.standard_error / item.value, 2)
     return Figure(
         AXIS_WORDS[item.axis],
         item.words,
         f"{fixed(item.value, places)} {printed_unit(item.unit)}",
         f"{low} to {high}",
         item.verdict,
-        f"linear and quadratic together, by noise{f'; {shifts}' if shifts else ''}",
+        f"linear and quadratic part together; noise alone ± {noise} %",
     )
 
 

@@ -16,7 +16,7 @@ from auvid.data_schemas.records.models import (
     TermCombination,
     VelocityRange,
 )
-from auvid.data_schemas.records.partial import PartialFigures
+from auvid.data_schemas.records.partial import PartialFigures, TotalDrag
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
@@ -104,15 +104,8 @@ def _drags(part: PartialFigures) -> list[CoefficientLine]:
     return [
         CoefficientLine(
             f"{AXIS_WORDS[item.axis]} {item.words}",
-            (
-                _within(
-                    f"D_{item.axis}",
-                    item.value,
-                    (item.interval_95[1] - item.interval_95[0]) / 2.0,
-                    printed_unit(item.unit),
-                ),
-            ),
-            "Force over speed, linear and quadratic part together; ± by noise.",
+            (_figure(f"D_{item.axis}", item, printed_unit(item.unit)),),
+            "Force over speed, linear and quadratic part together.",
         )
         for item in part.total_drag
         if item.verdict == IDENTIFIED
@@ -205,7 +198,9 @@ def _unit(axis: str, term: str) -> str:
     return printed_unit(coefficient_unit(axis, term))
 
 
-def _figure(symbol: str, item: TermCard | TermCombination | InertiaCard, unit: str) -> str:
+def _figure(
+    symbol: str, item: TermCard | TermCombination | InertiaCard | TotalDrag, unit: str
+) -> str:
     """Return a value within its 95 % interval, and what the interval is made of.
 
     `X_u = −58 ± 23 N s/m (noise ± 4, scale of the thrust curve ± 23)`.

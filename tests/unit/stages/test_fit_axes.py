@@ -120,13 +120,15 @@ def test_drag_at_one_speed_is_surer_than_its_parts_and_stands_first() -> None:
             [(term.standard_error or 0.0) / abs(term.value or 1.0) for term in
              card.axes[item.axis].terms if term.term != "constant"]
         )  # fmt: skip
-        assert np.log(high / low) / 2.0 < 0.5 * own.min()
+        assert NORMAL_95 * item.standard_error / item.value < 0.5 * own.min()
+        error = total_error(item.standard_error, item.assumed_shifts)
+        assert np.log(high / low) / 2.0 == pytest.approx(NORMAL_95 * error / item.value)
     figures = summarise_axes(card, ranking(card, fitted), {}, {}, body, {}).figures
     yaw = [item for item in figures if item.part == "yaw"]
     assert [figures[0].quantity, yaw[0].quantity] == [
         item.words for item in card.partial.total_drag
     ]
-    assert "thrust curve" in yaw[0].note
+    assert "noise alone ±" in yaw[0].note
     (readme,) = [
         text
         for name, text in prepare(file_of(card, fitted, body), "json").files.items()
