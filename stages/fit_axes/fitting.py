@@ -173,8 +173,8 @@ def fit_all(
             )  # fmt: skip
     shared = shared_lag(fitted, options.lag_s)
     if options.fit_lag and shared is not None:
-        beside = not first.normalised and by_depth(telling_lag(fitted))
-        late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=beside)
+        depth_only = not first.normalised and by_depth(telling_lag(fitted))
+        late = replace(options, lag_s=shared[0], lag_sd_s=shared[1], fit_lag=depth_only)
         hull = hull_speeds(moved, vehicle, lag_s=late.lag_s)
         levelled = _with_doubts(hull.levelled(moved), hull, markers, clocks, common)
         fitted, legs = _with_shared_lag(fitted, legs, levelled, vehicle, late, hull)
@@ -254,13 +254,13 @@ def shared_lag(fitted: Sequence[FittedAxis], assumed_s: float) -> tuple[float, f
     telling = telling_lag(fitted)
     if not telling or all(item in telling or item.axis in TILTS for item in fitted):
         return None
-    told = [
+    pairs = [
         (item.lag_s, item.lag_error_s)
         if item.lag_verdict == "identified" or item.lag_told_s is None
         else item.lag_told_s
         for item in telling
     ]
-    lags, errors = np.array(told).T
+    lags, errors = np.array(pairs).T
     lag_s = float(np.average(lags, weights=errors**-2.0))
     error = max(float(np.hypot(errors.min(), lags.std())), LAG_FLOOR_S)
     if not by_depth(telling):
