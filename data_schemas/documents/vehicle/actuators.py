@@ -22,6 +22,8 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.data_schemas.units import NEUTRAL_US
 
 UNIT_LENGTH_TOLERANCE = 1e-3
+LARGEST_FORCE = 2.0
+"""Of 1 N of a thruster, or of the factors of a frame, at most 1 in three axes."""
 
 
 class LevelSpeedEntry(Model):
@@ -119,6 +121,19 @@ class ThrustCurveEntry(Model):
         return self
 
 
+def _possible_effect(effect: Quantity) -> None:
+    """Raise `Faults` for thrusters of whose 1 N nothing, or more than 1 N, arrives."""
+    faults, force = list[PipelineError](), np.linalg.norm(effect.array[:, :3], axis=1)
+    for place, (row, size) in enumerate(zip(effect.array, force, strict=True), start=1):
+        words = f"thruster {place} pushes nothing" if not row.any() else ""
+        if size > LARGEST_FORCE:
+            words = f"1 N of thruster {place} gives {size:.3g} N: a row is X Y Z K M N of 1 N"
+        if words:
+            allowed = "X, Y, Z of length 1 (not percent), then lever arms in m"
+            faults.append(fault(words, "effect.value", row.tolist(), allowed=allowed))
+    Faults(*faults).raise_any()
+
+
 class ThrustersEntry(Model):
     """Fixed thrusters; listens to pwm_{n}_us."""
 
@@ -143,6 +158,7 @@ class ThrustersEntry(Model):
             if self.position is not None or self.axis is not None:
                 message = "either effect, or position and axis, describe the thrusters"
                 raise Faults(fault(message, "effect"))
+            _possible_effect(self.effect)
         else:
             require(self, "position", "axis")
         n = len((self.effect or self.position or self.direction).array)

@@ -7,7 +7,7 @@ import copy
 import numpy as np
 import pytest
 
-from auvid.data_schemas.errors import CampaignError
+from auvid.data_schemas.errors import CampaignError, PipelineError
 from auvid.hydro.dynamics.actuators.commands import ARDUSUB_FRAMES
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages.ingest.health.finding import Finding
@@ -141,3 +141,20 @@ def test_outputs_that_move_and_a_frame_lacks_are_named(log: Log) -> None:
     log.vehicle = None
     (item,) = named(log, "frame_unlike")
     assert "at outputs 7 and 8 stand still all log long" in item["text"]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [([0.0] * 6, "thruster 2 pushes nothing"), ([0, 100, 0, 0, 0, 20], "gives 100 N")],
+)
+def test_a_row_of_a_matrix_that_no_thruster_has_is_refused(row: list[float], words: str) -> None:
+    document = copy.deepcopy(vehicle_document("bluerov2_heavy"))
+    entry = document["actuators"]["thrusters"]
+    rows = np.array(ARDUSUB_FRAMES["vectored_6dof"], dtype=float)
+    del entry["position"], entry["axis"]
+    entry["effect"] = {"value": rows.tolist(), "unit": "1", "source": "factors"}
+    vehicle_from_document(document)
+    rows[1] = row
+    entry["effect"]["value"] = rows.tolist()
+    with pytest.raises(PipelineError, match=words):
+        vehicle_from_document(document)
