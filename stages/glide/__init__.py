@@ -29,7 +29,7 @@ from auvid.stages.glide.figures import glide_results, mean_pitch
 from auvid.stages.glide.glider import Glider, glider_of
 from auvid.stages.glide.legs import GlideLegs, legs_of
 from auvid.stages.glide.presentation import glide_section, glide_views
-from auvid.stages.glide.refusals import odd_lift
+from auvid.stages.glide.refusals import odd_lift, odd_zero
 
 MOST_FLAT = 0.1
 """Share of stretches too flat to be steady, from which on the pitch or the rest is in doubt."""
@@ -142,9 +142,16 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         stroke_m3=glides.stroke_m3,
         pitch_rad=mean_pitch(glides),
     )
-    if lift := odd_lift(comparison.estimate, glider.lift_slope):
-        glides = replace(glides, warnings=(*glides.warnings, lift))
-    in_doubt = bool(lift or glides.pitch_zero or flat > MOST_FLAT * total)
+    odd = [
+        words
+        for words in (
+            odd_lift(comparison.estimate, glider.lift_slope),
+            odd_zero(comparison.estimate, glider.zero_lift),
+        )
+        if words
+    ]
+    glides = replace(glides, warnings=(*glides.warnings, *odd))
+    in_doubt = bool(odd or glides.pitch_zero or flat > MOST_FLAT * total)
     steps = trim_step(glides.rows, comparison.estimate, glides.stroke_m3) is not None
     if in_doubt or steps or glides.is_drive_stuck or (gap is not None and gap.named):
         estimate = doubted(comparison.estimate, *ALL_FIGURES)

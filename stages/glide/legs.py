@@ -25,7 +25,7 @@ from auvid.hydro.identification.glide.settled import (
 )
 from auvid.stages.columns import leg_window, span_text
 from auvid.stages.glide.glider import Glider
-from auvid.stages.glide.refusals import check_speed, unsettled
+from auvid.stages.glide.refusals import check_one_vehicle, check_speed, unsettled
 
 NEEDED = ("pressure_pa", "buoyancy_drive_m3")
 MOST_STROKE = 0.2
@@ -167,6 +167,9 @@ def _record(
             value=int(t.size),
             allowed=f"at least {LEAST_SAMPLES}",
         )
+
+    weight = glider.body.neutral_kg_m3 * glider.body.gravity
+    check_one_vehicle(t, pressure[rows] / weight, leg.id)
 
     def on_clock(name: str, source: pa.Table = table) -> Array:
         at = (column(source, "time_us") - start_us) / 1e6

@@ -192,6 +192,7 @@ def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
     amount = (
         f"{1e6 * abs(gap.limit_m3):.2g} cm³ ({abs(gap.limit_m3) / stroke_m3:.0%} of its stroke)"
     )
+    less = "less" if gap.size_m3 < 0.0 else "more"
     drag = ""
     if np.isfinite(gap.drag_factor):
         drag = f" {abs(gap.drag_factor - 1.0):.0%} {'less' if gap.drag_factor < 1.0 else 'more'}"
@@ -199,18 +200,22 @@ def _drive_remark(gap: DriveGap, stroke_m3: float) -> Block:
         drag = f", and C_D would be{drag}" if drag else ""
         return remark(
             "Dives and climbs agree in how their depth rates follow layers of the water and"
-            f" pressure. A drive that moves {amount} less between them than the log says would not"
-            f" be seen{drag}.",
+            f" pressure: by that the drive moves {estimate(size, half)} cm³ {less} between them"
+            f" than the log says. A drive that moves {amount} less would not be seen{drag}.",
             "note",
         )
-    less = "less" if gap.size_m3 < 0.0 else "more"
     return remark(
         "Dives and climbs disagree: by how their depth rates follow layers of the water and"
         f" pressure, the drive moves {estimate(size, half)} cm³ {less} between them than the log"
         f" says ({size / 1e6 / stroke_m3:.0%} of its stroke)."
         + (f" C_D would then be{drag}; figures are weak." if drag else " Figures are weak.")
-        + " A drive at its stop one way, commands in place of its position, or another"
-        " compressibility of the hull than the vehicle file has?",
+        + (
+            " A drive at its stop one way, commands in place of its position,"
+            if gap.size_m3 < 0.0
+            else " A thruster that runs beside the drive (its thrust is in no glide), a drive in"
+            " another unit,"
+        )
+        + " or another compressibility of the hull than the vehicle file has?",
         "warning",
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Mask
+from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.bins import GlideRows
 from auvid.hydro.identification.glide.fit import FileFigure, GlideEstimate
@@ -29,6 +29,10 @@ STEEPER_RAD = (float(np.radians(-1.0)), float(np.radians(7.0)))
 """Angles of attack that gliders have, beside a zero of the pitch of one degree."""
 ODD_LIFT = 3.0
 """Standard errors and spreads together."""
+ODD_ZERO = 2.0
+"""The same of the angle without lift."""
+MOST_RATE_M_S, MOST_JUMPS = 1.0, 0.05
+"""No glider goes up and down this fast from sample to sample; share of samples that may."""
 STEEPEST_RAD = float(np.radians(12.0))
 """Angle of attack and zero of the pitch together are less."""
 
@@ -154,6 +158,30 @@ def check_speed(rows: GlideRows, legs: Sequence[str]) -> str:
     )
 
 
+def check_one_vehicle(t_s: Array, depth_m: Array, leg: str) -> None:
+    """Raise `DataError` for depths (n,) [m] that go between two vehicles."""
+    rate = np.diff(depth_m) / np.maximum(np.diff(t_s), 1e-3)
+    fast = np.abs(rate) > MOST_RATE_M_S
+    jumps = fast[1:] & fast[:-1] & (np.sign(rate[1:]) != np.sign(rate[:-1]))
+    share = float(np.mean(jumps)) if jumps.size else 0.0
+    if share <= MOST_JUMPS:
+        return
+    at = int(np.flatnonzero(jumps)[0])
+    raise DataError(
+        f"the depth of leg '{leg}' goes to and fro from sample to sample",
+        field="pressure_pa",
+        value=(
+            f"{depth_m[at]:.3g}, {depth_m[at + 1]:.3g} and {depth_m[at + 2]:.3g} m within"
+            f" {t_s[at + 2] - t_s[at]:.3g} s at {t_s[at]:.0f} s; {share:.0%} of the samples do so"
+        ),
+        allowed=f"up to {MOST_RATE_M_S:g} m/s, but for single samples",
+        remedy=(
+            "Are the rows of two vehicles, or of two sensors, in one file? Give each a file and a"
+            " log of its own."
+        ),
+    )
+
+
 def _path_words(flat: Sequence[float], steep: Sequence[float]) -> str:
     path, pitch = np.degrees(np.mean(flat)), np.degrees(np.mean(steep))
     return f"{path:.2g} deg of path at {pitch:.2g} deg of pitch"
@@ -169,4 +197,20 @@ def odd_lift(estimate: GlideEstimate, file: FileFigure) -> str:
         f" the vehicle file {file.mean:.2g} ± {NORMAL_95 * file.sd:.1g}. A horizontal speed looks"
         " like less lift, or is the file another glider's?"
         " Figures are weak."
+    )
+
+
+def odd_zero(estimate: GlideEstimate, file: FileFigure) -> str:
+    """Return what is odd of an angle without lift that is clearly not the file's."""
+    if "alpha_0" not in estimate.free:
+        return ""
+    angle, error = estimate.value("alpha_0"), estimate.standard_error("alpha_0")
+    if abs(angle - file.mean) < ODD_ZERO * np.hypot(error, file.sd):
+        return ""
+    return (
+        f"Dives and climbs go as if the pitch were {abs(np.degrees(angle)):.2g} ±"
+        f" {np.degrees(NORMAL_95 * error):.1g} deg {'less' if angle > 0.0 else 'more'} than logged"
+        f" (alpha_0; the vehicle file allows {np.degrees(NORMAL_95 * file.sd):.2g}): is the zero of"
+        " the pitch sensor off? Level the glider, read it, and take that off the column; where it"
+        " sits so by intent raise glider.zero_lift_sd of the vehicle file. Figures are weak."
     )

@@ -22,7 +22,7 @@ from auvid.hydro.identification.glide.fit import (
     fitted_beside,
 )
 
-CLEAR_GAP, LEAST_GAP = 4.0, 0.1
+CLEAR_GAP, LEAST_GAP = 3.0, 0.1
 """Standard errors, and share of the stroke, from which on the drive is another than logged."""
 MOST_GAP = 0.25
 """Share of the stroke beyond which nothing is said of the drag that a gap would give."""
@@ -59,7 +59,7 @@ def drive_gap(
     up = rows.state.pitch_rad > 0.0
     if "trim" not in estimate.free:
         return None
-    size, error = fitted_beside(rows, estimate, "trim", up)
+    size, error = fitted_beside(rows, estimate, "trim", up, prior=prior)
     if not np.isfinite(error):
         return None
     least = LEAST_GAP * stroke_m3

@@ -185,7 +185,7 @@ def _solved(
     values = problem.solve(values, free)
     if "trim" in free:
         values = _freed(problem, values, free, prior)
-    if np.isfinite(problem.slopes(values)).all():
+    if np.isfinite(problem.standard_errors(values, free)).all():
         problem.pulls = _pulls(problem, values, free, prior)
         values = problem.solve(values, free)
     return problem, values, free
@@ -232,29 +232,45 @@ def _pulls(
 
 
 def fitted_beside(
-    rows: GlideRows, estimate: GlideEstimate, name: str, part: Mask
+    rows: GlideRows,
+    estimate: GlideEstimate,
+    name: str,
+    part: Mask,
+    *,
+    prior: Mapping[str, FileFigure],
 ) -> tuple[float, float]:
     """Return what an unknown is more in a part of the rows, and its standard error.
 
-    To first order beside the free unknowns. The error is infinite where nothing tells it.
+    To first order beside all unknowns; what the file knows of them pulls at them as in
+    `fit_glides`. The error is infinite where nothing tells it.
     """
     measured = np.isfinite(rows.speed_m_s)
     noise = np.where(np.isfinite(estimate.residual_m_s), estimate.residual_m_s, 1.0)
-    problem = _Problem(rows, estimate.body, measured, noise)
-    slopes = problem.slopes(estimate.values)
-    own = slopes[:, UNKNOWNS.index(name)] * np.concatenate([part, part[measured]])
-    columns = [UNKNOWNS.index(each) for each in estimate.free]
-    design = np.column_stack([slopes[:, columns], own])
-    residual = problem.residuals(estimate.values)
-    scale = np.linalg.norm(design, axis=0)
-    if not (np.isfinite(scale).all() and scale.all() and np.isfinite(residual).all()):
-        return 0.0, float("inf")
-    solved, _, rank, _ = np.linalg.lstsq(design / scale, -residual, rcond=1e-10)
-    if rank < scale.size:
-        return 0.0, float("inf")
-    covariance = _clustered(design, residual + design / scale @ solved, problem.yo)
-    error = float(np.sqrt(covariance[-1, -1])) * widened_by(estimate.degrees)
-    return float(solved[-1] / scale[-1]), error
+    colour = 1.0
+    for _ in range(2):
+        pulls = tuple(
+            Pull(each, prior[each], colour)
+            for each in UNKNOWNS
+            if (each not in estimate.free or each in OF_RECORD) and prior[each].sd > 0.0
+        )
+        problem = _Problem(rows, estimate.body, measured, noise, pulls)
+        slopes, residual = problem.slopes(estimate.values), problem.residuals(estimate.values)
+        inside = np.concatenate([part, part[measured], np.zeros(len(pulls), dtype=bool)])
+        names = [each for each in UNKNOWNS if each in estimate.free or prior[each].sd > 0.0]
+        columns = [UNKNOWNS.index(each) for each in names]
+        design = np.column_stack([slopes[:, columns], slopes[:, UNKNOWNS.index(name)] * inside])
+        scale = np.linalg.norm(design, axis=0)
+        if not (np.isfinite(scale).all() and scale.all() and np.isfinite(residual).all()):
+            return 0.0, float("inf")
+        solved, _, rank, _ = np.linalg.lstsq(design / scale, -residual, rcond=1e-10)
+        if rank < scale.size:
+            return 0.0, float("inf")
+        inverse = _inverse(design)
+        covariance = _clustered(design, residual + design / scale @ solved, problem.yo)
+        colour = max(float(covariance[-1, -1] / inverse[-1, -1]), 1.0)
+    spread = [inverse[-1, names.index(pull.name)] * pull.colour / pull.figure.sd for pull in pulls]
+    variance = covariance[-1, -1] * widened_by(estimate.degrees) ** 2 + np.sum(np.square(spread))
+    return float(solved[-1] / scale[-1]), float(np.sqrt(variance))
 
 
 def drag_asked(rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFigure]) -> float:

@@ -191,6 +191,31 @@ def test_ballast_that_is_thrown_under_way_is_named(ingested: ingest.Outputs) -> 
     assert float(named[1]) == pytest.approx(30.0, abs=5.0)
 
 
+@pytest.mark.parametrize("off_deg", [6.0, -6.0])
+def test_a_pitch_zero_that_is_off_is_named(ingested: ingest.Outputs, off_deg: float) -> None:
+    def words(outputs: glide.Outputs) -> str:
+        return " ".join(block.get("text", "") for block in outputs.section["blocks"])
+
+    def turned(columns: Columns) -> None:
+        columns["pitch_rad"] = columns["pitch_rad"] + np.radians(off_deg)
+        del columns["speed_m_s"]
+
+    sound, off = run(ingested, without("speed_m_s")), run(ingested, turned)
+    assert "zero of the pitch sensor off" not in words(sound)
+    assert f"deg {'less' if off_deg > 0.0 else 'more'} than logged" in words(off)
+    assert figures(sound)["C_D"]["verdict"] == "identified"
+    assert figures(off)["C_D"]["verdict"] == "weak"
+
+
+def interleaved(columns: Columns) -> None:
+    """Rows of a second glider, elsewhere in its yo, between those of the first."""
+    odd = np.arange(columns["time_us"].size) % 2 == 1
+    for name in columns:
+        if name != "time_us":
+            late = np.roll(columns[name], odd.size // 3)
+            columns[name] = np.where(odd, late, columns[name])
+
+
 def constant(columns: Columns) -> None:
     columns["buoyancy_drive_m3"] = np.full_like(columns["buoyancy_drive_m3"], -2.3e-4)
 
@@ -229,6 +254,7 @@ def one_yo(columns: Columns) -> None:
     [
         (one_yo, "2 settled glides of at least 4: leg 'dive': .*at the surface.*Fly longer"),
         (clipped, "no drag makes a glide.*at its stop"),
+        (interleaved, "goes to and fro from sample to sample; .*two vehicles, or of two sensors"),
         (restless, "no glide settles: leg 'dive'.*pitch moving"),
         (constant, "the buoyancy drive never moves in leg 'dive'.*-230"),
         (times(buoyancy_drive_m3=-1.0), "dives where its drive makes it light.*sign: -1"),
