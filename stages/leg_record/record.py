@@ -323,7 +323,8 @@ def _stuck_words(axis: str, t_s: Array, force: Array, stuck: Mask, unit: str) ->
         yield (
             f"Force without motion in {WORDS[axis]}, {t_s[first]:.0f} to {t_s[last - 1]:.0f} s:"
             f" {low:.2g} to {high:.2g} {unit} and hardly a move. Something holds the vehicle"
-            " (tether, sea floor, a hand); the stretch is left out."
+            " (tether, sea floor, a hand), or its motion in other axes balances the force; the"
+            " stretch is left out."
         )
 
 

@@ -92,7 +92,7 @@ def test_a_snag_is_named_and_in_no_window():
     result = outputs(Dive(hold=(60.0, 75.0)))
     words = [item for item in result.axis_windows.warnings if "Force without" in item]
     assert words
-    assert all("heave" in item for item in words)
+    assert all("heave" in item and "in other axes balances" in item for item in words)
     spans = [item for item in result.axis_windows.left_out if item.reason == "force without motion"]
     assert min(item.start_s for item in spans) == pytest.approx(61.0, abs=2.0)
     assert max(item.end_s for item in spans) == pytest.approx(75.0, abs=2.0)
