@@ -142,7 +142,7 @@ def _left_out(t_s: Array, values: Array) -> Array:
     """Return by how much lines miss every other of samples (n, c), RMS (c,)."""
     left, kept = slice(1, None, 2), slice(0, None, 2)
     lines = [np.interp(t_s[left], t_s[kept], own[kept]) for own in values.T]
-    return np.sqrt(np.mean((values[left] - np.stack(lines, axis=1)) ** 2, axis=0))
+    return np.asarray(np.sqrt(np.mean((values[left] - np.stack(lines, axis=1)) ** 2, axis=0)))
 
 
 def _cause(streams: Streams) -> _Cause | None:

@@ -86,8 +86,14 @@ def refusal(result: RecordedLeg, streams: Streams, info: LogInfo) -> str:
         return f"hardly any motion in {names} while driven and submerged"
     cause = max(lost, key=lambda reason: lost[reason]) if lost else "too short"
     if cause == "at the surface" and record.depth_m is not None:
-        deepest = float(np.nanmax(record.depth_m))
-        return f"at the surface: {deepest:.2f} m at its deepest, {SURFACE_M['N']:g} m are needed"
+        deepest, least = float(np.nanmax(record.depth_m)), SURFACE_M["N"]
+        if deepest < least:
+            return f"at the surface: {deepest:.2f} m at its deepest, {least:g} m are needed"
+        longest = max(result.length_s(axis) for axis in commanded)
+        return (
+            f"at the surface for {lost[cause] / len(commanded):.0f} s: windows of {longest:.0f} s"
+            f" below {least:g} m, {LEAST_WINDOWS_S:g} s are needed"
+        )
     longest = max(result.length_s(axis) for axis in commanded)
     return (
         f"too short: windows of {longest:.0f} s in all, {LEAST_WINDOWS_S:g} s are needed (most is"

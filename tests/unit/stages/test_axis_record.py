@@ -298,3 +298,17 @@ def test_outputs_that_never_leave_neutral_drive_nothing(dive, vehicle):
     lacking = {item.axis: item.verdict for item in fitted.lacking}
     assert lacking["X"] == lacking["Y"] == "not observable"
     assert lacking["Z"] == lacking["N"] == "not commanded"
+
+
+@pytest.mark.parametrize(
+    ("below_s", "words"), [(9.0, "windows of 9 s below 0.25 m"), (0.0, "0.11 m at its deepest")]
+)
+def test_a_dive_mostly_at_the_surface_is_refused_by_how_long_it_was_below(below_s, words):
+    """The depth that it reached for some seconds is no reason against it."""
+    shallow = Dive(60.0)
+    depth = shallow.streams["depth"]
+    seconds = (depth["time_us"] - FIRST_US) / 1e6
+    depth["depth_m"] = np.where(seconds < below_s, 0.9, 0.1) + 0.01 * np.sin(seconds)
+    streams = Streams(shallow.tables(), FIRST_US, (0.0, 60.0), VEHICLE)
+    result = leg_record(streams, shallow.info(), "dive")
+    assert words in refusal(result, streams, shallow.info())
