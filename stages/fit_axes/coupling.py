@@ -139,6 +139,9 @@ def fitted_together(
             curved = tried_curve(groups[best], data, with_terms)
             if curved is None:
                 continue
+            if isinstance(curved, CoupledFit):
+                others.append(curved)
+                continue
             better = curved[1].error_ratio < BENT_WORTH * together.error_ratio
             if tried_curve is _mixed:
                 better = flown_better(curved[0], joint)
@@ -186,19 +189,19 @@ def _bent(
     joining: Sequence[FittedAxis],
     data: CommonData,
     couplings: bool,
-) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | None:
-    """Return a common fit with dead band and curve, None where not clear.
+) -> tuple[dict[str, FittedAxis], Together, CoupledFit] | CoupledFit:
+    """Return a common fit with dead band and curve; only what it moves where not clear.
 
     Axes that Coriolis force moves show neither by themselves. Where one does, the common
-    fit has both.
+    fit has both, and the straight one is what it may be moved by.
     """
-    if common_shape(joining, data.options.lag_s) != ForceDrive(lag_s=data.options.lag_s):
-        return None
     tell("dead band", len(AXES) - 1, len(AXES))
-    shape = ForceDrive(data.options.lag_s, FIRST_DEAD_BAND, FIRST_CURVE)
+    straight = ForceDrive(lag_s=data.options.lag_s)
+    bent = common_shape(joining, data.options.lag_s) != straight
+    shape = straight if bent else replace(straight, dead_band=FIRST_DEAD_BAND, curve=FIRST_CURVE)
     tried = _common_fit(joining, data, couplings=couplings, shape=shape, judge=False)
-    if shape_of(tried.fit).word != IDENTIFIED:
-        return None
+    if bent or shape_of(tried.fit).word != IDENTIFIED:
+        return tried
     return _joined(joining, data, couplings=couplings, shape=shape)
 
 

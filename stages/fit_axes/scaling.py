@@ -26,6 +26,8 @@ from auvid.stages.few_axes import mean_by_errors
 from auvid.stages.fit_axes.fitted import AxisFits, CommandForces
 
 UnitChoice = Literal["pull", "mass"]
+PULL_SD = 0.05
+"""Relative deviation of a bollard pull of which the vehicle file gives no spread."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def scaled(
             axis=pulled,  # type: ignore[arg-type]
             source="bollard pull",
             value=fits.full_force[pulled],
-            relative_sd=vehicle.spreads.get("thrust", 0.0),
+            relative_sd=vehicle.spreads.get("thrust", PULL_SD),
         )
     elif fits.normalised and by == "mass":
         scale = ScaleSource(
@@ -151,7 +153,7 @@ def _by_pull(
 
     A fitted ratio has its own error, that of the file the one that its spreads give it.
     """
-    relative_sd = vehicle.spreads.get("thrust", 0.0)
+    relative_sd = vehicle.spreads.get("thrust", PULL_SD)
     pulled = commands.pulled(equations)
     assert pulled is not None
     pull = pull_of(axis, pulled, commands)

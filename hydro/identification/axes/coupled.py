@@ -17,9 +17,13 @@ import numpy as np
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.axis_figures import AxisEquation
-from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND, LAG, ForceDrive, changed
-from auvid.hydro.identification.axes.held_out import HeldOut, held_out_blocks, legs_left_out
+from auvid.hydro.identification.axes.held_out import (
+    HeldOut,
+    doubting_curves,
+    held_out_blocks,
+    legs_left_out,
+)
 from auvid.hydro.identification.axes.judgement import (
     AxisVerdict,
     beside_force,
@@ -31,7 +35,6 @@ from auvid.hydro.identification.axes.pooled_fit import (
     Loss,
     Pool,
     PoolFit,
-    PoolWork,
     fit_pool,
     make_pool,
     with_doubts,
@@ -58,9 +61,6 @@ from auvid.hydro.identification.axes.structure import (
     share_term,
 )
 from auvid.hydro.identification.axes.windows import windows_of
-
-LASTING_S = 0.5
-"""Noise of smoothed poses is over by then; speeds of small vehicles go on for longer."""
 
 
 @dataclass(frozen=True)
@@ -258,53 +258,9 @@ def coupled_pool(
 
 
 def with_other_curves(fit: CoupledFit, others: Sequence[CoupledFit]) -> CoupledFit:
-    """Return a fit with the errors of its curve of commands, by other curves.
-
-    Each of these is half of an interval: how far it moves the terms of an axis, for so much of
-    the error as lasts. An error s of the fit that lasts for a share p (`lasting_shares`) is of
-    forces that it lacks; another curve, of error t, moves it for t^2 - s^2 of that kind:
-
-        share of the move = sqrt(p s^2 / (t^2 - s^2)), 1 at most, and where t is no larger.
-    """
-    covariance, lasting = fit.fit.covariance, lasting_shares(fit)
-    for other in others:
-        change = np.zeros(len(fit.fit.names))
-        values = dict(zip(other.fit.names, other.fit.values.tolist(), strict=True))
-        for place, velocity in enumerate(fit.velocities):
-            own = float(fit.fit.sigma[place] ** 2)
-            more = float(other.fit.sigma[other.velocities.index(velocity)] ** 2) - own
-            left = own * lasting[place]
-            share = 1.0 if more <= left else float(np.sqrt(left / more))
-            start = f"{AXES[VELOCITIES.index(velocity)]} "
-            for i, name in enumerate(fit.fit.names):
-                if name.startswith(start) and name in values:
-                    change[i] = share * (values[name] - fit.fit.values[i]) / NORMAL_95
-        covariance = covariance + np.outer(change, change)
-    wider = replace(fit.fit, covariance=covariance)
+    """Return a fit with the errors of its curve of commands, by other curves."""
+    wider = doubting_curves(fit.pool, fit.fit, [other.fit for other in others])
     return replace(fit, fit=wider, verdicts=verdicts_of(fit.pool, wider))
-
-
-def lasting_shares(fit: CoupledFit) -> Array:
-    """Return what share of the power of errors (k,) lasts for `LASTING_S`.
-
-    Noise, and poses that were smoothed, do not; a force that the form lacks does.
-    """
-    work = PoolWork(fit.pool, len(fit.pool.structure.terms))
-    k = len(fit.velocities)
-    power, product, counts = np.zeros(k), np.zeros(k), np.zeros((2, k))
-    for number, window in enumerate(fit.pool.windows):
-        data = fit.pool.prepared[window.leg]
-        later = max(1, round(LASTING_S / data.step_s))
-        states = work.run(fit.fit.values, fit.fit.local, number)[:, :k, 0]
-        error = states - data.channels[window.nodes, :k]
-        both = error[later:] * error[:-later]
-        power += np.nansum(error**2, axis=0)
-        product += np.nansum(both, axis=0)
-        counts += [np.isfinite(error).sum(axis=0), np.isfinite(both).sum(axis=0)]
-    ratio = (product / np.maximum(counts[1], 1)) / np.maximum(
-        power / np.maximum(counts[0], 1), 1e-30
-    )
-    return np.asarray(np.clip(ratio, 0.0, 1.0))
 
 
 def one_by_one(

@@ -12,11 +12,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auvid.hydro.arrays import Array
+from auvid.hydro.arrays import AXES, VELOCITIES, Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.axes.drive import CURVE, DEAD_BAND
 from auvid.hydro.identification.axes.pooled_fit import (
     Pool,
     PoolFit,
+    PoolWork,
     fit_pool,
     loop_rows,
     motion,
@@ -36,6 +38,8 @@ LEAST_ERROR = 1.0
 """Errors below that [%] count as that: both fits are as good as the measurement."""
 FEWEST_WINDOWS = 4
 """Windows from which on one half of them may judge the other."""
+LASTING_S = 0.5
+"""Noise of smoothed poses is over by then; speeds of small vehicles go on for longer."""
 FIRST_DEAD_BAND, FIRST_CURVE = 0.03, 1.3
 """Where the search for a dead band [full commands] and a curve begins."""
 
@@ -145,14 +149,8 @@ def held_out_blocks(pool: Pool, first: Array) -> tuple[HeldOut, ...]:
     return tuple(out)
 
 
-def bent_commands(
-    pool: Pool, fit: PoolFit, blocks: tuple[HeldOut, ...]
-) -> tuple[Pool, PoolFit, tuple[HeldOut, ...]] | None:
-    """Return a fit with dead band and curve free; None where it is no better.
-
-    blocks: how the straight ones fly every other window. The bent ones are taken where
-    they err by `BENT_WORTH` of that at most, both ways and in every velocity.
-    """
+def bent_commands(pool: Pool, fit: PoolFit) -> tuple[Pool, PoolFit, tuple[HeldOut, ...]]:
+    """Return a fit with dead band and curve free, and how it flies held out."""
     bent = replace(
         pool,
         free=(*pool.free, DEAD_BAND, CURVE),
@@ -160,13 +158,64 @@ def bent_commands(
     )
     terms = len(pool.structure.terms)
     other = fit_pool(bent, fit.values[:terms])
-    tried = held_out_blocks(bent, other.values[:terms])
-    better = all(
+    return bent, other, held_out_blocks(bent, other.values[:terms])
+
+
+def errs_less(tried: Sequence[HeldOut], blocks: Sequence[HeldOut]) -> bool:
+    """Return whether a fit errs by `BENT_WORTH` of another at most, in all it flies."""
+    return len(tried) > 0 and all(
         100.0 - new.percent[velocity] < BENT_WORTH * (100.0 - old.percent[velocity])
         for new, old in zip(tried, blocks, strict=True)
         for velocity in new.percent
     )
-    return (bent, other, tried) if tried and better else None
+
+
+def doubting_curves(pool: Pool, fit: PoolFit, others: Sequence[PoolFit]) -> PoolFit:
+    """Return a fit with the errors of its curve of commands, by other curves.
+
+    Each of these is half of an interval: how far it moves the terms of an axis, for so much of
+    the error as lasts. An error s of the fit that lasts for a share p (`lasting_shares`) is of
+    forces that it lacks; another curve, of error t, moves it for t^2 - s^2 of that kind:
+
+        share of the move = sqrt(p s^2 / (t^2 - s^2)), 1 at most, and where t is no larger.
+    """
+    covariance, lasting = fit.covariance, lasting_shares(pool, fit)
+    for other in others:
+        change = np.zeros(len(fit.names))
+        values = dict(zip(other.names, other.values.tolist(), strict=True))
+        for place, velocity in enumerate(pool.structure.velocities):
+            own = float(fit.sigma[place] ** 2)
+            more, left = float(other.sigma[place] ** 2) - own, own * lasting[place]
+            share = 1.0 if more <= left else float(np.sqrt(left / more))
+            start = f"{AXES[VELOCITIES.index(velocity)]} "
+            for i, name in enumerate(fit.names):
+                if name.startswith(start) and name in values:
+                    change[i] = share * (values[name] - fit.values[i]) / NORMAL_95
+        covariance = covariance + np.outer(change, change)
+    return replace(fit, covariance=covariance)
+
+
+def lasting_shares(pool: Pool, fit: PoolFit) -> Array:
+    """Return what share of the power of errors (k,) lasts for `LASTING_S`.
+
+    Noise, and poses that were smoothed, do not; a force that the form lacks does.
+    """
+    work = PoolWork(pool, len(pool.structure.terms))
+    k = len(pool.structure.velocities)
+    power, product, counts = np.zeros(k), np.zeros(k), np.zeros((2, k))
+    for number, window in enumerate(pool.windows):
+        data = pool.prepared[window.leg]
+        later = max(1, round(LASTING_S / data.step_s))
+        states = work.run(fit.values, fit.local, number)[:, :k, 0]
+        error = states - data.channels[window.nodes, :k]
+        both = error[later:] * error[:-later]
+        power += np.nansum(error**2, axis=0)
+        product += np.nansum(both, axis=0)
+        counts += [np.isfinite(error).sum(axis=0), np.isfinite(both).sum(axis=0)]
+    ratio = (product / np.maximum(counts[1], 1)) / np.maximum(
+        power / np.maximum(counts[0], 1), 1e-30
+    )
+    return np.asarray(np.clip(ratio, 0.0, 1.0))
 
 
 def legs_left_out(pool: Pool, first: Array) -> tuple[HeldOut, ...]:

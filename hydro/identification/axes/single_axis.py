@@ -23,6 +23,8 @@ from auvid.hydro.identification.axes.drive import LAG, ForceDrive, changed
 from auvid.hydro.identification.axes.held_out import (
     HeldOut,
     bent_commands,
+    doubting_curves,
+    errs_less,
     held_out_blocks,
     legs_flown_better,
     legs_left_out,
@@ -280,14 +282,16 @@ def fit_axis(
     by_drag = _moved_by_drag(fitted, fit, drag_sd)
     shape = STRAIGHT
     if try_shape and records[0].normalised:
-        bent = bent_commands(pool, fit, blocks)
-        if bent is not None:
-            terms = len(pool.structure.terms)
+        bent, terms = bent_commands(pool, fit), len(pool.structure.terms)
+        other = bent[1]
+        if errs_less(bent[2], blocks):
             legs_apart = (legs_left_out(own, start.values[:terms]) for own, start in (
                 (pool, fit), bent[:2]))  # fmt: skip
             if legs_flown_better(*legs_apart):
+                other = fit
                 pool, fit, blocks = bent
                 shape = shape_of(fit)
+        fit = doubting_curves(pool, fit, [other])
     fit = _with_change(_with_lag_error(fitted, pool, fit, lag.deviation_s), by_drag)
     fit = with_doubts(pool, fit, doubtful)
     lag_known = lag.determined or (not try_lag and lag_sd_s <= LAG_KNOWN_S)

@@ -308,6 +308,8 @@ def test_one_bollard_pull_turns_all_into_newtons(tied: bool) -> None:
     assert heave.standard_error is not None
     assert heave.standard_error > 0.1 * abs(heave.value or 0.0)
     assert heave.unit == "N s/m"
+    unstated = card_of(pulled, replace(body, spreads={})).axes["Z"].terms[0]
+    assert 0.05 * abs(heave.value or 0.0) < (unstated.standard_error or 0.0) < heave.standard_error
     assert card.partial is not None
     assert card.partial.scale is not None
     assert card.partial.scale.value == FULL["Z"]

@@ -13,9 +13,24 @@ from auvid.hydro.identification.signals.pose.pose_checks import (
 )
 from auvid.hydro.identification.signals.pose.track import PoseFault
 from auvid.stages.columns import ATTITUDE, POSITION
+from auvid.stages.ingest.health.actuation.outputs import activity
 from auvid.stages.ingest.health.finding import CheckedLog, Finding, counted, finding, limit, listed
 
 NAMED = 4
+FASTER_THAN = 80.0
+"""Percentile of the speeds: outliers are no fifth of them, and pauses no four fifths."""
+SLOWEST_M_S, USUAL_M_S = 0.05, 0.4
+"""Speed [m/s] below which poses of a vehicle that commands drive are in another unit; and a
+usual one, of what is .2 to .6 in sound tanks.
+"""
+FACTORS = {
+    1e-3: "unit: mm, where it has m",
+    1e-2: "unit: cm, where it has m",
+    1e-1: "unit: mm, where it has cm",
+    1e1: "unit: cm, where it has mm",
+    1e2: "unit: m, where it has cm",
+    1e3: "unit: m, where it has mm",
+}
 LEAST_ADVANTAGE = 0.2
 SMALLEST_JUMP_RAD = math.radians(1.0)
 LEAST_EXPLAINED = 0.3
@@ -90,14 +105,24 @@ def _units(log: CheckedLog) -> Iterator[Finding]:
         return
     step = max(1, int(np.ceil(0.2 / max(float(np.median(np.diff(t))), 1e-6))))
     dt = t[step:] - t[:-step]
-    speed = float(np.median(np.linalg.norm(place[step:] - place[:-step], axis=1) / dt))
-    if speed > limit("pose_unit"):
+    speeds = np.linalg.norm(place[step:] - place[:-step], axis=1) / dt
+    speed = float(np.nanpercentile(speeds, FASTER_THAN))
+    if speed > limit("pose_unit") or (0.0 < speed < SLOWEST_M_S and _commanded(log)):
+        factor = min(FACTORS, key=lambda each: abs(math.log(each * speed / USUAL_M_S)))
+        words = "faster than vehicles do" if factor < 1.0 else "though commands drive them"
         yield finding(
             "pose_unit",
-            f"The poses move at {speed:.3g} m/s (median): the position is not in m.",
+            f"The poses move at {speed:.2g} m/s (one step in five is faster), {words}: the position"
+            f" is in another unit. {factor:g} times that, {factor * speed:.2g} m/s, is usual.",
             stream="pose",
             value=speed,
             fields=POSITION,
+            remedy=""
+            if factor == 1e-3
+            else (
+                "Set the unit of the columns of the position in this log's column map"
+                f" ({FACTORS[factor]}), or accept it where something holds the vehicle."
+            ),
         )
     step = max(1, step // 2)
     turn = (angles[step:] - angles[:-step] + np.pi) % (2.0 * np.pi) - np.pi
@@ -111,6 +136,14 @@ def _units(log: CheckedLog) -> Iterator[Finding]:
             value=rate,
             fields=ATTITUDE,
         )
+
+
+def _commanded(log: CheckedLog) -> bool:
+    """Return whether commands of axes act in a tenth of the samples or more."""
+    if not log.has("actuators") or not log.commands():
+        return False
+    moving = activity(log)
+    return moving is not None and float(np.mean(moving)) > limit("little_actuation")
 
 
 def _mirrored(log: CheckedLog, begin: float) -> Iterator[Finding]:

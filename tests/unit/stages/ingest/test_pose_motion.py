@@ -373,6 +373,12 @@ def test_small_motion_of_poses_names_the_unit_of_the_position() -> None:
     """Centimetres taken for millimetres: a tenth of all speeds."""
     columns, entries = tank_poses(noisy(tank_run(1), 1))
     small = ingested(columns | {name: 0.1 * columns[name] for name in POSITION}, entries)
+    (unit,) = of(small, "pose_unit")
+    assert "10 times that" in unit["text"]
+    assert "unit: cm, where it has mm" in unit["remedy"]
+    assert not of(ingested(columns, entries), "pose_unit")
+    large = ingested(columns | {name: 100.0 * columns[name] for name in POSITION}, entries)
+    assert "unit: cm, where it has m)" in of(large, "pose_unit")[0]["remedy"]
     (item,) = of(small, "not_excited")
     assert "set unit: cm" in item["remedy"]
     (tilt,) = of(ingested(columns, entries), "not_excited")

@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 
 from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array
+from auvid.hydro.identification.axes import single_axis
 from auvid.hydro.identification.axes.drive import ForceDrive
 from auvid.hydro.identification.axes.judgement import (
     AxisVerdict,
@@ -240,6 +241,23 @@ def test_bent_commands_come_back_and_straight_ones_stay_straight() -> None:
     for other in (fit_axis([bent], "N", try_lag=False), fit_axis([straight], "N", try_shape=True)):
         assert abs(other.shape.curve - 1.0) < 0.05
     assert min(part.percent["r"] for part in fit.held_out) > 90.0
+
+
+def test_a_curve_of_commands_that_is_not_taken_is_in_the_intervals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A straight line through bent commands has too little force, and says by how much at most."""
+    monkeypatch.setattr(single_axis, "errs_less", lambda tried, blocks: False)
+    straight = axis_leg(7, YAW, normalised=True)
+    force = straight.force["N"]
+    bent = replace(straight, force={**straight.force, "N": np.sign(force) * np.abs(force) ** 0.7})
+    sure, doubting = (fit_axis([bent], "N", try_lag=False, try_shape=by) for by in (False, True))
+    off = [
+        abs(fit.values[2] - YAW["r"][2]) / (fit.width * fit.covariance[2, 2] ** 0.5)
+        for fit in (sure, doubting)
+    ]
+    assert doubting.shape.word == "assumed"
+    assert off[1] < 1.0 < off[0]
 
 
 def test_a_mass_that_is_off_is_said_and_does_not_spoil_the_motion() -> None:
