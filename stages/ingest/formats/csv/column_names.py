@@ -32,7 +32,7 @@ SLOCUM = re.compile(r"(?:m|sci)_\w")
 SPEEDS = {"speed", "spd", "velocity", "vel", "stw", "geschwindigkeit", "vitesse"}
 SPEED_SOURCES = {
     *("log", "em", "electromagnetic", "paddle", "wheel", "pitot", "adcp", "dvl", "sensor"),
-    *("water", "through", "the", "forward", "ahead", "measured", "m"),
+    *("water", "through", "thru", "the", "forward", "ahead", "measured", "m"),
 }
 """Words of a speed through the water ahead, and those that may stand beside one: no speed
 over ground, and none along an axis."""
@@ -91,7 +91,7 @@ class NamedColumn:
     def is_speed_ahead(self) -> bool:
         """Return whether it is a speed through the water ahead, as of a log.
 
-        >>> [item.is_speed_ahead for item in named_columns(["speed_log_m_s", "em_log_kn", "sog"])]
+        >>> [i.is_speed_ahead for i in named_columns(["speed_thru_water", "em_log_kn", "sog"])]
         [True, True, False]
         """
         words = set(self.words.split())
