@@ -219,7 +219,10 @@ def floated_words(body: Body) -> str:
 
 def full_title(model: ModelFile) -> str:
     """Return a model's title with its vehicle's; of a published set they are one."""
-    titles = dict.fromkeys((model.title, model.vehicle.title))
+    vehicle = model.vehicle.title
+    titles = dict.fromkeys(
+        (model.title, f"a guess ({vehicle})" if model.vehicle.guessed else vehicle)
+    )
     return " of ".join(titles)
 
 

@@ -62,7 +62,8 @@ def prepare(
 ) -> Prepared:
     """Return the files of a target as text, with the losses.
 
-    name: of files and of functions or classes in them; default VEHICLE_MODEL. Raises
+    name: of files and of functions or classes in them; default VEHICLE_MODEL, and
+    `vehicle_MODEL` where the vehicle is a guess. Raises
     `UsageError` for an unknown target and a name that is no identifier; `DataError` where
     the target needs axes or newtons that a partial model lacks, for
     a model that is usable for nothing, unless `force`, and where the target loses more
@@ -71,7 +72,8 @@ def prepare(
     """
     to = check_target(target)
     _refuse_partial(model, to)
-    own = dict.fromkeys((model.vehicle.name, model.name))  # of a published set they are one
+    vehicle = "vehicle" if model.vehicle.guessed else model.vehicle.name
+    own = dict.fromkeys((vehicle, model.name))  # of a published set they are one
     named = identifier(name) if name else sanitised("_".join(own))
     if draws < 1:
         raise UsageError("how many draws", field="draws", value=draws, allowed="1 or more")
@@ -222,6 +224,11 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
             f" {model.origin.campaign}; fitted by {model.method}."
         )
     lines = [first, f"Use: {model.use.sentence}."]
+    if model.vehicle.guessed:
+        lines.append(
+            f"The vehicle is a guess, {model.vehicle.guessed}: masses and inertias are those of"
+            f" {model.vehicle.title}."
+        )
     if useless:
         lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)
     if model.partial is not None:

@@ -68,7 +68,11 @@ def export(
     name: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME", help="Name of files, functions, classes. (default: VEHICLE_MODEL)"
+            metavar="NAME",
+            help=(
+                "Name of files, functions, classes. (default: VEHICLE_MODEL, CAMPAIGN_MODEL where"
+                " the vehicle is a guess)"
+            ),
         ),
     ] = None,
     lossy: Annotated[

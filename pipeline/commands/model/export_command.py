@@ -8,10 +8,11 @@ from auvid.data_schemas.errors import PipelineError
 from auvid.export import ExportLosses, check_target, prepare
 from auvid.export.body import full_title
 from auvid.export.readme import percent, three_digits
+from auvid.export.text import sanitised
 from auvid.export.writing import write_files
 from auvid.hydro.arrays import AXES
-from auvid.pipeline.campaigns.workspace import find_workspace
-from auvid.pipeline.commands.model.named_model import named_model
+from auvid.pipeline.campaigns.workspace import find_workspace, workspace_of
+from auvid.pipeline.commands.model.named_model import NamedModel, named_model
 from auvid.pipeline.commands.run.staleness import stale_words
 from auvid.pipeline.output import answer, note
 from auvid.pipeline.terminal import path_from_here, plain, table
@@ -36,6 +37,7 @@ def export(
     model = named.model
     if named.campaign is not None and (stale := stale_words(named.campaign, until="model_file")):
         note(f"WARNING: the exported model is of an earlier run: {stale}")
+    file_name = file_name or _name_of_campaign(named)
     prepared = prepare(model, target, lossy=lossy, force=force, name=file_name, draws=draws)
     into = folder or default_folder() / f"{prepared.name}_{target}"
     paths = write_files(prepared, into, force=force)
@@ -63,6 +65,14 @@ def export(
             "remarks": losses.notes,
         }
     )
+
+
+def _name_of_campaign(named: NamedModel) -> str | None:
+    """Return CAMPAIGN_MODEL where the vehicle is a guess: its name is another's."""
+    if named.campaign is None or named.model.vehicle.guessed is None:
+        return None
+    folder = workspace_of(named.campaign).campaign_folder(named.campaign).name
+    return sanitised(f"{folder}_{named.model.name}")
 
 
 def default_folder() -> Path:

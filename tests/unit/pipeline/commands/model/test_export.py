@@ -70,6 +70,22 @@ def test_losses_and_files_are_printed(workspace: Path) -> None:
     assert Path("sim/README_rov_gazebo.md").is_file()
 
 
+def test_a_guessed_vehicle_gives_no_name_to_what_is_exported(workspace: Path) -> None:
+    model = named_model("dive").model
+    name = model.name
+    guess = {"guessed": "the log names no glider"}
+    model = model.model_copy(update={"vehicle": model.vehicle.model_copy(update=guess)})
+    write_model(model, workspace / "linear.json")
+    output = CliRunner().invoke(cli.app, ["export", "dive", "--to", "python"])
+    assert output.exit_code == 0
+    assert "of a guess (" in output.output
+    text = Path(f"exported/dive_{name}_python/dive_{name}.py").read_text(encoding="utf-8")
+    assert "The vehicle is a guess, the log names no glider: masses" in text
+    file = str(workspace / "linear.json")
+    assert CliRunner().invoke(cli.app, ["export", file, "--to", "python"]).exit_code == 0
+    assert Path(f"exported/vehicle_{name}_python/vehicle_{name}.py").is_file()
+
+
 def test_results_that_are_not_up_to_date_are_warned_of(
     workspace: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
