@@ -246,9 +246,10 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
         try:
             out.coast_fits[channel] = fit_decay([record for _, record in coasts])
         except DataError:
-            out.left_out.append(
-                f"coasts in {channel}: {len(coasts)}, {LEAST_COASTS} and more are needed"
-            )
+            why = f"{len(coasts)}, {LEAST_COASTS} and more are needed"
+            if len(coasts) >= LEAST_COASTS:
+                why = f"no drag explains the {len(coasts)} that were looked at"
+            out.left_out.append(f"coasts in {channel}: {why}")
     return out
 
 

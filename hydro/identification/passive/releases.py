@@ -15,6 +15,9 @@ FADES_TO = 0.7
 """A coast without a logged force falls to this share of its peak and lower."""
 RISES_BY = 1.05
 """Speed that grows again by this factor is pushed."""
+BENDS = 1.05
+"""Mean speed over that of the line from peak to end: drag makes .45 to .99, waves and what
+swings 1.15 to 1.3, as they slow a body down ever faster."""
 
 CALM_S, LEAPS_TO = 1.5, 0.4
 
@@ -46,7 +49,7 @@ def _largest(size: Array) -> float:
 
 
 def fading(speed: Array, step_s: float, *, least: float, longest_s: float) -> list[Stretch]:
-    """Return stretches in which a speed only falls, each from a peak of it.
+    """Return stretches in which a speed falls as by drag, each from a peak of it.
 
     `least`: speed at the peak. speed (n,) smooth on a uniform clock, nan where unknown.
     """
@@ -64,7 +67,8 @@ def fading(speed: Array, step_s: float, *, least: float, longest_s: float) -> li
             low = min(low, x[end])
             end += 1
         if (end - at) * step_s >= LEAST_COAST_S and low <= FADES_TO * x[at]:
-            coasts.append((at, end))
+            if 2.0 * x[at:end].mean() <= BENDS * (x[at] + x[end - 1]):
+                coasts.append((at, end))
             at = end
         else:
             at += 1

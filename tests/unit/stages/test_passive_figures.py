@@ -12,6 +12,7 @@ import pytest
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
+from auvid.hydro.arrays import Array
 from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
 from auvid.stages.columns import POSITION
@@ -20,6 +21,8 @@ from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of
 from auvid.stages.passive.presentation import passive_section
 from tests.support.motions import shipped_vehicle
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
+
+T_S, PATH = 0.05 * np.arange(2400), np.array([0.12, -0.05])
 
 
 def swing(damping: str, values: tuple[float, float, float], amplitude: float) -> FreeSwing:
@@ -185,35 +188,39 @@ def test_a_tow_with_sideslip_is_named(role: str | None) -> None:
     assert np.degrees(angles[1]["leg"]) == pytest.approx(12.0, abs=0.3)
 
 
+def adrift(depth: Array, noise: Array) -> PassiveMotions:
+    """Return the motions of a body at depths (n,) that goes along `PATH`, without a role."""
+    micro = (5e4 * np.arange(depth.size)).astype(np.int64)
+    position = np.column_stack(
+        [micro[:, None] / 1e6 * PATH + 0.05 * noise[:2].T, np.zeros(depth.size)]
+    )
+    places = dict(zip(POSITION, position.T, strict=True))
+    tables = {
+        "depth": make_table("depth", {"time_us": micro, "depth_m": depth + 0.003 * noise[2]}),
+        "position": make_table("position", {"time_us": micro} | places),
+    }
+    vehicle = shipped_vehicle("passive_body")
+    leg = read_leg(
+        LegEntry(id="leg", log="dive"), tables,
+        cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1]))), vehicle,
+        rate_hz=20.0, max_gap_s=1.0,
+    )  # fmt: skip
+    return motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+
+
 def test_a_body_that_only_drifts_tells_the_current_and_a_float_that_bobs_no_drag() -> None:
     """Neither has a role; what pushes a float back would count as drag of a coast."""
-    rng = np.random.default_rng(2)
-    micro = (5e4 * np.arange(2400)).astype(np.int64)
-    t_s = micro / 1e6
-    bob = 0.4 * np.exp(-0.1 * (t_s % 40.0)) * np.cos(1.4 * (t_s % 40.0))
-    noise = rng.standard_normal((3, t_s.size))
-    vehicle = shipped_vehicle("passive_body")
-    path = np.array([0.12, -0.05])
-    position = np.column_stack([t_s[:, None] * path + 0.05 * noise[:2].T, 0.0 * t_s])
-    motions = []
-    for depth in (3.0 + 0.003 * noise[2], 3.0 + bob + 0.003 * noise[2]):
-        tables = {
-            "depth": make_table("depth", {"time_us": micro, "depth_m": depth}),
-            "position": make_table(
-                "position", {"time_us": micro} | dict(zip(POSITION, position.T, strict=True))
-            ),
-        }
-        leg = read_leg(
-            LegEntry(id="leg", log="dive"), tables,
-            cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1]))), vehicle,
-            rate_hz=20.0, max_gap_s=1.0,
-        )  # fmt: skip
-        motions.append(motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle))
-    drifts, bobs = motions
-    ((name, velocity, error),) = drifts.drifts
-    assert name == "leg"
-    assert np.all(np.abs(velocity - path) < 4.0 * error)
-    words = str(passive_section(drifts, passive_results(drifts, vehicle)))
+    noise = np.random.default_rng(2).standard_normal((3, T_S.size))
+    bob = 0.4 * np.exp(-0.1 * (T_S % 40.0)) * np.cos(1.4 * (T_S % 40.0))
+    drifts, bobs, in_waves = (
+        adrift(3.0 + moved, noise) for moved in (0.0 * T_S, bob, 0.5 * np.sin(0.9 * T_S))
+    )
+    for water in (drifts, in_waves):
+        ((name, velocity, error),) = water.drifts
+        assert name == "leg"
+        assert np.all(np.abs(velocity - PATH) < 4.0 * error)
+        assert water.coasts == {}
+    words = str(passive_section(drifts, passive_results(drifts, shipped_vehicle("passive_body"))))
     assert "'leg' is taken for a drift" in words
     assert len(bobs.swings["heave"]) == 3
     assert bobs.coast_fits == {}
