@@ -30,6 +30,8 @@ from auvid.hydro.identification.passive.releases import (
     towed,
 )
 from auvid.hydro.identification.passive.tow import (
+    AFTER_S,
+    BEFORE_S,
     TowFit,
     TowRecord,
     both_ways,
@@ -121,6 +123,8 @@ class PassiveMotions:
     """Every stretch with its fit; `left_out`: what was not taken, in words."""
 
     tows: dict[str, list[tuple[str, TowRecord]]] = field(default_factory=dict)
+    around_tows: dict[str, list[TowRecord]] = field(default_factory=dict)
+    """Channel -> its tows with what is before and after them, nan where nothing is."""
     tow_fits: dict[str, TowFit] = field(default_factory=dict)
     coasts: dict[str, list[tuple[str, CoastRecord]]] = field(default_factory=dict)
     coast_fits: dict[str, CoastDecay] = field(default_factory=dict)
@@ -238,7 +242,8 @@ def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle)
             assumed = spread if vehicle.spreads else mass
             out.tow_fits[channel] = fit_tow(records, mass_kg=mass, mass_sd_kg=assumed)
             unbound = fit_tow(records, mass_kg=mass, mass_sd_kg=10.0 * mass)
-            if words := _odd_tow(unbound, mass, force_delay(records)):
+            delay_s = force_delay(out.around_tows[channel])
+            if words := _odd_tow(unbound, mass, delay_s):
                 out.odd[channel] = f"In {channel} {words} Figures of the tow are weak."
         except DataError as fault:
             out.left_out.append(f"tow, {channel}: {fault}")
@@ -359,13 +364,26 @@ def _as_named(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
         elif leg.force_N is None:
             out.left_out.append(f"{name}: no tow force is logged (stream tow, tow_force_n)")
         else:
-            record = TowRecord(leg.t_s, leg.towed_speed(channel), leg.force_N)
-            _note_slip(out, leg, channel, slice(None))
+            speed, everything = leg.towed_speed(channel), slice(0, leg.t_s.size)
+            record = TowRecord(leg.t_s, speed, leg.force_N)
+            _note_slip(out, leg, channel, everything)
             out.tows.setdefault(channel, []).append((name, record))
+            around = _around(leg, speed, leg.force_N, everything)
+            out.around_tows.setdefault(channel, []).append(around)
     else:
         begin = int(np.argmax(np.isfinite(leg.speed(channel))))
         last = begin + int((WAIT_S + rules.longest_s) / leg.step_s)
         _coast(out, leg, channel, (begin, min(last, leg.t_s.size)), rules)
+
+
+def _around(leg: PassiveLeg, speed: Array, force_N: Array, part: slice) -> TowRecord:
+    """Return a tow with what is before and after it, nan beyond the leg."""
+    before, after = round(BEFORE_S / leg.step_s), round(AFTER_S / leg.step_s)
+    edges = (before, after)
+    wide = [np.pad(values, edges, constant_values=np.nan) for values in (speed, force_N)]
+    own = slice(part.start, part.stop + before + after)
+    t_s = leg.t_s[0] + leg.step_s * (np.arange(own.start, own.stop) - before)
+    return TowRecord(t_s, wide[0][own], wide[1][own])
 
 
 def _note_slip(out: PassiveMotions, leg: PassiveLeg, channel: str, part: slice) -> None:
@@ -411,6 +429,8 @@ def _search(out: PassiveMotions, leg: PassiveLeg, rules: MotionRules) -> None:
                 record = TowRecord(leg.t_s[part], pulled[part], force[part])
                 _note_slip(out, leg, channel, part)
                 out.tows.setdefault(channel, []).append((leg.entry.id, record))
+                around = _around(leg, pulled, force, part)
+                out.around_tows.setdefault(channel, []).append(around)
         if not np.isfinite(speed).any() or (channel == "heave" and swings):
             continue  # a float that bobs is pushed back: its drag is not all that slows it
         if force is not None and along_tow:

@@ -34,13 +34,18 @@ LEAST_SPEED = 0.05
 SLACK, CLEAR = 1e-3, 2.0
 """Mean force as a share of the weight, below which a line may be slack; it is where the
 force is no more than so many of its standard errors."""
-LATEST_S, LATE_STEP_S, LEAST_LATE_S, LATE = 4.0, 0.25, 0.5, 1.5
-"""How late a force is looked for, what is told at least, and the error of the force as it is
-logged over that at the best delay, in squares, from which on it is late: 1.0 in 20 of 20
-unsteady tows on one clock, 2.3 and more half a second late."""
-FASTEST_CURRENT_M_S, LARGEST_ASTERN, BOTH_WAYS, DISAGREE = 0.6, 0.96, 3, 4.0
+LATEST_S, LATE_STEP_S, LEAST_LATE_S = 4.0, 0.25, 0.5
+"""How late a force is looked for, and what is told at least."""
+BEFORE_S, AFTER_S = 2.0 * LATEST_S, LATEST_S
+"""What a record for `force_delay` has around its tow."""
+LATE, LATE_BY_ITSELF = 2.0, 4.0
+"""Error of the force as it is logged over that at the best delay, in squares, from which on it
+is late: 1.8 and less in 160 sound tows. By themselves, without what is around them, steady
+ones have nothing but noise to tell it by."""
+FASTEST_CURRENT_M_S, LARGEST_ASTERN, BOTH_WAYS, DISAGREE, AS_LIKELY = 0.6, 0.96, 3, 4.0, 1.5
 """Currents and shares of the drag that are tried, windows each way that tell one, and the
-same ratio of errors: 1.0 in 20 of 20 tows both ways in still water, 31 and more in 3 cm/s."""
+same ratio of errors: 1.0 in 20 of 20 tows both ways in still water, 31 and more in 3 cm/s;
+and that to the best explanation, within which another is one as well."""
 EXPONENTS = np.linspace(0.8, 2.8, 81)
 """Of drag by a power of the speed, c x^n: what linear and quadratic drag may miss."""
 
@@ -156,10 +161,10 @@ def fit_tow(tows: Sequence[TowRecord], *, mass_kg: float, mass_sd_kg: float) -> 
 def force_delay(tows: Sequence[TowRecord]) -> float:
     """Return how late the force is logged [s], 0 where no delay is clear.
 
-    Negative where it is early. Only tows whose speed changes tell it.
+    Negative where it is early. Only speed that changes tells it: `BEFORE_S` before a tow and
+    `AFTER_S` after it belong to its record, as the body is set in motion and let go there.
     """
-    delays = np.arange(-LATEST_S, LATEST_S + 0.5 * LATE_STEP_S, LATE_STEP_S)
-    errors = []
+    delays, lates, errors = np.arange(-LATEST_S, LATEST_S + 0.1, LATE_STEP_S), [], []
     for delay in delays:
         moved = []
         for tow in tows:
@@ -168,16 +173,21 @@ def force_delay(tows: Sequence[TowRecord]) -> float:
             last = tow.t_s.size - margin
             if last <= margin:
                 continue
+            # The same windows at each delay: those that have a force at all of them.
+            gaps = np.convolve(~np.isfinite(tow.force_N), np.ones(2 * margin + 1), "valid") > 0.5
             inner, own = slice(margin, last), slice(margin + late, last + late)
-            moved.append(TowRecord(tow.t_s[inner], tow.speed[inner], tow.force_N[own]))
+            speed = np.where(gaps, np.nan, tow.speed[inner])
+            moved.append(TowRecord(tow.t_s[inner], speed, tow.force_N[own]))
         rows, target = _windows(moved)
         if target.size < LEAST_WINDOWS:
             return 0.0
         errors.append(_mean_square(rows, target))
+        lates.append(late * step)
     best = int(np.argmin(errors))
-    now = errors[delays.size // 2]
-    is_late = now > LATE * errors[best] and abs(delays[best]) >= LEAST_LATE_S
-    return float(delays[best]) if is_late else 0.0
+    surrounded = any(np.isfinite(tow.force_N[[0, -1]]).all() for tow in tows)
+    limit = LATE if surrounded else LATE_BY_ITSELF
+    is_late = errors[delays.size // 2] > limit * errors[best]
+    return lates[best] if is_late and abs(delays[best]) >= LEAST_LATE_S else 0.0
 
 
 def both_ways(tows: Sequence[TowRecord]) -> BothWays:
@@ -185,7 +195,7 @@ def both_ways(tows: Sequence[TowRecord]) -> BothWays:
 
     Tows one way tell none of it from drag. A current is one along the tows, drag by the
     speed through the water; a hull whose drag is another astern has all of it larger by a
-    share. An explanation that leaves `LATE` times as much as the best one is none.
+    share. An explanation that leaves `AS_LIKELY` times as much as the best one is none.
     """
     rows, target = _windows(tows)
     back = rows[:, 1] < 0.0
@@ -210,7 +220,7 @@ def both_ways(tows: Sequence[TowRecord]) -> BothWays:
     )
     if _mean_square(rows, target) <= DISAGREE * errors.min():
         return BothWays()
-    likely = errors < LATE * errors.min()
+    likely = errors < AS_LIKELY * errors.min()
     return BothWays(*np.where(likely, [current, offset, astern], 0.0).tolist())
 
 

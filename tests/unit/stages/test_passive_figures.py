@@ -14,7 +14,7 @@ from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
 from auvid.hydro.identification.passive.free_swing import FreeSwing
-from auvid.hydro.identification.passive.tow import TowRecord, fit_tow
+from auvid.hydro.identification.passive.tow import TowRecord, fit_tow, force_delay
 from auvid.stages.columns import POSITION
 from auvid.stages.passive.figures import alike_damped, passive_results, pooled
 from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of, read_leg
@@ -103,6 +103,33 @@ def test_tows_that_no_body_of_the_file_makes_are_weak(
     page = str(passive_section(motions, {"rows": rows}))
     assert ("Figures of the tow are weak" in page) == (words is not None)
     assert (words or "") in page
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+def test_the_start_of_steady_tows_tells_a_late_force_and_their_noise_none(late_s: float) -> None:
+    """Six steady speeds, each reached in 2 s and let go; noise of 3 % of the force."""
+    t_s, speed = 0.1 * np.arange(1800), np.zeros(1800)
+    for n in range(1, t_s.size):
+        goal, at = (0.5, 0.9, 0.7, 1.2, 0.6, 1.0)[n // 300], t_s[n % 300]
+        drag = (4.0 * speed[n - 1] + 25.0 * speed[n - 1] ** 2) / 40.0
+        coasts = max(speed[n - 1] - 0.1 * drag, 0.0)
+        speed[n] = coasts if at > 18.0 else max(goal * min(at / 2.0, 1.0), coasts)
+    force = 40.0 * np.gradient(speed, 0.1) + 4.0 * speed + 25.0 * speed**2
+    force[t_s % 30.0 > 18.0] = 0.0
+    micro = (1e6 * t_s).astype(np.int64)
+    info = cast(LogInfo, SimpleNamespace(start_us=0, end_us=int(micro[-1])))
+    vehicle = replace(shipped_vehicle("passive_body"), mass_kg=40.0)
+    for seed in range(4):
+        noise = np.random.default_rng(seed).standard_normal((2, t_s.size))
+        logged = np.roll(force, round(10.0 * late_s)) + 0.5 * noise[0]
+        pull = {"tow_force_n": logged, "tow_speed_m_s": speed + 0.01 * noise[1]}
+        leg = read_leg(
+            LegEntry(id="a", log="a"), {"tow": make_table("tow", {"time_us": micro} | pull)},
+            info, vehicle, rate_hz=10.0, max_gap_s=1.0,
+        )  # fmt: skip
+        motions = motions_of([leg], MotionRules(0.1, 0.2, 8.0), vehicle)
+        assert force_delay(motions.around_tows["surge"]) == pytest.approx(late_s, abs=0.3)
+        assert ("logged" in motions.odd.get("surge", "")) == bool(late_s)
 
 
 @pytest.mark.parametrize("role", [None, "tow"])
