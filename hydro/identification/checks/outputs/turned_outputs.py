@@ -2,8 +2,8 @@
 
 By axis, the change of a body velocity over windows, less what drag and a constant explain,
 is compared with the impulse of thrusters through an allocation, with a gain >= 0 each. Every
-set of directions and every exchange of two outputs is tried; which of them explains the
-motion best is taken, where it is better by far than the outputs as they stand.
+set of directions and, of two axes or more, every exchange of two outputs is tried; which of them
+explains the motion best is taken, where no axis is explained worse.
 """
 
 from __future__ import annotations
@@ -56,36 +56,40 @@ def turned_outputs(
     direction: Array,
     *,
     equally: float,
+    worse: float,
 ) -> OtherWiring | None:
     """Return what explains a motion better than outputs as they stand, None if nothing.
 
     motions: the same at several lags behind the outputs; impulse (n, m) of each thruster
     with its direction (m,); allocation (k, m). equally: logarithm of the likelihood below
-    the best one within which another explanation is an equal.
+    the best one within which another explanation is an equal; worse: by how much it may
+    be below that of the outputs as they stand in an axis, both at their best lags.
     """
-    tried = _tried(np.abs(allocation).max(axis=0) > LEAST_ALLOCATION)
+    tried = _tried(np.abs(allocation).max(axis=0) > LEAST_ALLOCATION, exchanges=len(allocation) > 1)
     rows = np.array([_allocation(allocation, direction, item) for item in tried])
-    axes = [AxisProducts.of(motion, impulse) for motion in motions]
-    odds = [item.likelihood(rows) for item in axes]
-    at = int(np.argmax([item.max() for item in odds]))
-    place = int(np.argmax(odds[at]))
-    if tried[place] == TurnedOutputs():
+    shares = np.array([AxisProducts.of(motion, impulse).shares(rows) for motion in motions])
+    by_axis = -0.5 * len(impulse) * np.log1p(-shares)
+    place = tried.index(TurnedOutputs())
+    lag = int(np.argmax(by_axis[:, place].sum(axis=-1)))
+    better = by_axis - by_axis[lag, place]
+    odds = np.where(better.min(axis=-1) >= -worse, better.sum(axis=-1), -np.inf)
+    at, best = (int(index) for index in np.unravel_index(np.argmax(odds), odds.shape))
+    if best == place:
         return None
-    below = odds[at][place] - odds[at]
     return OtherWiring(
-        tried[place],
-        float(below[tried.index(TurnedOutputs())]),
-        axes[at].shares(rows[place]),
-        axes[at].shares(allocation),
+        tried[best],
+        float(odds[at, best]),
+        shares[at, best],
+        shares[lag, place],
         tuple(
             item
-            for item, less in zip(tried, below, strict=True)
-            if less < equally and item is not tried[place]
+            for item, its in zip(tried, odds[at], strict=True)
+            if odds[at, best] - its < equally and item is not tried[best]
         ),
     )
 
 
-def _tried(acting: Array) -> list[TurnedOutputs]:
+def _tried(acting: Array, *, exchanges: bool) -> list[TurnedOutputs]:
     """Return what is tried, of thrusters (m,) that act in the axes at all."""
     places = np.flatnonzero(acting).tolist()
     most = len(places) if len(places) <= MOST_DIRECTIONS else 1
@@ -94,7 +98,7 @@ def _tried(acting: Array) -> list[TurnedOutputs]:
         for each in product((False, True), repeat=len(places))
         if sum(each) <= most
     )
-    pairs = combinations(range(len(acting)), 2)
+    pairs = combinations(range(len(acting)), 2) if exchanges else ()
     return [TurnedOutputs(backward=each) for each in sets] + [
         TurnedOutputs(exchanged=pair) for pair in pairs if acting[list(pair)].any()
     ]

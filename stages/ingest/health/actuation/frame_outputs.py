@@ -56,10 +56,13 @@ an autopilot holds still, and its frame says how commands mix, not how thrusters
 sound twins prefer another order by a logarithm of the likelihood of up to 89.
 """
 BACKWARD, EXCHANGED = 20.0, 45.0
-"""Least logarithm of the likelihood over the outputs as they stand: 840 sound records of seven
-frames have at most 4 for any set of directions, and 36 for two exchanged.
+"""Least logarithm of the likelihood over the outputs as they stand."""
+WORSE, LEAST_COMMAND = 3.0, 0.05
+"""By how much less likely an axis may get, and the spread of the command of one that tells, in
+full commands. Outputs that are joined otherwise explain every axis better; a hull whose sway
+answers yaw, or that a sway thruster turns, takes from one axis what it gives to another.
 """
-EQUALLY, LEAST_RISE = 10.0, 0.1
+EQUALLY, LEAST_RISE = 10.0, 0.2
 MOST_CAUSES = 3
 LEAST_PART, NO_PART = 0.3, 0.05
 """Of the largest entry of a row of an allocation: less has no sure sign, less is none."""
@@ -211,7 +214,12 @@ def frame_outputs(log: CheckedLog) -> Iterator[Finding]:
         return
     answers, impulse, rows = motion
     other = turned_outputs(
-        answers, impulse, thrusters.allocation[rows], thrusters.direction, equally=EQUALLY
+        answers,
+        impulse,
+        thrusters.allocation[rows],
+        thrusters.direction,
+        equally=EQUALLY,
+        worse=WORSE,
     )
     if other is None or float(np.max(other.share - other.own)) < LEAST_RISE:
         return
@@ -241,8 +249,8 @@ def _unstated(
     turned = f": {_words(other.best, thrusters)}" if other.best.backward else ""
     return finding(
         "response_order",
-        f"Nothing states how the motors turn, and {listed(words)} do not answer {layout.source}"
-        f" with all of them forward{turned}.",
+        f"Nothing states how the motors turn, and {layout.source} with all of them forward"
+        f" does not explain {listed(words)}{turned}.",
         stream="actuators",
         value=other.log_ratio,
         fields=tuple(names),
@@ -256,11 +264,13 @@ def _level_motion(
 ) -> tuple[list[WindowMotion], Array, list[int]] | None:
     """Return changes of surge, sway and yaw, impulses of thrusters, and the rows."""
     measured = motions(log)
+    forces = forces_along(log, thrusters)
+    commands = (forces @ thrusters.allocation.T).std(axis=0)
     rows = [
         row
         for row, axis in HORIZONTAL.items()
         if axis in measured
-        and np.abs(thrusters.allocation[row]).max() > LEAST_ALLOCATION
+        and commands[row] > LEAST_COMMAND * np.abs(thrusters.allocation[row]).sum()
         and float(measured[axis][1].std()) > SMALLEST_MOTION
     ]
     own: list[tuple[Array, Array]] = [measured[HORIZONTAL[row]][:2] for row in rows]
@@ -272,7 +282,7 @@ def _level_motion(
     if at.size < LEAST_ORDER_WINDOWS:
         return None
     terms = [other_terms(log, row, times) for row, (times, _) in zip(rows, own, strict=True)]
-    impulse = integrals(t_s, forces_along(log, thrusters), at, ORDER_WINDOW_S)
+    impulse = integrals(t_s, forces, at, ORDER_WINDOW_S)
     return [motion_windows(own, terms, at + lag) for lag in ANSWERS_S], impulse, rows
 
 

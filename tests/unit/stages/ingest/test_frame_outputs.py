@@ -158,3 +158,21 @@ def test_a_row_of_a_matrix_that_no_thruster_has_is_refused(row: list[float], wor
     entry["effect"]["value"] = rows.tolist()
     with pytest.raises(PipelineError, match=words):
         vehicle_from_document(document)
+
+
+def test_yaw_that_is_not_commanded_tells_nothing(log: Log) -> None:
+    """Its motor of sway turns a hull whose stick for yaw rests: no outputs are exchanged."""
+    parameters, table = log.info["parameters"], log.streams["actuators"]
+    parameters["FRAME_CONFIG"] = 6.0
+    t_s = log.t_s("actuators")
+    push = np.repeat(np.random.default_rng(3).uniform(-1.0, 1.0, 60), 10)[: t_s.size]
+    turn = np.concatenate([[0.0], np.cumsum(0.1 * push)[:-1]])
+    for number in range(1, 9):
+        table[f"pwm_{number}_us"] = 1500.0 + 0.0 * push
+    for number in (1, 2):
+        turns = parameters[f"MOT_{number}_DIRECTION"]
+        table[f"pwm_{number}_us"] = 1500.0 + turns * 200.0 * np.roll(push, 170)
+    table["pwm_5_us"] = 1500.0 + parameters["MOT_5_DIRECTION"] * 200.0 * push
+    log.streams["imu"]["gyro_z_rad_s"] = 0.2 * np.interp(log.t_s("imu"), t_s, turn)
+    del log.streams["velocity"]
+    assert not named(log, "response_order")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from auvid.hydro.dynamics.actuators.commands import frame_thrusters
 from auvid.hydro.identification.checks.outputs.joined_outputs import AxisProducts, WindowMotion
 from auvid.hydro.identification.checks.outputs.motor_directions import motor_directions
+from auvid.hydro.identification.checks.outputs.turned_outputs import turned_outputs
 
 
 def test_outputs_whose_pushes_cancel_explain_nothing() -> None:
@@ -42,3 +44,20 @@ def test_directions_that_nobody_wrote_down_are_those_that_the_motion_has() -> No
     assert directions.tolist() == truth.tolist()
     still = WindowMotion(rng.normal(size=noisy.shape), drag)
     assert motor_directions([still], impulses, effect) is None
+
+
+def test_sway_that_answers_yaw_is_no_exchange() -> None:
+    """An exchange would explain sway better and yaw not at all."""
+    rng = np.random.default_rng(1)
+    allocation = frame_thrusters("vectored").allocation[[0, 1, 5]]
+    commands = rng.normal(size=(300, 3)) * [0.2, 0.3, 0.3]
+    changes = commands + 0.1 * rng.normal(size=commands.shape)
+    changes[:, 1] += 2.0 * commands[:, 2] - 0.7 * commands[:, 1]
+    motion = WindowMotion(changes, [np.zeros((300, 0))] * 3)
+    impulse = commands @ allocation
+    assert (
+        turned_outputs([motion], impulse, allocation, np.ones(6), equally=10.0, worse=3.0) is None
+    )
+    other = turned_outputs([motion], impulse, allocation, np.ones(6), equally=10.0, worse=1e9)
+    assert other is not None
+    assert other.best.exchanged
