@@ -66,9 +66,9 @@ EQUALLY, LEAST_RISE = 10.0, 0.2
 MOST_CAUSES = 3
 LEAST_PART, NO_PART = 0.3, 0.05
 """Of the largest entry of a row of an allocation: less has no sure sign, less is none."""
-STILL_US, LIKE_A_MOTOR = 5.0, 0.8
-"""How far from neutral an output goes that stands still, and the share of the pulses of
-another one that those of the motors of a frame explain."""
+STILL_US, LIKE_A_MOTOR, SWITCHED = 5.0, 0.8, 5
+"""How far from neutral an output goes that stands still, the share of the changes of another
+one that those of the motors of a frame explain, and how often a light is switched."""
 
 
 def frame_findings(log: CheckedLog) -> Iterator[Finding]:
@@ -154,7 +154,11 @@ def _of_outputs(log: CheckedLog) -> Iterator[str]:
     like = [name for name in others if _explained(log.column("actuators", name), pulses)]
     functions = (log.info.parameters.get(f"SERVO{_number(name)}_FUNCTION") for name in like)
     if like and all(value is None or value in MOTOR_OF_FUNCTION for value in functions):
-        yield f"Outputs {_numbers(like)} move as motors do, and {layout.source} has none there."
+        several = len(like) > 1
+        yield (
+            f"Output{'s' * several} {_numbers(like)} move{'s' * (not several)} as motors do, and"
+            f" {layout.source} has none there."
+        )
 
 
 def _reach_us(log: CheckedLog, name: str) -> float:
@@ -176,13 +180,20 @@ def _numbers(names: list[str]) -> str:
 
 
 def _explained(values: Array, motors: Array) -> bool:
-    """Return whether pulses (n,) are a sum of those of motors (n, k), almost."""
+    """Return whether changes of pulses (n,) are almost sums of those of motors (n, k).
+
+    But for the `SWITCHED` largest ones: a light that goes on as a dive begins looks like the
+    thrust that holds it down.
+    """
     there = np.isfinite(values) & np.isfinite(motors).all(axis=1) & (values > NO_PULSE_US)
-    terms = np.column_stack([motors[there], np.ones(int(there.sum()))])
-    left = values[there]
-    fit = terms @ np.linalg.lstsq(terms, left, rcond=None)[0]
-    spread = float(left.var()) if left.size > 10 * terms.shape[1] else 0.0
-    return spread > 0.0 and 1.0 - float((left - fit).var()) / spread > LIKE_A_MOTOR
+    change = np.diff(values[there])
+    usual = np.argsort(np.abs(change))[:-SWITCHED]
+    change, terms = change[usual], np.diff(motors[there], axis=0)[usual]
+    if change.size <= 10 * terms.shape[1]:
+        return False
+    left = change - terms @ np.linalg.lstsq(terms, change, rcond=None)[0]
+    size = float(change @ change)
+    return size > 0.0 and 1.0 - float(left @ left) / size > LIKE_A_MOTOR
 
 
 def _layout(log: CheckedLog) -> UnscaledLayout | None:

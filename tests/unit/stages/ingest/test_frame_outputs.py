@@ -176,3 +176,15 @@ def test_yaw_that_is_not_commanded_tells_nothing(log: Log) -> None:
     log.streams["imu"]["gyro_z_rad_s"] = 0.2 * np.interp(log.t_s("imu"), t_s, turn)
     del log.streams["velocity"]
     assert not named(log, "response_order")
+
+
+def test_a_light_that_goes_on_as_the_dive_begins_is_no_motor(log: Log) -> None:
+    """From then on thrusters hold the vehicle down, about which they hardly move."""
+    table = log.streams["actuators"]
+    dives = np.arange(table["time_us"].size) > 200
+    for number in range(1, 9):
+        holds = 60.0 * log.info["parameters"][f"MOT_{number}_DIRECTION"] * (number > 4)
+        small = 0.15 * (table[f"pwm_{number}_us"] - 1500.0)
+        table[f"pwm_{number}_us"] = 1500.0 + np.where(dives, holds + small, 0.0)
+    table["pwm_9_us"] = np.where(dives, 1900.0, 1100.0)
+    assert not named(log, "frame_unlike")
