@@ -60,9 +60,9 @@ ORDERS = {
     "w, z, y, x and not w, x, y, z": (0, 3, 2, 1),
 }
 """Order of the file, and the place in what is read of the right w, x, y, z."""
-ON_ITS_BACK, UPRIGHT, MOSTLY = 0.02, 0.7, 0.95
-"""Share of the time on its back, cosine of the tilt of an upright vehicle, and how long it is
-upright in the right order.
+ON_ITS_BACK, UPRIGHT, MOSTLY, ON_SIDE = 0.02, 0.7, 0.95, 0.5
+"""Share of the time on its back, cosine of the tilt of an upright vehicle, how long it is
+upright in the right order, and cosine of the tilt of one on its side.
 """
 
 
@@ -127,6 +127,13 @@ def right_order(fields: Fields, frame: str) -> str:
             if np.mean(_upright(q[:, order], frame) > UPRIGHT) > MOSTLY:
                 return words
     return ""
+
+
+def upright_with_y_up(quaternion: Array) -> bool:
+    """Tell whether a vehicle is upright with y up, and sometimes on its side if not."""
+    q = quaternion[np.linalg.norm(quaternion, axis=1) > 0.0]
+    on_its_side = np.mean(_upright(q, "ned") < ON_SIDE) > ON_ITS_BACK
+    return bool(on_its_side and np.mean(_upright(q, "y_up") > UPRIGHT) > MOSTLY)
 
 
 def _upright(quaternion: Array, frame: str) -> Array:

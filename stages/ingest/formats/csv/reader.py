@@ -63,6 +63,8 @@ from auvid.stages.ingest.formats.csv.tolerant_lines import (
     read_sound_rows,
 )
 
+MOTIVE, MOST_NAMED = b"Format Version,", 12
+"""Start of an export of Motive, and how many columns of one a remedy names."""
 HEADER_BYTES = 1 << 16
 BLOCK = 1 << 20
 NEWLINE = 10
@@ -219,6 +221,8 @@ def header(file: RawFile, delimiter: str | None) -> Head:
             allowed="UTF-8 or Latin-1",
             remedy=TO_UTF_8 % (file.name, file.name),
         )
+    if start.removeprefix(b"\xef\xbb\xbf").startswith(MOTIVE):
+        raise _export_of_motive(start.decode("utf-8-sig", errors="replace"), file.name)
     row = _names_row(start)
     if row is not None:
         lines = "line" if row == 2 else f"{row - 1} lines"
@@ -248,6 +252,35 @@ def header(file: RawFile, delimiter: str | None) -> Head:
             remedy="Mend the line that names the columns; lines end in LF or CR LF.",
         ) from None
     return Head(names, min(len(line) + 1, file.buffer.size), encoding, delimiter)
+
+
+def _export_of_motive(text: str, file: str) -> LogError:
+    """Return the error of an export of Motive, whose names stand in several lines.
+
+    Its remedy writes them in one: the body, Rotation or Position, and the axis.
+    """
+    rows = list(csv.reader(io.StringIO(text)))
+    last = next((n for n, row in enumerate(rows) if row[:1] == ["Frame"]), 0)
+    kinds = next((row for row in rows[:last] if {"Rotation", "Position"} <= set(row)), [])
+    bodies = next((row[2:] for row in rows[:last] if row[1:2] in (["Name"], [" Name"])), [])
+    remedy = "Export one rigid body, with header information and without markers."
+    if "Rotation Type" in rows[0] and "Quaternion" not in rows[0]:
+        remedy = "Export it with rotation type Quaternion: its angles have another order."
+    elif kinds and len(rows[last]) <= MOST_NAMED and len({*bodies} - {""}) <= 1:
+        pairs = zip(kinds[2:], rows[last][2:], strict=False)
+        names = ",".join([*rows[last][:2], *(f"{kind} {axis}".strip() for kind, axis in pairs)])
+        remedy = (
+            f"Write the names into one line: (echo '{names}'; tail -n +{last + 2} {file}) >"
+            f" table_{file}. Its y is up (frame: y_up in a column map), where Motive's up axis"
+            " was not set to Z; its commands may be a file beside it."
+        )
+    return LogError(
+        "an export of OptiTrack Motive, whose names stand in several lines",
+        file=file,
+        row=1,
+        allowed="one line of names",
+        remedy=remedy,
+    )
 
 
 def _late_columns(buffer: Buffer, head: Head) -> LateColumns | None:

@@ -37,6 +37,8 @@ from auvid.stages.ingest.formats.csv.draft.commands import (
 )
 from auvid.stages.ingest.formats.csv.draft.pose_draft import (
     TURNED_AXES,
+    Y_UP,
+    in_frame_with_y_up,
     in_named_frame,
     in_upward_axes,
     is_numbered,
@@ -79,6 +81,7 @@ WITHOUT_UNIT |= {"roll": "phi_rad", "pitch": "theta_rad", "yaw": "psi_rad"}
 ONE_AXIS = "; of a body that moves in one axis alone (coasts, a decay) add them as columns of zeros"
 OF_TOWS = frozenset({"tow", "towing", "towed", "carriage"})
 UPWARD_WORDS = {"flu": "z up: commands answer so", "enu": "enu, z up: by the name"}
+UPWARD_WORDS |= {"y_up": "y up: the name or the commands say so"}
 SPOKEN = {"phi_rad": "roll", "theta_rad": "pitch", "psi_rad": "yaw"}
 
 
@@ -129,13 +132,21 @@ def draft_columns(
     ]
     if named:
         rest = [item if item.name in named else without_guess(item) for item in rest]
-    velocities = pose_velocities(rest, values, t_s)
+    by_axis = _commands_by_axis(rest, values)
+    numbered = (
+        {}
+        if by_axis
+        else {item.name: values[item.name] for item in rest if COMMANDS.search(item.words)}
+    )
+    rest = in_frame_with_y_up(rest, values, t_s, by_axis, numbered)
+    y_up = any(item.frame == Y_UP for item in rest if item.place and item.place[0] == "pose")
+    velocities = pose_velocities(rest, values, t_s, Y_UP if y_up else "ned")
     if not named:
         rest = with_commands(rest, values, t_s, velocities)
     frame = _frame_of(rest, values, t_s, velocities)
-    return replace(
-        _with_columns(draft, _in_frame(rest, frame, velocities), values), commands_show=frame
-    )
+    if not y_up:
+        rest = _in_frame(rest, frame, velocities)
+    return replace(_with_columns(draft, rest, values), commands_show="" if y_up else frame)
 
 
 def _frame_of(
@@ -145,14 +156,20 @@ def _frame_of(
     velocities: Mapping[str, Array],
 ) -> str:
     """Return the frame of the pose that commands show, '' where they do not."""
+    return pose_frame(_commands_by_axis(columns, values), velocities, t_s) if velocities else ""
+
+
+def _commands_by_axis(
+    columns: Sequence[NamedColumn], values: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the commands (n,) of axes u, v ... that are named."""
     axes = {f"command_{name}": axis for axis, name in AXIS_NAMES.items()}
-    by_axis = {
+    return {
         axes[item.place[1]]: values[item.name]
         * (-1.0 if item.frame in (NAMED_REVERSED, UPWARD) else 1.0)
         for item in columns
         if item.place is not None and item.place[1] in axes
     }
-    return pose_frame(by_axis, velocities, t_s) if velocities else ""
 
 
 def _in_frame(
@@ -235,7 +252,7 @@ def _with_columns(
             filter(None, (check, _spoken(item, name, rivals.get((stream, name), []))))
         )
         sign = -1 if item.frame in REVERSED else 1
-        frame = item.frame if item.frame in ("frd", "flu", "enu") else ""
+        frame = item.frame if item.frame in ("frd", "flu", "enu", Y_UP) else ""
         drafted.append(DraftColumn(item.name, stream, name, unit, sign, frame, check))
     partial = {stream: lacking_fields(set(chosen), stream) for stream, _ in chosen}
     for stream, lack in partial.items():

@@ -15,9 +15,10 @@ from auvid.hydro.identification.signals.pose.frames import (
     quaternion_product,
     rotated,
 )
-from auvid.stages.columns import ATTITUDE, POSITION
+from auvid.stages.columns import ATTITUDE, POSITION, named
 from auvid.stages.ingest.formats.csv.column_names import NamedColumn
 from auvid.stages.ingest.formats.csv.draft.answered_commands import answered_commands
+from auvid.stages.ingest.formats.csv.pose_columns import QUATERNION, in_own_axes, upright_with_y_up
 
 SMOOTHED_S = 0.3
 TURNED_AXES = ("v", "w", "q", "r")
@@ -30,6 +31,8 @@ UPWARD_FRAME = re.compile(
 )
 """Frames of ROS with z up; one that says ned has z down."""
 MAVROS = "mavros/local_position"
+Y_UP, Y_UP_ANSWERS = "y_up", 0.8
+"""Frame of tracking systems, and how much more all correlations with commands sum up to in it."""
 MORE_LEVEL_RAD = 0.05
 """Numbered parts of a quaternion have w last where the mean tilt is so much smaller then."""
 
@@ -162,11 +165,11 @@ def pose_unit(name: str, size: float) -> tuple[str, str]:
 
 
 def pose_velocities(
-    columns: Sequence[NamedColumn], values: Mapping[str, Array], t_s: Array
+    columns: Sequence[NamedColumn], values: Mapping[str, Array], t_s: Array, frame: str = "ned"
 ) -> dict[str, Array]:
     """Return u v w p q r (n,) of a drafted pose by differences; empty without one.
 
-    As if the file were north-east-down: for correlations, not for a fit.
+    As if the file were in a frame of column maps: for correlations, not for a fit.
     """
     by_field = {item.place[1]: item for item in columns if item.place and item.place[0] == "pose"}
     angles = [by_field.get(name) for name in ATTITUDE]
@@ -181,12 +184,15 @@ def pose_velocities(
         large = unit in ("mm", "deg") or (not unit and np.nanmax(np.abs(rows)) > limit)
         return np.asarray(rows * factor if large else rows)
 
-    position = table(place, LARGEST_M, 1e-3)
-    q = (
-        table(parts, np.inf, 1.0)
+    fields = named(POSITION, table(place, LARGEST_M, 1e-3))
+    fields |= (
+        named(QUATERNION, table(parts, np.inf, 1.0))
         if None in angles
-        else quaternion_of_euler(table(angles, FULL_TURN, np.pi / 180.0))
+        else named(ATTITUDE, table(angles, FULL_TURN, np.pi / 180.0))
     )
+    fields = in_own_axes("pose", fields, frame)
+    position = np.column_stack([fields[name] for name in POSITION])
+    q = quaternion_of_euler(np.column_stack([fields[name] for name in ATTITUDE]))
     good = np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1) & np.isfinite(t_s)
     good &= np.append(True, np.diff(t_s) > 0.0) & (np.linalg.norm(q, axis=1) > 0.0)
     if np.count_nonzero(good) < 10:
@@ -223,6 +229,51 @@ def pose_frame(commands: Mapping[str, Array], motions: Mapping[str, Array], t_s:
     if len(signs) < 2:
         return ""
     return "flu" if max(signs) < 0.0 else "frd" if min(signs) > 0.0 else ""
+
+
+def in_frame_with_y_up(
+    columns: Sequence[NamedColumn],
+    values: Mapping[str, Array],
+    t_s: Array,
+    by_axis: Mapping[str, Array],
+    numbered: Mapping[str, Array],
+) -> list[NamedColumn]:
+    """Return the columns with those of the pose in a frame with y up where it is.
+
+    A name says it, or commands `by_axis` (u, v ...) answer clearly better so, or those without
+    an axis (`numbered`) do, of which an upright vehicle that lies on its side otherwise is a
+    sign as well.
+    """
+    pose = {item.place[1]: item for item in columns if item.place and item.place[0] == "pose"}
+    frames = {item.frame for item in pose.values()}
+    if not pose or frames - {"", Y_UP}:
+        return list(columns)
+    if Y_UP not in frames:
+        as_is, upward = (pose_velocities(columns, values, t_s, frame) for frame in ("ned", Y_UP))
+        if not as_is or not (by_axis or numbered):
+            return list(columns)
+        parts = [pose.get(name) for name in QUATERNION]
+        q = [values[item.name] for item in parts if item]
+        on_its_side = not by_axis and len(q) == 4 and upright_with_y_up(np.column_stack(q))
+        more = _answering(by_axis, numbered, upward, t_s) - _answering(
+            by_axis, numbered, as_is, t_s
+        )
+        if not on_its_side and more < Y_UP_ANSWERS:
+            return list(columns)
+    return [replace(item, frame=Y_UP) if item in pose.values() else item for item in columns]
+
+
+def _answering(
+    by_axis: Mapping[str, Array],
+    numbered: Mapping[str, Array],
+    motions: Mapping[str, Array],
+    t_s: Array,
+) -> float:
+    """Return the sum of the correlations of commands with what answers them."""
+    pairs = [({axis: by_axis[axis]}, {axis: motions[axis]}) for axis in by_axis]
+    pairs = pairs or [(dict(numbered), dict(motions))]
+    answers = [item for pair in pairs for item in answered_commands(t_s, *pair)]
+    return sum(abs(item.correlation) for item in answers)
 
 
 def in_upward_axes(columns: Sequence[NamedColumn]) -> list[NamedColumn]:

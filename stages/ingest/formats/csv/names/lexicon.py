@@ -114,7 +114,7 @@ est estimated estimate estimates estimator ekf ukf kf true truth gt ground model
 sensor sensors sens combined imu imus ins ahrs mru fog ctd dvl bt xsens vectornav microstrain keller
 nortek nucleus waterlinked teledyne sparton sbg phins kvh valeport paroscientific pixhawk
 odom odometry state states pose nu eta mocap qualisys qtm optitrack vicon marker rigid body origin
-frame b frd flu ned enu nwu local world global inertial earth map nav navigation
+frame b frd flu ned enu nwu yup local world global inertial earth map nav navigation
 log logged record recording bag ros rosbag mavros mavlink
 vehicle auv rov uuv asv robot bluerov brov remus device system sys host server recv receive
 received unix posix boot since start
@@ -124,7 +124,7 @@ SOURCES = frozenset(_SOURCES.split())
 """Words that say where a column comes from, not what it is."""
 _BARE_PLACE = """
 pose odom odometry state model eta est estimated estimate ekf gt truth ground true filtered
-measured meas mocap qualisys qtm optitrack vicon marker rigid ned enu nwu local world map origin
+measured meas mocap qualisys qtm optitrack vicon marker rigid ned enu nwu yup local world map origin
 vehicle auv rov robot bluerov brov
 """
 BARE_PLACE = frozenset(_BARE_PLACE.split())
@@ -146,12 +146,14 @@ wrench transducer transducers beam beams rssi nsd
 """
 NO_MEASUREMENT = frozenset(_NO_MEASUREMENT.split())
 """What is commanded, says how sure something is, or belongs to another thing."""
-WORLD = frozenset({"local", "ned", "enu", "nwu", "world", "global", "inertial", "earth", "map"})
+_WORLD = "local ned enu nwu yup world global inertial earth map"
+WORLD = frozenset(_WORLD.split())
 """Frames in which a velocity is none of the axes of the body, and a position is one."""
-UPWARD: Mapping[str, str] = {"enu": "enu", "nwu": "flu"}
-"""World with z up -> frame of a column map."""
+UPWARD: Mapping[str, str] = {"enu": "enu", "nwu": "flu", "yup": "y_up"}
+"""World with z or y up -> frame of a column map."""
 PHRASES: Mapping[tuple[str, ...], tuple[str, ...]] = {
     ("set", "point"): ("setpoint",),
+    ("y", "up"): ("yup",),
     ("vehicle", "odometry"): ("ned",),
     ("position", "estimate"): ("state",),
     ("local", "position", "pose"): ("pose",),

@@ -33,7 +33,7 @@ LONGEST_PHRASE = 3
 class Meaning:
     """Stream and field of a column; `part`: w, x, y or z of a quaternion.
 
-    `frame`: flu or enu where its name says so. A column of the time has the stream `time`.
+    `frame`: flu, enu or y_up where its name says so. A column of the time has the stream `time`.
     """
 
     stream: str

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from auvid.data_schemas.errors import LogError
 from auvid.data_schemas.units import factor_and_offset
@@ -393,6 +394,37 @@ def test_a_pose_that_jumps_takes_no_command_to_another_axis() -> None:
     assert {name: fields.get(name) for name in axes} == {
         name: f"command_{axis}" for name, axis in axes.items()
     }
+
+
+AXES_OF_COMMANDS = ("yaw", "heave", "surge", "sway")
+
+
+@pytest.mark.parametrize("angles", [True, False])
+@pytest.mark.parametrize(
+    ("named", "stem"), [(True, "{}"), (False, "{}"), (True, "{}_yup"), (False, "{}_y_up")]
+)
+def test_poses_with_y_up_are_taken_as_that(angles: bool, named: bool, stem: str) -> None:
+    run = noisy(tank_run(1), 1)
+    yaw_pitch_roll = np.column_stack([run[name] for name in ("yaw_rad", "pitch_rad", "roll_rad")])
+    to_file = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    body = Rotation.from_euler("ZYX", yaw_pitch_roll).as_matrix()
+    turns = Rotation.from_matrix(to_file @ body @ to_file.T)
+    columns = {"t_s": run["t_s"]}
+    place = np.column_stack([run[name] for name in POSITION]) @ to_file.T
+    columns |= {stem.format(name): values for name, values in zip("xyz", place.T, strict=True)}
+    if angles:
+        written = dict(zip(("yaw", "pitch", "roll"), turns.as_euler("YZX").T, strict=True))
+    else:
+        written = dict(zip(("qx", "qy", "qz", "qw"), turns.as_quat().T, strict=True))
+    columns |= {stem.format(name): values for name, values in written.items()}
+    for number, axis in enumerate(AXES_OF_COMMANDS):
+        columns[f"cmd_{axis}" if named else f"cmd{number}"] = run[f"cmd{number}"]
+    draft = drafted(columns)
+    poses = [item for item in draft.columns if item.stream == "pose"]
+    assert len(poses) == (6 if angles else 7)
+    assert {item.frame for item in poses} == {"y_up"}
+    commands = [(item.field, item.sign) for item in draft.columns if item.stream == "actuators"]
+    assert commands == [(f"command_{axis}", 1) for axis in AXES_OF_COMMANDS]
 
 
 def test_a_position_that_is_called_east_north_up_is_taken_as_that() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from auvid.data_schemas.errors import CampaignError, LogError
 from auvid.stages.base import RawFile
-from auvid.stages.ingest.formats.csv.reader import CSV, read_csv
+from auvid.stages.ingest.formats.csv.reader import CSV, header, read_csv
 
 TIME = {"column": "t", "unit": "s"}
 
@@ -288,6 +288,30 @@ def test_lines_above_the_names_are_named(above: str) -> None:
     assert CSV.recognises(text.encode())
     with pytest.raises(LogError, match=f"names of the columns stand in row {row}, and not in the"):
         read_csv(file)
+
+
+@pytest.mark.parametrize(("rotation", "bodies"), [("Quaternion", 1), ("XYZ", 1), ("Quaternion", 2)])
+def test_an_export_of_motive_is_named_with_its_names_in_one_line(
+    rotation: str, bodies: int
+) -> None:
+    kinds = ["Rotation"] * 4 + ["Position"] * 3
+    head = [
+        ["Format Version", "1.23", "Rotation Type", rotation, "Coordinate Space", "Global"],
+        [],
+        ["", "", *["Rigid Body"] * 7 * bodies],
+        ["", "Name", *[f"ROV{number}" for number in range(bodies) for _ in kinds]],
+        ["", "ID", *["1"] * 7 * bodies],
+        ["", "", *kinds * bodies],
+        ["Frame", "Time (Seconds)", *"XYZWXYZ" * bodies],
+    ]
+    rows = [[str(n), f"{n / 100}", *["0.5"] * 7 * bodies] for n in range(30)]
+    text = "".join(",".join(row) + "\n" for row in head + rows)
+    with pytest.raises(LogError, match="an export of OptiTrack Motive") as caught:
+        header(RawFile("run1.csv", np.frombuffer(text.encode(), np.uint8)), None)
+    line = "Frame,Time (Seconds),Rotation X,Rotation Y,Rotation Z,Rotation W,Position X"
+    to_do = f"(echo '{line},Position Y,Position Z'; tail -n +8 run1.csv) > table_run1.csv"
+    assert (to_do in str(caught.value)) == (rotation == "Quaternion" and bodies == 1)
+    assert ("rotation type Quaternion" in str(caught.value)) == (rotation == "XYZ")
 
 
 def test_utf_16_without_a_mark_is_named() -> None:
