@@ -21,7 +21,8 @@ from auvid.hydro.dynamics.gliding.hull_terms import HULL_TERMS, hull_terms
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.dynamics.viscous.basis import coefficient_unit
 from auvid.hydro.identification.glide.comparison import GlideComparison
-from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate, polar_of, slopes_of
+from auvid.hydro.identification.glide.fit import GlideEstimate
+from auvid.hydro.identification.glide.problem import UNKNOWNS, polar_of, slopes_of
 from auvid.hydro.identification.regression.verdicts import clear_of_zero
 from auvid.stages import few_axes
 from auvid.stages.columns import AXIS_UNITS

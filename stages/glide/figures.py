@@ -8,7 +8,8 @@ import numpy as np
 
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison
-from auvid.hydro.identification.glide.fit import UNKNOWNS, GlideEstimate
+from auvid.hydro.identification.glide.fit import GlideEstimate
+from auvid.hydro.identification.glide.problem import UNKNOWNS
 from auvid.hydro.identification.regression.verdicts import clear_of_zero
 from auvid.stages.glide.glider import Glider
 from auvid.stages.glide.legs import GlideLegs

@@ -9,7 +9,7 @@ import numpy as np
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.dynamics.vehicle.glider_body import glider_body, glider_part
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
-from auvid.hydro.identification.glide.fit import FileFigure
+from auvid.hydro.identification.glide.problem import FileFigure
 
 LIFT_SHARE, INDUCED_SHARE = 0.1, 0.3
 """Standard deviations of lift slope and induced drag as shares, where none is given."""

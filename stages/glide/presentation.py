@@ -10,7 +10,7 @@ from auvid.hydro.arrays import Array
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.comparison import GlideComparison, trim_step
 from auvid.hydro.identification.glide.drive_gap import DriveGap
-from auvid.hydro.identification.glide.fit import UNKNOWNS
+from auvid.hydro.identification.glide.problem import UNKNOWNS
 from auvid.stages.glide.figures import MEANINGS, NEEDS_SPEED, UNITS, mean_pitch
 from auvid.stages.glide.glider import Glider
 from auvid.stages.glide.legs import GlideLegs

@@ -10,7 +10,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.glide.bins import GlideRows
-from auvid.hydro.identification.glide.fit import FileFigure, GlideEstimate
+from auvid.hydro.identification.glide.fit import GlideEstimate
+from auvid.hydro.identification.glide.problem import FileFigure
 from auvid.hydro.identification.glide.settled import (
     AGAINST,
     REASONS,

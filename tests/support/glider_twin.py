@@ -17,7 +17,7 @@ from auvid.hydro.dynamics.gliding.flight import (
 )
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody, GlideState, Polar
 from auvid.hydro.identification.glide.bins import GlideRows, glide_rows
-from auvid.hydro.identification.glide.fit import FileFigure
+from auvid.hydro.identification.glide.problem import FileFigure
 from auvid.hydro.identification.glide.settled import GliderRecord, SettlingRules, settled_glides
 
 BODY = GliderBody(60.0, 0.1, 9.81, 1025.0, 3.0, 5e-10, 5e-5, 283.15)

@@ -11,7 +11,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.identification.glide.bins import GlideRows
-from auvid.hydro.identification.glide.fit import UNKNOWNS, FileFigure, GlideEstimate, fit_glides
+from auvid.hydro.identification.glide.fit import GlideEstimate, fit_glides
+from auvid.hydro.identification.glide.problem import UNKNOWNS, FileFigure
 from auvid.hydro.identification.regression.standard_errors import widened_by
 
 CLEAR_STEP, LEAST_STEP = 6.0, 0.03

@@ -14,13 +14,8 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.steady_glide import GliderBody
 from auvid.hydro.identification.glide.bins import GlideRows
-from auvid.hydro.identification.glide.fit import (
-    UNKNOWNS,
-    FileFigure,
-    GlideEstimate,
-    fit_glides,
-    fitted_beside,
-)
+from auvid.hydro.identification.glide.fit import GlideEstimate, fit_glides, fitted_beside
+from auvid.hydro.identification.glide.problem import UNKNOWNS, FileFigure
 
 CLEAR_GAP, LEAST_GAP = 3.0, 0.1
 """Standard errors, and share of the stroke, from which on the drive is another than logged."""

@@ -7,35 +7,38 @@ what it knows better is free beside what the file says of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from auvid.data_schemas.errors import DataError
-from auvid.hydro.arrays import Array, Index, Mask
+from auvid.hydro.arrays import Array, Mask
 from auvid.hydro.dynamics.gliding.steady_glide import (
     GliderBody,
     Polar,
     SteadyGlide,
     angle_of_attack,
-    slow_change,
-    steady_glide,
 )
 from auvid.hydro.identification.constrained.statuses import PRIOR_SHARE
 from auvid.hydro.identification.glide.bins import GlideRows, yos_of
+from auvid.hydro.identification.glide.problem import (
+    UNKNOWNS,
+    FileFigure,
+    GlideProblem,
+    Pull,
+    clustered_covariance,
+    glide_of,
+    inverse_of,
+    polar_of,
+    rms_of,
+    slopes_of,
+)
 from auvid.hydro.identification.regression.standard_errors import widened_by
 from auvid.hydro.identification.regression.verdicts import clear_of_zero
 
-UNKNOWNS = ("C_D0", "C_D1", "C_L_alpha", "alpha_0", "trim", "mass")
-"""Drag without lift, induced drag [1/rad^2], slope of the lift [1/rad], angle without
-lift [rad], trim: hull volume beyond that of the neutral glider [m^3], mass [kg] (never
-fitted: with the trim free it scales what layers of water do, no more).
-"""
 GlideVerdict = Literal["identified", "weak", "inseparable", "from the prior"]
-STEPS = 60
-REWEIGHTINGS = 3
 LOWERINGS = 20
 LEAST_GLIDES = 4
 LEAST_SPEEDS = 10
@@ -46,32 +49,8 @@ FLATTEST = (0.0, 0.15, 0.3, 0.45)
 """Shares of the rows, the flattest ones, that are left out where no steady glide is so flat."""
 FREED = 0.7
 """The record frees an unknown that it alone knows better than this share of the prior."""
-OF_FILE = -1
-"""Yo of a pull of the vehicle file."""
 OF_RECORD = ("alpha_0", "C_D1")
 """Unknowns that it may free so, in this order."""
-
-
-@dataclass(frozen=True)
-class FileFigure:
-    """Mean and standard deviation of an unknown in the vehicle file."""
-
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Pull:
-    """What the file says of a free unknown: (value - mean) sqrt(colour) / sd."""
-
-    name: str
-    figure: FileFigure
-    colour: float
-
-    def residual(self, values: Array) -> float:
-        """Return the residual at values of UNKNOWNS."""
-        away = float(values[UNKNOWNS.index(self.name)]) - self.figure.mean
-        return away * float(np.sqrt(self.colour)) / self.figure.sd
 
 
 @dataclass(frozen=True)
@@ -113,7 +92,7 @@ class GlideEstimate:
 
     def predict(self, rows: GlideRows) -> SteadyGlide:
         """Return the steady glides of the estimate at rows."""
-        return _glide(self.values, rows, self.body)
+        return glide_of(self.values, rows, self.body)
 
     def is_steady(self, rows: GlideRows) -> Mask:
         """Return which rows (m,) are steep enough for a steady glide."""
@@ -129,11 +108,6 @@ class GlideEstimate:
         errors = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.covariance, slope))
         names = ("alpha", "C_D", "C_L")
         return {n: (float(v), float(e)) for n, v, e in zip(names, values, errors, strict=True)}
-
-
-def polar_of(values: Array) -> Polar:
-    """Return drag and lift of the values of UNKNOWNS."""
-    return Polar(*(float(value) for value in values[:4]))
 
 
 def fit_glides(
@@ -171,7 +145,7 @@ def fit_glides(
 
 def _solved(
     rows: GlideRows, body: GliderBody, prior: Mapping[str, FileFigure]
-) -> tuple[_Problem, Array, list[str]]:
+) -> tuple[GlideProblem, Array, list[str]]:
     """Return the least squares of rows, its values, and what the record frees."""
     measured = np.isfinite(rows.speed_m_s)
     up = rows.state.pitch_rad > 0.0
@@ -180,7 +154,7 @@ def _solved(
         free.append("trim")
     if measured.sum() >= LEAST_SPEEDS and np.unique(rows.glide[measured]).size > 1:
         free.append("C_L_alpha")
-    problem = _Problem(rows, body, measured, np.array([0.01, 0.01]))
+    problem = GlideProblem(rows, body, measured, np.array([0.01, 0.01]))
     values = _start(problem, np.array([prior[name].mean for name in UNKNOWNS]))
     values = problem.solve(values, free)
     if "trim" in free:
@@ -192,7 +166,7 @@ def _solved(
 
 
 def _freed(
-    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+    problem: GlideProblem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
 ) -> Array:
     """Return values with what the record alone knows better freed, and named in `free`.
 
@@ -214,7 +188,7 @@ def _freed(
 
 
 def _pulls(
-    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+    problem: GlideProblem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
 ) -> tuple[Pull, ...]:
     """Return the pulls of the file at what the record has freed.
 
@@ -222,8 +196,8 @@ def _pulls(
     of a pull is raised by the ratio of clustered to white variance of its unknown.
     """
     jacobian = problem.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
-    clustered = np.diag(_clustered(jacobian, problem.residuals(values), problem.yo))
-    white = np.diag(_inverse(jacobian))
+    clustered = np.diag(clustered_covariance(jacobian, problem.residuals(values), problem.yo))
+    white = np.diag(inverse_of(jacobian))
     return tuple(
         Pull(name, prior[name], max(float(clustered[place] / white[place]), 1.0))
         for place, name in enumerate(free)
@@ -253,7 +227,7 @@ def fitted_beside(
             for each in UNKNOWNS
             if (each not in estimate.free or each in OF_RECORD) and prior[each].sd > 0.0
         )
-        problem = _Problem(rows, estimate.body, measured, noise, pulls)
+        problem = GlideProblem(rows, estimate.body, measured, noise, pulls)
         slopes, residual = problem.slopes(estimate.values), problem.residuals(estimate.values)
         inside = np.concatenate([part, part[measured], np.zeros(len(pulls), dtype=bool)])
         names = [each for each in UNKNOWNS if each in estimate.free or prior[each].sd > 0.0]
@@ -265,8 +239,8 @@ def fitted_beside(
         solved, _, rank, _ = np.linalg.lstsq(design / scale, -residual, rcond=1e-10)
         if rank < scale.size:
             return 0.0, float("inf")
-        inverse = _inverse(design)
-        covariance = _clustered(design, residual + design / scale @ solved, problem.yo)
+        inverse = inverse_of(design)
+        covariance = clustered_covariance(design, residual + design / scale @ solved, problem.yo)
         colour = max(float(covariance[-1, -1] / inverse[-1, -1]), 1.0)
     spread = [inverse[-1, names.index(pull.name)] * pull.colour / pull.figure.sd for pull in pulls]
     variance = covariance[-1, -1] * widened_by(estimate.degrees) ** 2 + np.sum(np.square(spread))
@@ -278,101 +252,7 @@ def drag_asked(rows: GlideRows, *, body: GliderBody, prior: Mapping[str, FileFig
     return _first_drag(np.array([prior[name].mean for name in UNKNOWNS]), rows, body)
 
 
-@dataclass
-class _Problem:
-    """Rows of glides with their noise; `solve` sets the noise by the residuals."""
-
-    rows: GlideRows
-    body: GliderBody
-    measured: Mask
-    noise: Array
-    pulls: tuple[Pull, ...] = ()
-
-    @property
-    def yo(self) -> Index:
-        """Return the yo of every residual, `OF_FILE` of pulls."""
-        yos = yos_of(self.rows)
-        pulls = np.full(len(self.pulls), OF_FILE, dtype=yos.dtype)
-        return np.concatenate([yos, yos[self.measured], pulls])
-
-    @property
-    def speeds(self) -> slice:
-        """Return where the residuals of the speed are."""
-        split = self.rows.t_s.size
-        return slice(split, split + int(self.measured.sum()))
-
-    def residuals(self, values: Array) -> Array:
-        """Return residuals of depth rate and speed over their noise, and the pulls."""
-        glide = _glide(values, self.rows, self.body)
-        depth_rate = self.rows.depth_rate_m_s - glide.depth_rate_m_s
-        speed = (self.rows.speed_m_s - glide.speed_m_s)[self.measured]
-        pulls = np.array([pull.residual(values) for pull in self.pulls])
-        parts = [depth_rate / self.noise[0], speed / self.noise[1], pulls]
-        return np.asarray(np.nan_to_num(np.concatenate(parts), nan=np.inf))
-
-    def slopes(self, values: Array) -> Array:
-        """Return the slopes of the residuals by UNKNOWNS."""
-        return slopes_of(self.residuals, values)
-
-    def solve(self, values: Array, free: list[str]) -> Array:
-        """Return the values of least cost; the noise follows from their residuals."""
-        for _ in range(REWEIGHTINGS):
-            values = self._gauss_newton(values, [UNKNOWNS.index(name) for name in free])
-            residual, split = self.residuals(values), self.rows.t_s.size
-            self.noise = self.noise * [_rms(residual[:split]), _rms(residual[self.speeds])]
-        return values
-
-    def _gauss_newton(self, values: Array, free: list[int]) -> Array:
-        """Return the values of least cost; steps that raise it are halved."""
-        residual = self.residuals(values)
-        best = float(residual @ residual)
-        for _ in range(STEPS):
-            jacobian = self.slopes(values)[:, free]
-            scale = np.linalg.norm(jacobian, axis=0)
-            if not (np.isfinite(scale).all() and scale.all()):
-                return values  # one that moves nothing there: `standard_errors` says so
-            step = np.zeros(values.size)
-            step[free] = -np.linalg.lstsq(jacobian / scale, residual, rcond=1e-12)[0] / scale
-            share, cost = 1.0, np.inf
-            while share > 1e-6:
-                trial = values + share * step
-                if trial[0] > 0.0 and trial[2] > 0.0:
-                    left = self.residuals(trial)
-                    cost = float(left @ left)
-                    if cost <= best:
-                        break
-                share /= 2.0
-            else:
-                return values
-            done = best - cost < 1e-10 * max(best, 1.0)
-            values, best, residual = trial, cost, left
-            if done:
-                break
-        return values
-
-    def standard_errors(self, values: Array, free: list[str]) -> Array:
-        """Return the standard errors of free unknowns by the record.
-
-        Infinite where it does not tell one of them.
-        """
-        jacobian = self.slopes(values)[:, [UNKNOWNS.index(name) for name in free]]
-        if not (np.isfinite(jacobian).all() and jacobian.any(axis=0).all()):
-            return np.full(len(free), np.inf)
-        return np.sqrt(np.diag(_clustered(jacobian, self.residuals(values), self.yo)))
-
-
-def _rms(values: Array) -> float:
-    return max(float(np.sqrt(np.mean(values**2))), 1e-6) if values.size else 1.0
-
-
-def _glide(values: Array, rows: GlideRows, body: GliderBody) -> SteadyGlide:
-    """Return the motion at rows: steady, with the lag of slow changes in each glide."""
-    body, trim = replace(body, mass_kg=float(values[5])), float(values[4])
-    steady = steady_glide(rows.state, body=body, polar=polar_of(values), trim_m3=trim)
-    return slow_change(steady, rows.state, body=body, trim_m3=trim, t_s=rows.t_s, part=rows.glide)
-
-
-def _start(problem: _Problem, values: Array) -> Array:
+def _start(problem: GlideProblem, values: Array) -> Array:
     """Return starting values with which every row has a glide.
 
     The drag is that of the median depth rate. With more induced drag than the flattest
@@ -409,20 +289,10 @@ def _first_drag(values: Array, rows: GlideRows, body: GliderBody) -> float:
     typical = float(np.median(np.abs(rows.depth_rate_m_s)))
     for _ in range(60):
         values[0] = np.sqrt(low * high)
-        rate = np.abs(_glide(values, rows, body).depth_rate_m_s)
+        rate = np.abs(glide_of(values, rows, body).depth_rate_m_s)
         slow = not np.isfinite(rate).any() or np.nanmedian(rate) < typical
         low, high = (low, values[0]) if slow else (values[0], high)
     return float(np.sqrt(low * high))
-
-
-def slopes_of(function: Callable[[Array], Array], values: Array) -> Array:
-    """Return the derivatives (n, 6) by UNKNOWNS, by central differences."""
-    columns = []
-    for index, value in enumerate(values):
-        step = np.zeros(values.size)
-        step[index] = 1e-6 * max(abs(value), 1e-3)
-        columns.append((function(values + step) - function(values - step)) / (2.0 * step[index]))
-    return np.stack(columns, axis=-1)
 
 
 def _glide_figures(values: Array, pitch_rad: float) -> Array:
@@ -433,38 +303,15 @@ def _glide_figures(values: Array, pitch_rad: float) -> Array:
     return np.array([float(alpha), float(polar.drag_coefficient(alpha)), float(lift)])
 
 
-def _inverse(jacobian: Array) -> Array:
-    """Return H^-1 (k, k) of H = J' J."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / scale
-    return np.asarray(np.linalg.pinv(scaled.T @ scaled, rcond=1e-14) / np.outer(scale, scale))
-
-
-def _clustered(jacobian: Array, residual: Array, yo: Index) -> Array:
-    """Return H^-1 (sum_g s_g s_g') H^-1 (k, k), H = J' J, s_g as in `fit_glides`.
-
-    Of pulls H alone has a share: `_estimate` adds their spread.
-    """
-    scale = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / scale
-    inverse = _inverse(scaled)
-    meat = np.zeros_like(inverse)
-    for number in np.unique(yo[yo != OF_FILE]):
-        part, left = scaled[yo == number], residual[yo == number]
-        score = part.T @ np.linalg.solve(np.eye(left.size) - part @ inverse @ part.T, left)
-        meat += np.outer(score, score)
-    return np.asarray(inverse @ meat @ inverse / np.outer(scale, scale))
-
-
 def _estimate(
-    problem: _Problem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
+    problem: GlideProblem, values: Array, free: list[str], prior: Mapping[str, FileFigure]
 ) -> GlideEstimate:
     residual, jacobian = problem.residuals(values), problem.slopes(values)
     inside = [UNKNOWNS.index(name) for name in free]
     fixed = [index for index in range(values.size) if index not in inside]
     spread = np.array([prior[UNKNOWNS[index]].sd for index in fixed])
     noise = np.zeros((values.size, values.size))
-    noise[np.ix_(inside, inside)] = _clustered(jacobian[:, inside], residual, problem.yo)
+    noise[np.ix_(inside, inside)] = clustered_covariance(jacobian[:, inside], residual, problem.yo)
     # The fixed unknowns move the free ones by S, and themselves by their spread.
     moves = np.zeros((values.size, len(fixed)))
     moves[fixed, range(len(fixed))] = spread
@@ -473,12 +320,12 @@ def _estimate(
     moves[inside] = -answer[0] / scale[:, None]
     yos = int(np.unique(yos_of(problem.rows)).size)
     noise *= widened_by(yos - 1) ** 2
-    pulled = _inverse(jacobian[:, inside])[:, [free.index(pull.name) for pull in problem.pulls]]
+    pulled = inverse_of(jacobian[:, inside])[:, [free.index(pull.name) for pull in problem.pulls]]
     spreads = np.array([pull.colour / pull.figure.sd for pull in problem.pulls])
     noise[np.ix_(inside, inside)] += (pulled * spreads**2) @ pulled.T
     covariance = noise + moves @ moves.T
     split = problem.rows.t_s.size
-    rms = _rms(residual[:split]), _rms(residual[problem.speeds])
+    rms = rms_of(residual[:split]), rms_of(residual[problem.speeds])
     parts = [each * noise for each, noise in zip(rms, problem.noise, strict=True)]
     return GlideEstimate(
         values,

@@ -13,7 +13,8 @@ from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.gliding.flight import FlightPlan, FlyingBody, Yo, fly_yos
 from auvid.hydro.dynamics.gliding.steady_glide import Polar, angle_of_attack, steady_glide
 from auvid.hydro.identification.glide.comparison import clearest_step, compare
-from auvid.hydro.identification.glide.fit import FileFigure, fit_glides
+from auvid.hydro.identification.glide.fit import fit_glides
+from auvid.hydro.identification.glide.problem import FileFigure
 from tests.support.glider_twin import (
     BODY,
     POLAR,
