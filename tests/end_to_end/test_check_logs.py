@@ -257,6 +257,16 @@ def test_findings_of_every_licensed_log(
     assert "\x1b" not in printed  # no colours where the output is no terminal
 
 
+def test_a_glider_has_no_cross_before_what_can_be_fitted(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    folder = ROOT / "campaigns/slocum_glide"
+    check([str(folder / "logs/dive.csv")], columns=folder / "columns/dive.yaml")
+    printed = capsys.readouterr().out
+    assert "✓ Drag, lift and trim can be fitted to settled glides" in printed
+    assert "✗" not in printed
+
+
 def test_the_page_of_the_dive(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

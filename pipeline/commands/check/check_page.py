@@ -19,7 +19,12 @@ from auvid.pipeline.commands.check.clock_alignment import ClockAlignment
 from auvid.pipeline.commands.check.log_page import LogPage
 from auvid.pipeline.terminal import plain, plain_lines, show, table
 from auvid.stages.ingest.health.finding import CheckedLog
-from auvid.stages.ingest.health.usability import NO_FORCE, NO_STATE
+from auvid.stages.ingest.health.usability import (
+    GLIDE,
+    NO_FORCE,
+    NO_STATE,
+    PASSIVE_KIND,
+)
 from auvid.stages.number_format import fixed, percent, significant
 
 SYMBOLS = {"error": ("✗", "bold red"), "warning": ("!", "bold yellow"), "note": ("·", "cyan")}
@@ -113,6 +118,8 @@ def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
     assert page.outputs is not None
     outputs = page.outputs
     uses = {item.name: item.possible for item in health.capabilities}
+    if uses.get(GLIDE):
+        return  # buoyancy drives it
     if any(good for name, good in uses.items() if name.startswith("synthesise")):
         return
     fed = axes_fed(CheckedLog(page.streams, outputs.log_info, outputs.dropped, page.vehicle))
@@ -122,7 +129,11 @@ def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
 
 
 def _uses(health: HealthRecord) -> Iterator[Text]:
-    good = any(item.possible for item in health.capabilities if item.name.startswith("synthesise"))
+    good = any(
+        item.possible
+        for item in health.capabilities
+        if item.name.startswith("synthesise") or item.name in (GLIDE, PASSIVE_KIND)
+    )
     yield Text.assemble(
         ("✓ " if good else "✗ ", "bold green" if good else "bold red"),
         (plain(health.verdict), "bold"),

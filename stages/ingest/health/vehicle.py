@@ -336,12 +336,23 @@ def _or_inertia(vehicle: Vehicle, off: list[int]) -> str:
     return f" Or its inertia is too small{radii}."
 
 
+GUESSED_GLIDER = (
+    "Put mass, density of the water that it is neutral in, reference_area, lift_slope and"
+    " induced_drag of your glider into the vehicle file, with their spreads, and delete its line"
+    " `guessed`, or begin again with --vehicle."
+)
+
+
 def identity_findings(log: CheckedLog) -> Iterator[Finding]:
     """Yield findings on firmware, simulators, parameters and guessed vehicles."""
     info = log.info
     if log.vehicle is not None and log.vehicle.document.guessed:
         text = f"The vehicle file is that of {log.vehicle.title}, a guess:"
-        yield finding("vehicle_guessed", f"{text} {log.vehicle.document.guessed}.")
+        yield finding(
+            "vehicle_guessed",
+            f"{text} {log.vehicle.document.guessed}.",
+            remedy=GUESSED_GLIDER if log.vehicle.document.glider is not None else "",
+        )
     messages = sorted(name for name in info.counts if SIMULATOR.match(name))
     if messages:
         yield finding("simulated", f"The log holds messages of a simulator: {', '.join(messages)}.")

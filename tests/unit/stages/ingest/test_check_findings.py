@@ -936,6 +936,14 @@ def test_a_sound_log_has_no_finding_but_the_answer_to_its_outputs() -> None:
     assert all(item["possible"] for item in document["capabilities"])
 
 
+def test_a_guessed_glider_is_not_asked_for_thrusters() -> None:
+    log = sound()
+    log.vehicle = vehicle_from_document({**vehicle_document("slocum"), "guessed": "no name"})
+    (item,) = (each for each in log.health()["findings"] if each["id"] == "vehicle_guessed")
+    assert "thrusters" not in item["remedy"]
+    assert "lift_slope" in item["remedy"]
+
+
 def test_every_check_of_the_catalogue_has_its_cause_here() -> None:
     of_poses = {name for name in checks() if name.startswith("pose_")} | {"yaw_across_wrap"}
     of_poses |= {"commands_mixed", "run_clock"}  # which is of several logs
