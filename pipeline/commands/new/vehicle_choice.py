@@ -210,13 +210,20 @@ def _as_moved(text: str, log: CheckedLog) -> str:
 def _of_any_glider(text: str) -> str:
     """Return the file of a Slocum with the spreads of gliders, where no log names one.
 
-    Gliders weigh 50 to 75 kg, and lift and induced drag go with their wings.
+    Gliders weigh 50 to 75 kg, so that the 70 of a Slocum is at their end (decision 0132);
+    lift and induced drag go with their wings.
     """
     text = re.sub(
         r"^(  induced_drag: .*\n)",
         r"\1"
         "  lift_slope_sd: {value: 1.5, unit: 1/rad, source: wings unknown, assumed: true}\n"
         "  induced_drag_sd: {value: 4.0, unit: 1/rad^2, source: wings unknown, assumed: true}\n",
+        text,
+        flags=re.MULTILINE,
+    )
+    text = re.sub(
+        r"^(  (?:displaced_)?mass: )\{value: 70\.0, .*$",
+        r'\1{value: 60.0, unit: kg, source: "gliders weigh 50 to 75 kg", assumed: true}',
         text,
         flags=re.MULTILINE,
     )

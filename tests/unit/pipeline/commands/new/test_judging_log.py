@@ -50,6 +50,8 @@ def test_a_named_glider_is_neutral_in_the_water_of_its_log() -> None:
         "lift_slope_sd: {value: 1.5,",
         "induced_drag_sd: {value: 4.0,",
         "mass: {value: 9.0,",
+        "  mass: {value: 60.0,",
+        "displaced_mass: {value: 60.0,",
     ):
         assert words in unnamed
         assert words not in text
