@@ -226,8 +226,7 @@ def _head(model: ModelFile, useless: bool) -> tuple[str, ...]:
     lines = [first, f"Use: {model.use.sentence}."]
     if model.vehicle.guessed:
         lines.append(
-            f"The vehicle is a guess, {model.vehicle.guessed}: masses and inertias are those of"
-            f" {model.vehicle.title}."
+            f"The vehicle is a guess, {model.vehicle.guessed}: so are its masses and inertias."
         )
     if useless:
         lines.append("USABLE FOR NOTHING, exported by force: " + model.use.rule)

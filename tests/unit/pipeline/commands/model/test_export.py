@@ -80,7 +80,7 @@ def test_a_guessed_vehicle_gives_no_name_to_what_is_exported(workspace: Path) ->
     assert output.exit_code == 0
     assert "of a guess (" in output.output
     text = Path(f"exported/dive_{name}_python/dive_{name}.py").read_text(encoding="utf-8")
-    assert "The vehicle is a guess, the log names no glider: masses" in text
+    assert "The vehicle is a guess, the log names no glider: so are its masses" in text
     file = str(workspace / "linear.json")
     assert CliRunner().invoke(cli.app, ["export", file, "--to", "python"]).exit_code == 0
     assert Path(f"exported/vehicle_{name}_python/vehicle_{name}.py").is_file()
