@@ -40,7 +40,9 @@ def log_clocks(health: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Findin
                 "run_clock",
                 f"Motion follows the outputs {abs(late_s):.2f} s"
                 f" {'later' if late_s > 0.0 else 'sooner'} than in {others} ({listed(parts)}):"
-                f" their clock, or that of the sensors, is {abs(late_s):.2f} s off in one of them.",
+                f" their clock, or that of the sensors, is {abs(late_s):.2f} s off in one of them,"
+                " or another vehicle (load, thrusters) was driven in this log: lags of commands do"
+                " not tell which.",
                 stream="actuators",
                 value=abs(late_s),
                 fields=("time_us",),

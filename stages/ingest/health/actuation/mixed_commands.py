@@ -33,6 +33,10 @@ LEAST_TILTED, STEADY_HEADING = 0.02, 0.9
 """Share of the time for which an upright vehicle is tilted, and length of the mean heading of
 one that does not turn.
 """
+HALF_CIRCLE_AS_DEGREES, LESS_LEFT = 1.01 * math.radians(math.pi), 0.7
+"""Largest angle of radians read as degrees, and the share of what commands leave unexplained of
+surge and sway that they leave where such angles are taken for radians, at most.
+"""
 
 
 def mixed_commands(log: CheckedLog) -> Iterator[Finding]:
@@ -107,9 +111,19 @@ def turned_markers(log: CheckedLog) -> Iterator[Finding]:
     coupled = coupling(log, 0, at)
     if not moving[:2].all() or coupled is None:
         return
-    turn = pushed_turn(
-        log.t_s("actuators"), commands[:, moving], at, log.body_velocity()[:, :2], coupled
-    )
+    commands = commands[:, moving]
+    if _is_in_radians(log, commands):
+        yield finding(
+            "attitude_unit",
+            "The angles of the poses stay within 3.2 degrees: they are in rad, declared as degrees."
+            " Taken for rad, commands of surge and sway push the poses ahead and aside.",
+            stream="pose",
+            fields=ATTITUDE,
+            remedy="Set unit: rad for the columns of the angles, in a column map of this log's own"
+            " where other logs are in degrees.",
+        )
+        return
+    turn = pushed_turn(log.t_s("actuators"), commands, at, log.body_velocity()[:, :2], coupled)
     if turn is None:
         return
     angle, sd = (math.degrees(value) for value in turn)
@@ -129,6 +143,42 @@ def turned_markers(log: CheckedLog) -> Iterator[Finding]:
             " run does, turn its poses before the export, or leave that run out."
         ),
     )
+
+
+def _is_in_radians(log: CheckedLog, commands: Array) -> bool:
+    """Return whether small angles of poses explain the motion if taken for radians.
+
+    commands (n, k): those of axes.
+    """
+    if not log.has("attitude", "imu"):
+        return False
+    angles = log.values("attitude", ATTITUDE)
+    if np.abs(angles).max() > HALF_CIRCLE_AS_DEGREES:
+        return False
+    at, sensor = log.t_s("velocity"), log.vehicle and log.vehicle.dvl
+    read, meant = (
+        rotation_body_to_ned(angles_at(at, log.t_s("attitude"), each))
+        for each in (angles, np.degrees(angles))
+    )
+    body = np.einsum("nji,njk,nk->ni", meant, read, log.body_velocity())
+    sensed = body @ sensor.rotation if sensor else body
+    rates = np.degrees(log.values("imu", GYRO))
+    other = log.with_columns("velocity", dict(zip(LINEAR_VELOCITY, sensed.T, strict=True)))
+    other = other.with_columns("imu", dict(zip(GYRO, rates.T, strict=True)))
+    return _unexplained(other, commands) < LESS_LEFT * _unexplained(log, commands)
+
+
+def _unexplained(log: CheckedLog, commands: Array) -> float:
+    """Return the share of surge and sway that commands (n, k) leave, in the mean."""
+    at, velocity = log.t_s("velocity"), log.body_velocity()
+    coupled = coupling(log, 0, at)
+    gains = [
+        response_gains(
+            log.t_s("actuators"), commands, at, np.ascontiguousarray(own), coupled=coupled
+        )
+        for own in velocity[:, :2].T
+    ]
+    return float(np.mean([1.0 if item is None else 1.0 - item.explained for item in gains]))
 
 
 def _answers(

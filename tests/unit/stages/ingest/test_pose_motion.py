@@ -21,6 +21,7 @@ from auvid.stages import ingest
 from auvid.stages.base import RawFile, RawLog
 from auvid.stages.columns import ATTITUDE, GYRO, LINEAR_VELOCITY, POSITION
 from auvid.stages.ingest.health.agreement.velocity import velocity_clock
+from tests.support import tank_runs
 from tests.support.motions import vehicle_document
 from tests.support.pose_runs import PoseRun, pose_run, tracked
 from tests.support.tank_runs import noisy, tank_run
@@ -300,6 +301,31 @@ def test_markers_that_are_turned_are_named_with_their_angle(angle: float, seed: 
         assert f"mounting: {{value: [0, 0, {-item['value']:.0f}]" in item["remedy"]
     run["cmd2"], run["cmd3"] = run["cmd3"], run["cmd2"]
     assert not of(ingested(*tank_poses(run)), "pose_turned")
+
+
+def test_angles_in_rad_that_are_read_as_degrees_are_no_turned_markers() -> None:
+    """One run in degrees makes a map of degrees for those in radians."""
+    run = noisy(tank_run(3), 3)
+    columns, entries = tank_poses(run)
+    for entry in entries:
+        if entry["unit"] == "rad":
+            entry["unit"] = "deg"
+    outputs = ingested(columns, entries)
+    (item,) = of(outputs, "attitude_unit")
+    assert "unit: rad" in item["remedy"]
+    assert not of(outputs, "pose_turned")
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.004])
+def test_a_heading_that_is_held_is_in_no_other_unit(
+    gain: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Angles stay small, and commands explain the motion as they are."""
+    monkeypatch.setattr(tank_runs, "GAIN", tank_runs.GAIN * [1.0, 1.0, 1.0, gain])
+    outputs = ingested(*tank_poses(noisy(tank_run(1), 1)))
+    assert outputs.attitude is not None
+    assert np.abs(matrix(outputs.attitude, ATTITUDE)).max() < 0.05
+    assert not of(outputs, "attitude_unit")
 
 
 def test_no_axis_of_poses_has_a_clock_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,6 +22,7 @@ def test_the_log_whose_outputs_are_late_is_named_with_its_size() -> None:
     assert log == "third"
     assert item["id"] == "run_clock"
     assert "0.39 s sooner than in 'first' and 'second'" in item["text"], item["text"]
+    assert "or another vehicle" in item["text"]
     assert item["fields"] == ["time_us"]
 
 
