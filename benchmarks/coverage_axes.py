@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import binomtest
 
+from auvid.data_schemas.records.partial import AT_SPEED
 from auvid.hydro.arrays import AXES, VELOCITIES
 from auvid.hydro.identification.axes.coupled import fit_coupled
 from auvid.hydro.identification.axes.drive import ForceDrive
@@ -107,7 +108,7 @@ def row(kind: str, seed: int) -> dict[str, list[float]]:
         for item in quantities:
             if item.name.startswith("steady"):
                 out[f"{velocity} steady"] = [item.value, item.low, item.high, steady]
-            if item.name.startswith("time constant at"):
+            if item.name.startswith(AT_SPEED):
                 tau = -1.0 / (a + 2.0 * b * float(f"{speed:.2g}"))  # as the name has it
                 out[f"{velocity} tau"] = [item.value, item.low, item.high, tau]
     return {name: [float(x) for x in values] for name, values in out.items()}

@@ -18,6 +18,7 @@ from auvid.data_schemas.records.models import (
     UsableFor,
     VelocityRange,
 )
+from auvid.data_schemas.records.partial import AT_SPEED
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 from auvid.hydro.identification.regression.verdicts import IDENTIFIED
 from auvid.stages.model_use import TILTS
@@ -128,14 +129,18 @@ def usable_for(card: ModelCard) -> UsableFor:
     def above(limit: float) -> list[str]:
         return [axis for axis, value in fit.items() if value is not None and value >= limit]
 
-    damped = [
+    damped = {
         axis
         for axis, part in card.axes.items()
         if any(
             item.verdict == IDENTIFIED and VELOCITIES[AXES.index(axis)] in item.term
             for item in part.terms
         )
-    ]
+    } | {
+        item.axis
+        for item in card.partial.without_newtons
+        if item.verdict == IDENTIFIED and item.quantity.startswith(AT_SPEED)
+    }
     return UsableFor(
         forces=[],
         simulation=above(SIMULATED_PERCENT),

@@ -12,6 +12,8 @@ Axis = Literal["X", "Y", "Z", "K", "M", "N"]
 FigureVerdict = Literal[
     "identified", "weak", "not excited", "inseparable", "at its bound", "from the prior"
 ]
+AT_SPEED = "time constant at"
+"""Start of the name of a figure in which linear and quadratic drag are one."""
 
 
 class AxisSource(Model):
@@ -63,7 +65,9 @@ class MassFreeFigure(Model):
     interval_95: list[float] | None
     """Ends of its 95 % interval; null where there is none."""
     verdict: FigureVerdict
-    """What the data say; of several coefficients in it, of the worst."""
+    """What the data say; of several coefficients in it, of the worst. That of a time constant at a
+    speed is its own: linear and quadratic drag trade, and it is surer than both.
+    """
 
 
 class TotalDrag(Model):

@@ -16,6 +16,7 @@ from auvid.data_schemas.records.models import (
     Verdict,
 )
 from auvid.data_schemas.records.partial import (
+    AT_SPEED,
     AxisSource,
     CommandGain,
     LackingAxis,
@@ -32,10 +33,15 @@ from auvid.hydro.axis_figures import (
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.axes.drive import MIXED
-from auvid.hydro.identification.axes.quantities import WIDEST
+from auvid.hydro.identification.axes.quantities import WIDEST, FitQuantity
 from auvid.hydro.identification.fleet.drag import drag_at_speed
 from auvid.hydro.identification.regression.assumed_figures import INERTIA_RATIO, total_error
-from auvid.hydro.identification.regression.verdicts import IDENTIFIED, WEAK, stands_clear
+from auvid.hydro.identification.regression.verdicts import (
+    IDENTIFIED,
+    T_LIMIT,
+    WEAK,
+    stands_clear,
+)
 from auvid.hydro.partial_model import apparent_inertia
 from auvid.stages import few_axes
 from auvid.stages.columns import FINER_FIXES, TOO_COARSE
@@ -187,8 +193,9 @@ def lacking_axis(item: Lacking) -> LackingAxis:
 def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
     """Return the figures of an axis that no newtons go into.
 
-    Their verdict is the worst of the coefficients in them; what a full command gives is
-    left out where the force is in newtons.
+    Their verdict is the worst of the coefficients in them, but for the time constant at a
+    speed: linear and quadratic drag trade, and it is surer than both. What a full command
+    gives is left out where the force is in newtons.
     """
     figures = []
     for quantity in item.quantities:
@@ -197,9 +204,7 @@ def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
             continue
         terms = _terms_in(quantity.name, item.equation.names)
         acting = [name for name in terms if item.equation.value(name) != 0.0]
-        if not acting or (
-            len(acting) < len(terms) and quantity.name.startswith("time constant at")
-        ):
+        if not acting or (len(acting) < len(terms) and quantity.name.startswith(AT_SPEED)):
             continue  # 0 at its bound, or what the time constant from rest says already
         figures.append(
             MassFreeFigure.model_validate(
@@ -209,11 +214,19 @@ def free_figures(item: FittedAxis, normalised: bool) -> list[MassFreeFigure]:
                     "value": quantity.value,
                     "unit": quantity.unit,
                     "interval_95": [quantity.low, quantity.high],
-                    "verdict": _worst([item.verdict(name) for name in acting]),
+                    "verdict": _figure_verdict(item, quantity, acting),
                 }
             )
         )
     return figures
+
+
+def _figure_verdict(item: FittedAxis, quantity: FitQuantity, acting: Sequence[str]) -> str:
+    worst = _worst([item.verdict(name) for name in acting])
+    if not quantity.name.startswith(AT_SPEED) or worst not in (IDENTIFIED, WEAK):
+        return worst
+    half = float(np.log(quantity.high / quantity.low)) / 2.0
+    return IDENTIFIED if item.predicts and half * T_LIMIT <= NORMAL_95 else WEAK
 
 
 def _terms_in(quantity: str, names: Sequence[str]) -> Sequence[str]:

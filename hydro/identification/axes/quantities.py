@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvid.data_schemas.records.partial import AT_SPEED
 from auvid.hydro.arrays import AXES, VELOCITIES, Array
 
 STEP = 1e-6
@@ -121,7 +122,7 @@ def normalised_quantities(
         ("full command/M", f"{length}/s^2", lambda v: float(v[2]), True),
         ("steady speed of full command", f"{length}/s", steady, True),
         ("time constant from rest", "s", rest, True),
-        (f"time constant at {speed:.2g} {length}/s", "s", about, True),
+        (f"{AT_SPEED} {speed:.2g} {length}/s", "s", about, True),
     )
     return tuple(
         quantity(name, unit, f, values, covariance, width=width, positive=positive)

@@ -16,7 +16,7 @@ from auvid.data_schemas.records.models import (
     TermCombination,
     VelocityRange,
 )
-from auvid.data_schemas.records.partial import PartialFigures, TotalDrag
+from auvid.data_schemas.records.partial import AT_SPEED, PartialFigures, TotalDrag
 from auvid.hydro.arrays import AXES
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.viscous.basis import BASIS_TERMS, coefficient_unit
@@ -150,7 +150,7 @@ def _damping(axis: str, part: AxisCard) -> tuple[str, ...]:
 
 
 def _over_own_inertia(axis: str, part: PartialFigures) -> tuple[str, ...]:
-    """Return identified damping over the apparent inertia of its axis."""
+    """Return identified damping over inertia, and the time constant at a speed."""
     return tuple(
         _within(
             item.quantity,
@@ -161,7 +161,7 @@ def _over_own_inertia(axis: str, part: PartialFigures) -> tuple[str, ...]:
         for item in part.without_newtons
         if item.interval_95 is not None
         and (item.axis, item.verdict) == (axis, IDENTIFIED)
-        and item.quantity in _over_mass(axis)
+        and (item.quantity in _over_mass(axis) or item.quantity.startswith(AT_SPEED))
     )
 
 

@@ -138,6 +138,43 @@ def test_drag_at_one_speed_is_surer_than_its_parts_and_stands_first() -> None:
     assert not card_of(fits(True), body).partial.total_drag  # type: ignore[union-attr]
 
 
+def test_a_time_constant_at_a_speed_is_surer_than_the_parts_of_its_drag() -> None:
+    body, fitted = vehicle("bluerov2_heavy"), fits(True)
+    weak = [
+        replace(
+            item,
+            equation=replace(item.equation, verdicts=dict.fromkeys(item.equation.names, "weak")),
+        )
+        for item in fitted.fitted
+    ]
+    trading = replace(fitted, fitted=tuple(weak))
+    card = card_of(trading, body)
+    assert card.partial is not None
+    verdicts = {
+        (item.axis, item.quantity.split(" 0.")[0]): item.verdict
+        for item in card.partial.without_newtons
+    }
+    for axis, rate in (("Z", "w"), ("N", "r")):
+        assert verdicts[axis, f"{axis}_{rate}/M"] == "weak"
+        assert verdicts[axis, "time constant from rest"] == "weak"
+        assert verdicts[axis, "time constant at"] == "identified"
+    usable = ranking(card, trading).usable
+    assert usable is not None
+    assert usable.control == ["Z", "N"]
+    wide = [
+        replace(
+            item,
+            quantities=tuple(
+                replace(own, low=own.value / 1.7, high=own.value * 1.7) for own in item.quantities
+            ),
+        )
+        for item in weak
+    ]
+    other = card_of(replace(fitted, fitted=tuple(wide)), body)
+    assert other.partial is not None
+    assert {item.verdict for item in other.partial.without_newtons} == {"weak"}
+
+
 def test_the_whole_constant_force_scales_with_the_thrust() -> None:
     body = vehicle("bluerov2_heavy")
     light = replace(body, displaced_mass_kg=body.displaced_mass_kg + 1.0)

@@ -85,6 +85,9 @@ def test_damping_without_newtons_is_that_over_the_inertia_of_its_own_axis() -> N
         own | {"quantity": "N_r|r|/M", "verdict": "identified"},
         own | {"quantity": "N_r/M", "verdict": "weak"},
         own | {"quantity": "time constant from rest", "verdict": "identified"},
+        own
+        | {"quantity": "time constant at 0.3 rad/s", "value": 0.5, "unit": "s"}
+        | {"interval_95": [0.4, 0.6], "verdict": "identified"},
     ]
     part = PartialFigures(
         unit_of_mass="X", axes={}, lacking={}, gains=[],
@@ -92,7 +95,10 @@ def test_damping_without_newtons_is_that_over_the_inertia_of_its_own_axis() -> N
     )  # fmt: skip
     in_surge = card(N=[term("r*|r|", -0.0293, 0.005)]).model_copy(update={"partial": part})
     (finding,) = findings(in_surge)
-    assert finding.figures == ("N_r|r|/M = −1.55 ± 0.50 1/rad",)
+    assert finding.figures == (
+        "N_r|r|/M = −1.55 ± 0.50 1/rad",
+        "time constant at 0.3 rad/s = 0.50 ± 0.10 s",
+    )
 
 
 def test_only_identified_coefficients_stand_there() -> None:
