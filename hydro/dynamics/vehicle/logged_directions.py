@@ -86,16 +86,33 @@ def with_logged_directions(
 def joined_as_logged(thrusters: Thrusters, parameters: Mapping[str, float | None]) -> Thrusters:
     """Return the motors of a frame at the outputs that SERVOc_FUNCTION gives them.
 
-    Motor n stays at its output where the log does not name an output for every motor.
+    Motor n that no output names is at output n. Motors stay at their own outputs where one
+    of those is another motor's (`motors_without_output`).
     """
-    outputs = {
-        MOTOR_OF_FUNCTION.get(parameters.get(f"SERVO{output}_FUNCTION") or 0.0): output
-        for output in range(16, 0, -1)
-    }
-    motors = range(1, len(thrusters.outputs) + 1)
-    if not set(motors) <= set(outputs):
+    outputs = _outputs_of_motors(len(thrusters.outputs), parameters)
+    if len(outputs) < len(thrusters.outputs):
         return thrusters
-    return replace(thrusters, outputs=tuple(outputs[motor] for motor in motors))
+    return replace(thrusters, outputs=tuple(outputs[motor] for motor in sorted(outputs)))
+
+
+def motors_without_output(
+    thrusters: Thrusters, parameters: Mapping[str, float | None]
+) -> tuple[int, ...]:
+    """Return the motors of a frame that no output drives by SERVOc_FUNCTION as logged."""
+    count = len(thrusters.outputs)
+    outputs = _outputs_of_motors(count, parameters)
+    return tuple(motor for motor in range(1, count + 1) if motor not in outputs)
+
+
+def _outputs_of_motors(count: int, parameters: Mapping[str, float | None]) -> dict[int, int]:
+    """Return motor -> output, without motors whose own output has another function."""
+    functions = {output: parameters.get(f"SERVO{output}_FUNCTION") for output in range(16, 0, -1)}
+    outputs = {motor: motor for motor in range(1, count + 1) if not functions[motor]}
+    for output, function in functions.items():
+        motor = MOTOR_OF_FUNCTION.get(function or 0.0)
+        if motor is not None and motor <= count:
+            outputs[motor] = output
+    return outputs
 
 
 def turned_as_logged(

@@ -21,6 +21,7 @@ from auvid.hydro.dynamics.vehicle.logged_directions import (
     UnscaledLayout,
     joined_as_logged,
     layout_without_curve,
+    motors_without_output,
     turned_as_logged,
 )
 from auvid.hydro.identification.checks.motion_checks import integrals, shared_windows
@@ -131,6 +132,15 @@ def _of_outputs(log: CheckedLog) -> Iterator[str]:
     """Yield motors of a frame that stand still, and outputs that it lacks."""
     layout = _layout(log)
     if layout is None or layout.frame is None:
+        return
+    lacking = motors_without_output(layout.thrusters, log.info.parameters)
+    if lacking:
+        functions = listed([f"SERVO{motor}_FUNCTION" for motor in lacking])
+        yield (
+            f"No output drives motors {listed([str(motor) for motor in lacking])} of"
+            f" {layout.source}: {functions} of the log names others. Log SERVOn_FUNCTION of all"
+            " outputs, or give actuators.thrusters with outputs in the vehicle file."
+        )
         return
     motors = {
         f"pwm_{output}_us": layout.thrusters.allocation[[0, 1, 2, 5], place] != 0.0

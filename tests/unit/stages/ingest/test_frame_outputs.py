@@ -188,3 +188,17 @@ def test_a_light_that_goes_on_as_the_dive_begins_is_no_motor(log: Log) -> None:
         table[f"pwm_{number}_us"] = 1500.0 + np.where(dives, holds + small, 0.0)
     table["pwm_9_us"] = np.where(dives, 1900.0, 1100.0)
     assert not named(log, "frame_unlike")
+
+
+def test_two_motors_at_one_output_are_named(log: Log) -> None:
+    """Functions that are logged in part, against the usual outputs of the other motors."""
+    parameters = log.info["parameters"]
+    parameters["SERVO1_FUNCTION"] = 34.0
+    (item,) = named(log, "frame_unlike")
+    assert "No output drives motors 1 of frame vectored_6dof" in item["text"]
+    parameters["SERVO2_FUNCTION"] = 33.0
+    assert not named(log, "frame_unlike")
+    assert named(log, "response_order"), "the log was flown with motors 1 and 2 in place"
+    del parameters["SERVO1_FUNCTION"], parameters["SERVO2_FUNCTION"]
+    parameters["SERVO3_FUNCTION"] = 35.0
+    assert not {"frame_unlike", "response_order"} & set(log.ids())
