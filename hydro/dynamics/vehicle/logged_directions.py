@@ -98,14 +98,14 @@ def joined_as_logged(thrusters: Thrusters, parameters: Mapping[str, float | None
 def motors_without_output(
     thrusters: Thrusters, parameters: Mapping[str, float | None]
 ) -> tuple[int, ...]:
-    """Return the motors of a frame that no output drives by SERVOc_FUNCTION as logged."""
+    """Return the motors of a frame that no output drives by SERVOc_FUNCTION."""
     count = len(thrusters.outputs)
     outputs = _outputs_of_motors(count, parameters)
     return tuple(motor for motor in range(1, count + 1) if motor not in outputs)
 
 
 def _outputs_of_motors(count: int, parameters: Mapping[str, float | None]) -> dict[int, int]:
-    """Return motor -> output, without motors whose own output has another function."""
+    """Return motor -> output, without motors whose output has another function."""
     functions = {output: parameters.get(f"SERVO{output}_FUNCTION") for output in range(16, 0, -1)}
     outputs = {motor: motor for motor in range(1, count + 1) if not functions[motor]}
     for output, function in functions.items():

@@ -2,8 +2,8 @@
 
 By axis, the change of a body velocity over windows, less what drag and a constant explain,
 is compared with the impulse of thrusters through an allocation, with a gain >= 0 each. Every
-set of directions and, of two axes or more, every exchange of two outputs is tried; which of them
-explains the motion best is taken, where no axis is explained worse.
+set of directions and, of two axes or more, every exchange of two outputs that act is tried; which
+of them explains the motion best is taken, where no axis is explained worse.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _tried(acting: Array, *, exchanges: bool) -> list[TurnedOutputs]:
     )
     pairs = combinations(range(len(acting)), 2) if exchanges else ()
     return [TurnedOutputs(backward=each) for each in sets] + [
-        TurnedOutputs(exchanged=pair) for pair in pairs if acting[list(pair)].any()
+        TurnedOutputs(exchanged=pair) for pair in pairs if acting[list(pair)].all()
     ]
 
 
