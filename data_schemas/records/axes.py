@@ -54,8 +54,8 @@ class AxisWindowsRecord(Model):
     """Where the force comes from, in words."""
     measured_by: dict[AxisLetter, str]
     """Axis -> what measures its velocity, in words; axes that nothing measures lack."""
-    smoothed_s: float | None = None
-    """Time over which a velocity from position fixes is smoothed; null for others."""
+    smoothed_s: dict[AxisLetter, float] = Field(default_factory=dict)
+    """Axis -> time over which position fixes, or lines between seldom depths, smooth it."""
     windows_s: dict[AxisLetter, float]
     """Axis -> length of its windows together."""
     left_out: list[LeftOutStretch]

@@ -21,6 +21,7 @@ from auvid.stages.axis_record.presentation import record_section, record_views
 from auvid.stages.axis_tables import axis_record_table, effects_of
 from auvid.stages.base import Stage, param, port
 from auvid.stages.columns import TOO_COARSE, leg_window
+from auvid.stages.leg_record.motion import smoothed_s
 from auvid.stages.leg_record.record import RecordedLeg, RecordOptions, leg_record
 from auvid.stages.leg_streams import Streams
 
@@ -116,7 +117,6 @@ def run(inputs: Inputs, params: Params) -> Outputs:
 
 def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
     record, drive, notes = result.record, result.drive, inputs.log_info.notes
-    velocity = inputs.log_info.streams.get("velocity")
     return AxisWindowsRecord.model_validate(
         {
             "leg": inputs.leg.id,
@@ -127,7 +127,7 @@ def _document(inputs: Inputs, result: RecordedLeg) -> AxisWindowsRecord:
             "normalised": record.normalised,
             "force": drive.words,
             "measured_by": dict(record.measured_by),
-            "smoothed_s": velocity.smoothed_s if velocity is not None else None,
+            "smoothed_s": smoothed_s(record.measured_by, inputs.log_info),
             "windows_s": {axis: result.length_s(axis) for axis in record.windows},
             "left_out": [LeftOutStretch.model_validate(item._asdict()) for item in record.left_out],
             "full_force": dict(inputs.vehicle.commands.full_force),

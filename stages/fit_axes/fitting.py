@@ -69,8 +69,8 @@ from auvid.stages.fit_axes.hull_speeds import HullSpeeds, hull_speeds
 from auvid.stages.fit_axes.markers import (
     arm_doubts,
     at_origin,
-    by_fixes,
     by_poses,
+    by_smoothed,
     doubted,
     markers_of,
 )
@@ -190,7 +190,7 @@ def fit_all(
         there = {item.axis for item in kept}
         together = replace(together, axes=tuple(a for a in together.axes if a in there))
     return AxisFits(
-        fitted=tuple(by_fixes(by_poses(doubted(item, markers), legs), legs) for item in kept),
+        fitted=tuple(by_smoothed(by_poses(doubted(item, markers), legs), legs) for item in kept),
         markers=markers,
         lacking=tuple(sorted(lacking, key=lambda item: AXES.index(item.axis))),
         normalised=first.normalised,

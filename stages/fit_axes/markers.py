@@ -19,7 +19,7 @@ from auvid.hydro.identification.signals.installation import CERTAIN, departure_v
 from auvid.hydro.identification.signals.pose.marker_arm import TurningLeg, marker_arm
 from auvid.stages.fit_axes.fitted import ArmChoice, FittedAxis, Markers
 from auvid.stages.fit_axes.flight import LegData
-from auvid.stages.leg_record.motion import FIXES, POSES, VELOCITY_LOG
+from auvid.stages.leg_record.motion import POSES, VELOCITY_LOG
 from auvid.stages.page.first_screen import AXIS_WORDS
 
 LIMITS_M = (0.02, 0.02, 0.05)
@@ -173,22 +173,19 @@ def by_poses(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
     return replace(item, equation=wide, quantities=quantities)
 
 
-def by_fixes(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
-    """Return an axis with what the smoothing of position fixes does in its intervals.
+def by_smoothed(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
+    """Return an axis with what smoothing of fixes or depths does in its intervals.
 
     A smoother over T makes the answer to a step slower, T^2 more in the square of its time
     constant tau: x' = a x + b x|x| + c F + d has all four small by one factor up to f =
     1 / sqrt(1 - T^2 / tau^2), and P + d d' with d = s (a, b, c, d), 1.96 s = f - 1. What has
     no time in it, as the steady speed and drag per thrust, is as sure as before.
     """
-    smoothed = [
-        leg.windows.smoothed_s or 0.0
-        for leg in legs.values()
-        if leg.record.measured_by.get(item.axis) == FIXES
-    ]
-    if not smoothed:
+    times = [pair for leg in legs.values() for pair in leg.windows.smoothed_s.items()]
+    longest_s = max((time for axis, time in times if axis == item.axis), default=0.0)
+    if not longest_s:
         return item
-    equation, longest_s = item.equation, max(smoothed)
+    equation = item.equation
     values = dict(zip(equation.names, equation.values, strict=True))
     rate = VELOCITIES[AXES.index(item.axis)]
     slope = -values.get(rate, 0.0) - 2.0 * item.rate_rms * values.get(f"{rate}*|{rate}|", 0.0)
@@ -202,7 +199,7 @@ def by_fixes(item: FittedAxis, legs: Mapping[str, LegData]) -> FittedAxis:
         for quantity in item.quantities
     )
     words = (
-        f"{AXIS_WORDS[item.axis].capitalize()} is measured by position fixes, smoothed over"
+        f"{AXIS_WORDS[item.axis].capitalize()} is measured by {item.measured_by}, smoothed over"
         f" {longest_s:.2g} s: its time constant may be {factor:.2g} times too long, damping and"
         " gain over the inertia too small by that factor, which intervals contain. The steady"
         " speed of a force is free of it."

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.arrays import VELOCITIES, Array, Mask
 from auvid.hydro.dynamics.mechanics.kinematics import (
     euler_rate_matrix_inverse,
@@ -23,6 +24,8 @@ PAUSE_STEPS = 4.0
 """A coarse clock leaves out single samples; so many steps are a pause."""
 OVERSAMPLED = 1.5
 """A sensor faster than this many times the clock is averaged between its times."""
+SELDOM_S = 0.75
+"""Step of a depth from which the lines between its samples count as a smoother."""
 VELOCITY_LOG, POSES, FIXES, DEPTH = "velocity log", "poses", "position fixes", "depth"
 GYRO_RATES = "gyro"
 """What measures u, v, w: a sensor, or the slope of places."""
@@ -74,6 +77,24 @@ def on_clock(samples: Samples, t_s: Array, max_gap_s: float) -> Array:
         inside = (t_s - step / 2 >= t[0]) & (t_s + step / 2 <= t[-1])
         values = np.where(np.isfinite(values) & inside[:, None], mean, values)
     return np.asarray(values)
+
+
+def smoothed_s(measured_by: Mapping[str, str], info: LogInfo) -> dict[str, float]:
+    """Return axis -> time [s] over which its measurement is smoothed, where long.
+
+    Of fixes as their smoother says. Lines between samples h apart are a mean over a triangle
+    whose variance is h^2 / 6.
+    """
+    velocity, depth = (info.streams.get(name) for name in ("velocity", "depth"))
+    out = {}
+    for axis, sensor in measured_by.items():
+        if sensor == FIXES and velocity is not None and velocity.smoothed_s is not None:
+            out[axis] = velocity.smoothed_s
+        elif sensor == DEPTH and depth is not None and depth.rate_hz is not None:
+            step = 1.0 / depth.rate_hz
+            if step > SELDOM_S:
+                out[axis] = step / float(np.sqrt(6.0))
+    return out
 
 
 def enough(samples: Samples | None) -> Samples | None:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import copy
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.errors import DataError
+from auvid.data_schemas.records.logs import LogInfo
 from auvid.hydro.dynamics.vehicle.from_document import vehicle_from_document
 from auvid.stages import axis_record
 from auvid.stages.axis_tables import axis_record_of
 from auvid.stages.fit_axes.fitting import fit_all
 from auvid.stages.fit_axes.flight import FitOptions, LegData
+from auvid.stages.leg_record.motion import DEPTH, FIXES, smoothed_s
 from auvid.stages.leg_record.record import leg_record
 from auvid.stages.leg_record.refusal import refusal
 from auvid.stages.leg_streams import Streams
@@ -312,3 +316,20 @@ def test_a_dive_mostly_at_the_surface_is_refused_by_how_long_it_was_below(below_
     streams = Streams(shallow.tables(), FIRST_US, (0.0, 60.0), VEHICLE)
     result = leg_record(streams, shallow.info(), "dive")
     assert words in refusal(result, streams, shallow.info())
+
+
+@pytest.mark.parametrize(("step_s", "is_seldom"), [(0.1, False), (2.0, True)])
+def test_lines_between_seldom_depths_smooth_heave_and_no_other_axis(
+    step_s: float, is_seldom: bool
+) -> None:
+    """They are a mean over a triangle, whose moments are summed here."""
+    streams = {
+        "depth": SimpleNamespace(rate_hz=1.0 / step_s, smoothed_s=None),
+        "velocity": SimpleNamespace(rate_hz=1.0, smoothed_s=1.2),
+    }
+    info = cast(LogInfo, SimpleNamespace(streams=streams))
+    times = smoothed_s({"X": FIXES, "Z": DEPTH, "N": "gyro"}, info)
+    assert times.pop("X") == pytest.approx(1.2)
+    x = np.linspace(-step_s, step_s, 2001)
+    width = float(np.sqrt(np.average(x**2, weights=step_s - np.abs(x))))
+    assert times == ({"Z": pytest.approx(width, rel=1e-3)} if is_seldom else {})

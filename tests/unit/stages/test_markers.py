@@ -87,7 +87,7 @@ def test_motion_by_fixes_may_be_slower_than_the_vehicle(smoothed_s: float) -> No
                     item.windows.model_copy(
                         update={
                             "measured_by": dict.fromkeys("XYN", sensor),
-                            "smoothed_s": smoothed_s if sensor == FIXES else None,
+                            "smoothed_s": {"Y": smoothed_s} if sensor == FIXES else {},
                         }
                     ),
                 )
