@@ -33,6 +33,13 @@ from auvid.stages.glide.refusals import odd_lift, odd_zero
 
 MOST_FLAT = 0.1
 """Share of stretches too flat to be steady, from which on the pitch or the rest is in doubt."""
+LEAST_DENSITY_STEP = 0.02
+"""Least span [kg/m^3] of a density that was measured: pressure alone gives as much in 5 m."""
+CONSTANT_DENSITY = (
+    "The density is the same at every depth: it was not measured, and pressure alone makes water"
+    " denser. Layers of the water are in no figure: all are weak. Log the density of a CTD; in"
+    " mixed water set stages.glide.constant_density: true."
+)
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,11 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         if words
     ]
     glides = replace(glides, warnings=(*glides.warnings, *odd))
-    in_doubt = bool(odd or glides.pitch_zero or flat > MOST_FLAT * total)
+    density = glides.rows.state.density_kg_m3
+    logged_constant = not params.constant_density and float(np.ptp(density)) < LEAST_DENSITY_STEP
+    if logged_constant:
+        glides = replace(glides, warnings=(*glides.warnings, CONSTANT_DENSITY))
+    in_doubt = bool(odd or logged_constant or glides.pitch_zero or flat > MOST_FLAT * total)
     steps = trim_step(glides.rows, comparison.estimate, glides.stroke_m3) is not None
     if in_doubt or steps or glides.is_drive_stuck or (gap is not None and gap.named):
         estimate = doubted(comparison.estimate, *ALL_FIGURES)

@@ -84,6 +84,16 @@ def without(*names: str) -> Callable[[Columns], None]:
     return change
 
 
+def test_a_density_that_is_one_constant_is_no_measurement(ingested: ingest.Outputs) -> None:
+    def constant(columns: Columns) -> None:
+        columns["density_kg_m3"] = np.full(columns["density_kg_m3"].size, 1006.0)
+
+    outputs = run(ingested, constant)
+    assert "the same at every depth: it was not measured" in str(outputs.section)
+    assert figures(outputs)["C_D"]["verdict"] == "weak"
+    assert "the same at every depth" not in str(run(ingested).section)
+
+
 def test_the_slocum_record(ingested: ingest.Outputs) -> None:
     """C_D .21 +- .02 and 3 degrees are what others find from this record."""
     outputs = run(ingested)
