@@ -52,6 +52,7 @@ def test_two_commands_lead_from_a_tow_to_newtons(workspace: Path) -> None:
     checked = CliRunner().invoke(cli.app, ["check", "towed"])
     assert "would stop" not in checked.output
     assert "Nothing on board drives it" in checked.output
+    assert "No axis can be fitted" not in checked.output
     page = (workspace / "runs/towed/report/report_html.html").read_text()
     assert page.index("Simulated (up) against measured") < page.index("What the motions tell")
     model = read_model(workspace / "runs/towed/model_file/model_file/passive.json")

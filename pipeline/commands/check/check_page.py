@@ -114,7 +114,10 @@ def _unseen(rows: Sequence[UnseenRecord]) -> Iterator[Text]:
 
 
 def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
-    """Yield what axes can be fitted one by one, where no force model can."""
+    """Yield what axes can be fitted one by one, where no force model can.
+
+    A body that nothing drives has none, which its verdict says.
+    """
     assert page.outputs is not None
     outputs = page.outputs
     uses = {item.name: item.possible for item in health.capabilities}
@@ -123,6 +126,8 @@ def _axes(page: LogPage, health: HealthRecord) -> Iterator[Text]:
     if any(good for name, good in uses.items() if name.startswith("synthesise")):
         return
     fed = axes_fed(CheckedLog(page.streams, outputs.log_info, outputs.dropped, page.vehicle))
+    if not fed.axes and uses.get(PASSIVE_KIND):
+        return
     mark = ("✓ ", "bold green") if fed.axes else ("✗ ", "bold red")
     yield Text.assemble(mark, (plain(fed.words), "bold"))
     yield from (Text.assemble(("! ", "bold yellow"), plain(words)) for words in fed.warnings)
