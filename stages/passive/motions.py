@@ -38,7 +38,7 @@ from auvid.hydro.identification.passive.tow import (
     fit_tow,
     force_delay,
 )
-from auvid.hydro.identification.regression.standard_errors import widened_by
+from auvid.hydro.identification.regression.standard_errors import mean_error, widened_by
 from auvid.hydro.identification.signals.resampling import uniform_clock
 from auvid.stages.columns import ATTITUDE, GYRO, POSITION, VELOCITY, leg_window
 from auvid.stages.leg_record.motion import LegMotion, enough, motion_of, on_clock, step_s
@@ -62,6 +62,7 @@ ODD_MASS, ODD_MASS_ERRORS = 3.0, 3.0
 WAIT_S = 0.2
 """After a release, for the line to fall slack."""
 SMOOTHED_S = 0.4
+DRIFT_BLOCKS = 6
 UNKNOWN_MASS = 0.2
 """Standard deviation of an apparent mass whose vehicle file has no spread, as a share."""
 
@@ -208,14 +209,14 @@ def read_leg(
 def position_slope(t_s: Array, position: Array) -> Array:
     """Return velocity north, east [m/s] and standard errors of a drift, (2, 2).
 
-    Slopes of position over time; errors by six blocks, since a drift meanders, as Student's t
-    makes 1.96 of them half of the 95 % interval.
+    Slopes of position over time in six blocks. Water meanders for longer than a block: the
+    errors have the correlation of blocks in a row, as Student's t makes 1.96 of them half of
+    the 95 % interval.
     """
-    blocks = np.array_split(np.arange(t_s.size), 6)
+    blocks = np.array_split(np.arange(t_s.size), DRIFT_BLOCKS)
     slopes = np.array([np.polyfit(t_s[part], position[part, :2], 1)[0] for part in blocks])
-    return np.stack(
-        [slopes.mean(axis=0), widened_by(5) * slopes.std(axis=0, ddof=1) / np.sqrt(6.0)]
-    )
+    errors = [mean_error(part) for part in slopes.T]
+    return np.stack([slopes.mean(axis=0), widened_by(DRIFT_BLOCKS - 1) * np.array(errors)])
 
 
 def motions_of(legs: Sequence[PassiveLeg], rules: MotionRules, vehicle: Vehicle) -> PassiveMotions:

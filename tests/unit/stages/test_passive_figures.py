@@ -8,16 +8,24 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from auvid.data_schemas.documents.campaign import LegEntry
 from auvid.data_schemas.records.logs import LogInfo
 from auvid.data_schemas.tables import make_table
 from auvid.hydro.arrays import Array
+from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.identification.passive.free_swing import FreeSwing
 from auvid.hydro.identification.passive.tow import TowRecord, fit_tow, force_delay
 from auvid.stages.columns import POSITION
 from auvid.stages.passive.figures import alike_damped, passive_results, pooled
-from auvid.stages.passive.motions import MotionRules, PassiveMotions, motions_of, read_leg
+from auvid.stages.passive.motions import (
+    MotionRules,
+    PassiveMotions,
+    motions_of,
+    position_slope,
+    read_leg,
+)
 from auvid.stages.passive.presentation import passive_section
 from tests.support.motions import shipped_vehicle
 from tests.support.towed_body import LINEAR, MASS_KG, QUADRATIC, towed_body
@@ -252,3 +260,17 @@ def test_a_body_that_only_drifts_tells_the_current_and_a_float_that_bobs_no_drag
     assert len(bobs.swings["heave"]) == 3
     assert bobs.coast_fits == {}
     assert bobs.drifts == []
+
+
+def test_the_current_of_a_drift_lies_in_its_interval_where_the_water_meanders() -> None:
+    """0.03 m/s over 60 s, ten minutes; blocks that count as independent hold in .88."""
+    rng, t_s, share = np.random.default_rng(5), np.arange(600.0), np.exp(-1.0 / 60.0)
+    noise = rng.standard_normal((600, 400))
+    noise[1:] *= np.sqrt(1.0 - share**2)
+    water = 0.1 + 0.03 * lfilter([1.0], [1.0, -share], noise, axis=0)
+    path = np.cumsum(water, axis=0) + 0.5 * rng.standard_normal(water.shape)
+    inside = []
+    for first in range(0, 400, 2):
+        velocity, error = position_slope(t_s, path[:, first : first + 2])
+        inside.extend(np.abs(velocity - 0.1) < NORMAL_95 * error)
+    assert np.mean(inside) > 0.91
