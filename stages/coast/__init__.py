@@ -23,6 +23,7 @@ from auvid.hydro.dynamics.vehicle.vehicle import Vehicle
 from auvid.hydro.identification.coasting.decay import LEAST_COASTS, fit_decay
 from auvid.hydro.identification.coasting.finding import CoastRule
 from auvid.hydro.identification.coasting.thrust_scale import (
+    ThrustLag,
     common_scale,
     drag_and_scale,
 )
@@ -86,6 +87,14 @@ class Params:
     thrust_lag_s: float = param(
         "s", 0.1, meaning="time constant of the thrust after it was stopped", low=0.0, high=5.0
     )
+    thrust_lag_sd_s: float | None = param(
+        "s",
+        None,
+        meaning="standard deviation of thrust_lag_s where it was measured; none: the powered legs"
+        " tell the lag",
+        low=0.001,
+        high=5.0,
+    )
     releases: tuple[str, ...] = param(
         "1",
         (),
@@ -122,8 +131,10 @@ def run(inputs: Inputs, params: Params) -> Outputs:
         for name in DEGREES
     }
     axes = _gathered(inputs, params, rules)
+    sd_s = params.thrust_lag_sd_s
+    stated = None if sd_s is None else ThrustLag(params.thrust_lag_s, 0.0, sd_s)
     for name, axis in axes.items():
-        _fit(axis, inputs, DEGREES[name])
+        _fit(axis, inputs, DEGREES[name], stated)
     scaled = [axis for axis in axes.values() if axis.scale is not None]
     common = (
         common_scale(
@@ -179,7 +190,7 @@ def _logs(inputs: Inputs) -> list[str]:
     return sorted({str(segment.log) for segment in inputs.segment.values()})
 
 
-def _fit(axis: AxisCoasts, inputs: Inputs, place: int) -> None:
+def _fit(axis: AxisCoasts, inputs: Inputs, place: int, stated: ThrustLag | None) -> None:
     """Fit the coasts on one axis, and the scale of the thrust where it is driven.
 
     Only the powered legs of one axis that has coasts are in memory.
@@ -199,7 +210,7 @@ def _fit(axis: AxisCoasts, inputs: Inputs, place: int) -> None:
     with suppress(DataError):  # too few of the coasts are sound
         if any(np.any(leg.thrust != 0.0) for leg in legs):
             axis.decay, axis.scale = drag_and_scale(
-                axis.records, legs, mass=mass, prior_sd=prior_sd
+                axis.records, legs, mass=mass, prior_sd=prior_sd, stated=stated
             )
         else:
             axis.decay = fit_decay(axis.records, prior_sd=prior_sd)

@@ -38,7 +38,7 @@ FIRST = (0.5, 3.0)
 """d1 and d2 from which the fit starts; 0.5 to 3 of them are those of small vehicles."""
 FADING_SD, OWN_FADING_SD = 0.5, 0.3
 """Spreads of the thrust that acts after the stop, as shares of what is expected: of all
-coasts together (the lag) and of each (when between two samples it stopped)."""
+coasts together (a lag that nothing tells) and of each (when between two samples it stopped)."""
 ODD_COAST = 5.0
 """Mean squared error of a coast over the median of all, beyond which it is another
 matter: the bottom, a taut tether."""
@@ -158,11 +158,15 @@ class CoastDecay:
 
 
 def fit_decay(
-    records: Sequence[CoastRecord], *, prior_sd: Sequence[float] = (), thrust_scale: float = 1.0
+    records: Sequence[CoastRecord],
+    *,
+    prior_sd: Sequence[float] = (),
+    thrust_scale: float = 1.0,
+    fading_sd: float = FADING_SD,
 ) -> CoastDecay:
     """Fit the drag over mass of one axis to coasts; `prior_sd` (k,) of the shapes.
 
-    What fades after the stop counts over `thrust_scale`, give or take `FADING_SD`.
+    What fades after the stop counts over `thrust_scale`, give or take a share `fading_sd`.
 
     Generalised least squares: a coast's error is noise of its samples and what the
     constant and the unsteady force of that coast do to x. Coasts whose error is
@@ -178,7 +182,7 @@ def fit_decay(
             raise DataError("too few coasts", value=used.size, allowed=f"{LEAST_COASTS} and more")
         problem = _Problem(
             [thin[index].with_fading(thrust_scale) for index in used],
-            np.concatenate([prior_sd, [FADING_SD], np.full(thin[0].drift.size, USUAL_CURRENT_M_S)]),
+            np.concatenate([prior_sd, [fading_sd], np.full(thin[0].drift.size, USUAL_CURRENT_M_S)]),
         )
         fitted, misfit = problem.fit()
         push = np.abs(fitted.constants)

@@ -16,7 +16,12 @@ from auvid.data_schemas.errors import DataError
 from auvid.hydro.arrays import Array, Index
 from auvid.hydro.constants import NORMAL_95
 from auvid.hydro.dynamics.actuators.lag import first_order_lag
-from auvid.hydro.identification.coasting.decay import CoastDecay, CoastRecord, fit_decay
+from auvid.hydro.identification.coasting.decay import (
+    FADING_SD,
+    CoastDecay,
+    CoastRecord,
+    fit_decay,
+)
 from auvid.hydro.identification.regression.standard_errors import (
     automatic_lags,
     long_run_moment,
@@ -98,42 +103,54 @@ def drag_and_scale(
     *,
     mass: float,
     prior_sd: Sequence[float] = (),
+    stated: ThrustLag | None = None,
 ) -> tuple[CoastDecay, ThrustScale]:
     """Return the drag of the coasts and the scale, each with the other's result.
 
     The thrust that fades after a stop is that of the vehicle file over its scale, with the
-    lag that the powered legs show. Legs are gone through several times. Raises `DataError` for too
-    few coasts, and where they determine no drag.
+    `stated` lag or that which the powered legs show; what the lag errs by frees its size.
+    Legs are gone through several times. Raises `DataError` for too few coasts, and where they
+    determine no drag.
     """
     legs = list(legs)
     decay = fit_decay(records, prior_sd=prior_sd)
     if not np.isfinite(decay.drag).all():
         raise DataError("the coasts determine no drag", value=decay.drag.tolist())
-    result = thrust_scale(legs, decay, mass=mass)
-
-    def again(lag: ThrustLag) -> tuple[CoastDecay, ThrustScale]:
-        late = [record.at_lag(lag.lag_s, lag.delay_s) for record in records]
-        own = fit_decay(late, prior_sd=prior_sd, thrust_scale=result.scale)
-        return own, thrust_scale(legs, own, mass=mass)
-
+    result = thrust_scale(legs, decay, mass=mass, stated=stated)
     for _ in range(MOST_ROUNDS):
         if not result.standard_error < DOUBTFUL * result.scale:
-            return decay, result
-        before = result.scale
-        decay, result = again(result.lag)
+            break
+        before, lag = result.scale, result.lag
+        late = [record.at_lag(lag.lag_s, lag.delay_s) for record in records]
+        decay = fit_decay(
+            late, prior_sd=prior_sd, thrust_scale=before, fading_sd=_fading_sd(records, lag)
+        )
+        result = thrust_scale(legs, decay, mass=mass, stated=stated)
         if abs(result.scale - before) < SETTLED * result.standard_error:
             break
-    # What the lag errs by moves drag and scale together.
-    joint, variance = decay.joint, result.standard_error**2
-    for changed in result.lag.errors:
-        other, moved = again(changed)
-        away = other.law - decay.law
-        joint = joint + np.outer(away, away)
-        variance += (moved.scale - result.scale) ** 2
-    return replace(decay, joint=joint), replace(result, standard_error=float(np.sqrt(variance)))
+    return decay, result
 
 
-def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) -> ThrustScale:
+def _fading_sd(records: Sequence[CoastRecord], lag: ThrustLag) -> float:
+    """Return the share by which errors of a lag change what fades in coasts."""
+
+    def faded(changed: ThrustLag) -> float:
+        late = [record.at_lag(changed.lag_s, changed.delay_s) for record in records]
+        return float(sum(np.sum(np.abs(item.fading)) for item in late))
+
+    usual = faded(lag)
+    if usual == 0.0:
+        return FADING_SD
+    return float(np.linalg.norm([faded(changed) / usual - 1.0 for changed in lag.errors]))
+
+
+def thrust_scale(
+    legs: Iterable[PoweredLeg],
+    decay: CoastDecay,
+    *,
+    mass: float,
+    stated: ThrustLag | None = None,
+) -> ThrustScale:
     """Return the scale s of thrust = s (force - drag) + constant + shapes.
 
     drag = -m (d1 x + d2 x|x|) of the coasts, `mass` m the apparent mass of the axis, a
@@ -142,7 +159,7 @@ def thrust_scale(legs: Iterable[PoweredLeg], decay: CoastDecay, *, mass: float) 
     coloured ones of the samples, and the covariance of the coasts.
     """
     legs = list(legs)
-    lag, law = thrust_lag(legs, decay.current), decay.law
+    lag, law = stated or thrust_lag(legs, decay.current), decay.law
     fits = _Fits.of(legs, [law], mass, lag)
     scale = float(fits.solutions[0, 0])
     steps = np.diag(STEP * np.maximum(np.abs(law), 0.1))
