@@ -93,8 +93,11 @@ def _command_unit(item: NamedColumn, group: Sequence[Array]) -> tuple[str, str]:
         return "us", "full command taken for 1100 or 1900 us"
     if in_percent(group[1:]) and percentile(group[:1]) <= 100.0:
         return "percent", "by the size of all commands"
-    large = percentile(group[:1]) > LARGEST_COMMAND
-    return "1", "beyond 1: another unit, or a set point" if large else ""
+    largest = percentile(group[:1])
+    if largest <= LARGEST_COMMAND:
+        return "1", ""
+    divide = "; of -1000 to 1000 divide the column by 1000" if largest > 100.0 else ""
+    return "1", f"beyond 1: another unit, or a set point{divide}"
 
 
 def in_percent(commands: Sequence[Array]) -> bool:

@@ -72,6 +72,7 @@ def test_names_that_leave_something_open_are_marked() -> None:
     assert checks["surge"] == "a command, as no unit tells otherwise; else u_m_s"
     steered = drafted({"t_s": T_S, "surge": wave(0.5), "sway": wave(0.5), "yaw": wave(170.0)})
     assert "beyond 1: another unit, or a set point" in steered.columns[2].check
+    assert "divide the column by 1000" in steered.columns[2].check
     assert "else psi_rad" in steered.columns[2].check
     assert "beyond 1" not in steered.columns[0].check
     for name in ("speed_log_m_s", "surge_mps", "speed_mps"):
