@@ -73,7 +73,8 @@ REMEDIES = {
 MOVE = "Drive the axis by itself, both ways, for some minutes."
 """What would give surge, sway, heave or yaw that is measured."""
 OUTPUTS_FIRST = (
-    "Is a motor reversed, are two outputs exchanged, is a pose's marker frame turned (in one leg"
+    "Does one leg have another neutral of a command, or markers at another place?"
+    " Is a motor reversed, are two outputs exchanged, is a pose's marker frame turned (in one leg"
     " or all), or is the frame another one (FRAME_CONFIG, MOT_n_DIRECTION, actuators of the vehicle"
     " file)? Else drive"
 )

@@ -242,6 +242,7 @@ def test_a_run_that_is_lost_has_words_in_place_of_a_fit_in_percent() -> None:
     [
         ("Y", "not observable", "DVL"),
         ("Y", "not predicted", "marker frame turned"),
+        ("Y", "not predicted", "another neutral of a command, or markers at another place"),
         ("N", "not excited", "Drive"),
         ("M", "not predicted", "Tilt"),
         ("K", "not commanded", "Tilt"),
