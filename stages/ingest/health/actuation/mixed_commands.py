@@ -33,7 +33,7 @@ LEAST_TILTED, STEADY_HEADING = 0.02, 0.9
 """Share of the time for which an upright vehicle is tilted, and length of the mean heading of
 one that does not turn.
 """
-HALF_CIRCLE_AS_DEGREES, LESS_LEFT = 1.01 * math.radians(math.pi), 0.7
+CIRCLE_AS_DEGREES, LESS_LEFT = 1.01 * math.radians(2.0 * math.pi), 0.7
 """Largest angle of radians read as degrees, and the share of what commands leave unexplained of
 surge and sway that they leave where such angles are taken for radians, at most.
 """
@@ -115,7 +115,7 @@ def turned_markers(log: CheckedLog) -> Iterator[Finding]:
     if _is_in_radians(log, commands):
         yield finding(
             "attitude_unit",
-            "The angles of the poses stay within 3.2 degrees: they are in rad, declared as degrees."
+            "The angles of the poses stay within 6.3 degrees: they are in rad, declared as degrees."
             " Taken for rad, commands of surge and sway push the poses ahead and aside.",
             stream="pose",
             fields=ATTITUDE,
@@ -153,7 +153,7 @@ def _is_in_radians(log: CheckedLog, commands: Array) -> bool:
     if not log.has("attitude", "imu"):
         return False
     angles = log.values("attitude", ATTITUDE)
-    if np.abs(angles).max() > HALF_CIRCLE_AS_DEGREES:
+    if np.abs(angles).max() > CIRCLE_AS_DEGREES:
         return False
     at, sensor = log.t_s("velocity"), log.vehicle and log.vehicle.dvl
     read, meant = (
