@@ -14,6 +14,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     accelerometer_changes,
     depth_by_axes,
     depth_gains,
+    depth_gains_beside_arm,
     heave_zero,
     own_and_cross,
     position_gains,
@@ -424,10 +425,11 @@ def _depth(
         )
         yield finding("depth_sign", text, stream="depth", value=-1.0, fields=("depth_m",))
     best = min(clear, key=lambda axis: gains.sd[axis] / abs(gains.gain[axis]))
-    size, sd = abs(float(gains.gain[best])), float(gains.sd[best])
+    size = abs(float(gains.gain[best]))
     factor = 1.0 + limit("velocity_scale")
     most = SURE_SCALE if gains.explained > SURE_SHARE else factor
-    if size - CLEAR * sd > most or size + CLEAR * sd < 1.0 / most:
+    freed = _beside_arm(log) or gains
+    if _is_scaled(gains, best, most) and _is_scaled(freed, best, most):
         yield finding(
             "velocity_scale",
             f"Depth moves {significant(size)} times as much as the velocity in"
@@ -437,7 +439,20 @@ def _depth(
             fields=(*LINEAR_VELOCITY, "depth_m"),
         )
     else:
-        yield from list(tilt_findings(log)) or _scale_off(log, gains, int(best))
+        yield from list(tilt_findings(log)) or _scale_off(log, freed, int(best))
+
+
+def _is_scaled(gains: AxisGains, axis: int, most: float) -> bool:
+    """Return whether a gain is clear of 1 by a factor of `most`."""
+    size, room = abs(float(gains.gain[axis])), CLEAR * float(gains.sd[axis])
+    return size - room > most or size + room < 1.0 / most
+
+
+def _beside_arm(log: CheckedLog) -> AxisGains | None:
+    """Return the gains beside free arms, where no vehicle file states the arms."""
+    if log.vehicle is not None:
+        return None
+    return depth_gains_beside_arm(*log.depth_of_velocity(), *_poses(log))
 
 
 def _far_too_small(log: CheckedLog, gains: AxisGains) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ from auvid.hydro.identification.checks.motion_checks import (
     BLOCK_ROWS,
     angles_at,
     depth_gains,
+    depth_gains_beside_arm,
     down_at,
     gains_by_lag,
     integrals,
@@ -114,6 +115,24 @@ def test_lag_is_that_of_the_best_of_all_fits(late_s: float) -> None:
     )
     assert at_zero == gains(T_ATTITUDE, seen_s).explained
     np.testing.assert_allclose(gains(T_ATTITUDE, T_VELOCITY).gain, 1.0, atol=0.02)
+
+
+def test_a_velocity_log_ahead_of_the_depth_sensor_is_no_scale_of_its_heave() -> None:
+    """Nobody states the arm of .4 m: the hull pitches, and the log moves 7 times as much."""
+    fine, arm = np.arange(-5.0, 65.0, 1e-3), np.array([0.4, 0.0, 0.0])
+    down = rotation_body_to_ned(euler(fine))[:, 2]
+    depth_of_log = 0.02 * np.sin(1.7 * fine) + down @ arm
+    heave = np.gradient(depth_of_log, fine) / down[:, 2]
+    velocity = np.zeros((T_VELOCITY.size, 3))
+    velocity[:, 2] = np.interp(T_VELOCITY, fine, heave)
+    z = 0.02 * np.sin(1.7 * T_ATTITUDE)
+    poses = (T_ATTITUDE, z, T_ATTITUDE, euler(T_ATTITUDE), T_VELOCITY, velocity)
+    plain, beside = depth_gains(*poses), depth_gains_beside_arm(*poses)
+    assert plain is not None
+    assert beside is not None
+    assert plain.gain[2] + 4.0 * plain.sd[2] < 0.5
+    assert beside.gain[2] == pytest.approx(1.0, abs=0.05)
+    assert beside.gain.shape == beside.sd.shape == (3,)
 
 
 def test_many_lags_take_the_memory_of_a_few_and_give_the_same(
