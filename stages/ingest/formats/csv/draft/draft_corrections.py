@@ -116,7 +116,7 @@ def _change(item: Mapping[str, Any]) -> Callable[[DraftColumn], DraftColumn] | N
             if column.field in fields
             else column
         )
-    if name in UNITS:
+    if name in UNITS and item.get("stream") != "pose":  # of poses: one map is of runs in both units
         return lambda column: (
             replace(
                 column, unit=OTHER_UNIT[column.unit], check=_added(column, f"unit changed: {text}")
