@@ -162,8 +162,8 @@ def _of_outputs(log: CheckedLog) -> Iterator[str]:
     others = [name for name in _pulses(log) if name not in motors and log.swings(name)]
     pulses = log.values("actuators", moving) - NEUTRAL_US
     like = [name for name in others if _explained(log.column("actuators", name), pulses)]
-    functions = (log.info.parameters.get(f"SERVO{_number(name)}_FUNCTION") for name in like)
-    if like and all(value is None or value in MOTOR_OF_FUNCTION for value in functions):
+    set_to = [log.info.parameters.get(f"SERVO{_number(name)}_FUNCTION") for name in like]
+    if like and all(value is None or value in MOTOR_OF_FUNCTION for value in set_to):
         several = len(like) > 1
         yield (
             f"Output{'s' * several} {_numbers(like)} move{'s' * (not several)} as motors do, and"

@@ -424,7 +424,7 @@ def _depth(
             f" {listed([SPEEDS[axis] for axis in turned])})."
         )
         yield finding("depth_sign", text, stream="depth", value=-1.0, fields=("depth_m",))
-    best = min(clear, key=lambda axis: gains.sd[axis] / abs(gains.gain[axis]))
+    best = int(min(clear, key=lambda axis: gains.sd[axis] / abs(gains.gain[axis])))
     size = abs(float(gains.gain[best]))
     factor = 1.0 + limit("velocity_scale")
     most = SURE_SCALE if gains.explained > SURE_SHARE else factor
@@ -439,7 +439,7 @@ def _depth(
             fields=(*LINEAR_VELOCITY, "depth_m"),
         )
     else:
-        yield from list(tilt_findings(log)) or _scale_off(log, freed, int(best))
+        yield from list(tilt_findings(log)) or _scale_off(log, freed, best)
 
 
 def _is_scaled(gains: AxisGains, axis: int, most: float) -> bool:
