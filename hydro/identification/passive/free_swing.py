@@ -23,6 +23,9 @@ from auvid.hydro.identification.signals.splines import smoothing_spline
 DEPTH_UNIT_M = 20.0
 """So large that the sine of a depth in it is that depth."""
 FEWEST_SWINGS = 1.5
+LEFT, HELD_FOR = 0.1, 0.8
+"""Share of the first amplitude by which a body that is let go has left it, and how long a held
+one stays there, in times from then to its rest: a cosine takes .4 of that."""
 STILL = 0.1
 """Share of the first amplitude below which it does not swing any more."""
 WORST_RESIDUAL = 0.35
@@ -54,6 +57,18 @@ class FreeSwing:
         return root, float(np.sqrt(self.covariance[0, 0])) / (2.0 * root)
 
 
+def _held_for(share: Array) -> int:
+    """Return how many samples a body is held at its first deflection, 0 for none.
+
+    share (n,): deflection over the first one, the largest.
+    """
+    left, crossed = share < 1.0 - LEFT, share <= 0.0
+    if not crossed.any():
+        return 0
+    goes, rests = int(np.argmax(left)), int(np.argmax(crossed))
+    return goes if goes > HELD_FOR * max(rests - goes, 1) else 0
+
+
 def fit_free_swing(t_s: Array, values: Array, *, is_depth: bool = False) -> FreeSwing:
     """Fit the decay that begins at the largest swing; t_s (n,) uniform, values (n,).
 
@@ -64,6 +79,7 @@ def fit_free_swing(t_s: Array, values: Array, *, is_depth: bool = False) -> Free
     tail = max(y.size // 5, 3)
     y = y - float(np.median(y[-tail:]))
     begin = int(np.argmax(np.abs(y)))
+    begin += _held_for(y[begin:] / y[begin])
     spline = smoothing_spline(t_s[begin:], y[begin:])
     rate = spline.evaluate(t_s[begin:], 1)
     size = np.abs(y[begin:])

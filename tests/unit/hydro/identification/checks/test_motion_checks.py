@@ -127,12 +127,12 @@ def test_a_velocity_log_ahead_of_the_depth_sensor_is_no_scale_of_its_heave() -> 
     velocity[:, 2] = np.interp(T_VELOCITY, fine, heave)
     z = 0.02 * np.sin(1.7 * T_ATTITUDE)
     poses = (T_ATTITUDE, z, T_ATTITUDE, euler(T_ATTITUDE), T_VELOCITY, velocity)
-    plain, beside = depth_gains(*poses), depth_gains_beside_arm(*poses)
+    plain, freed = depth_gains(*poses), depth_gains_beside_arm(*poses)
     assert plain is not None
-    assert beside is not None
+    assert freed is not None
     assert plain.gain[2] + 4.0 * plain.sd[2] < 0.5
-    assert beside.gain[2] == pytest.approx(1.0, abs=0.05)
-    assert beside.gain.shape == beside.sd.shape == (3,)
+    assert freed.gain[2] == pytest.approx(1.0, abs=0.05)
+    assert freed.gain.shape == freed.sd.shape == (3,)
 
 
 def test_many_lags_take_the_memory_of_a_few_and_give_the_same(

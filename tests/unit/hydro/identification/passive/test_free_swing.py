@@ -30,6 +30,20 @@ def test_a_swing_that_dies_early_in_a_long_record_is_found() -> None:
     assert swing.values[1] == pytest.approx(0.8, rel=0.1)
 
 
+@pytest.mark.parametrize("held_s", [0.0, 0.5, 4.0])
+def test_a_body_that_is_held_before_it_is_let_go_swings_from_then_on(held_s: float) -> None:
+    t_s, rng = np.arange(0.0, 24.0, 0.05), np.random.default_rng(2)
+    since = np.maximum(t_s - held_s, 0.0)
+    decay, damped = 0.3, np.sqrt(4.5**2 - 0.3**2)
+    swing = np.exp(-decay * since) * (
+        np.cos(damped * since) + decay / damped * np.sin(damped * since)
+    )
+    fitted = fit_free_swing(t_s, 0.26 * swing + 0.002 * rng.normal(size=t_s.size))
+    assert fitted.frequency[0] == pytest.approx(4.5, rel=0.005)
+    assert fitted.values[1] == pytest.approx(2.0 * decay, rel=0.08)
+    assert fitted.start_s == pytest.approx(held_s, abs=0.15)
+
+
 def test_a_depth_that_swings_has_no_sine() -> None:
     t_s = np.arange(0.0, 40.0, 0.1)
     depth = 3.0 + 1.5 * np.exp(-0.1 * t_s) * np.cos(0.8 * t_s)
