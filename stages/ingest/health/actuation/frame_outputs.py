@@ -230,21 +230,11 @@ def frame_outputs(log: CheckedLog) -> Iterator[Finding]:
     names = [f"pwm_{number}_us" for number in thrusters.outputs]
     if not set(names) <= set(log.tables["actuators"].column_names):
         return
-    motion = _level_motion(log, thrusters)
-    if motion is None:
-        return
-    answers, impulse, rows = motion
-    other = turned_outputs(
-        answers,
-        impulse,
-        thrusters.allocation[rows],
-        thrusters.direction,
-        equally=EQUALLY,
-        worse=WORSE,
-    )
-    if other is None or float(np.max(other.share - other.own)) < LEAST_RISE:
-        return
-    if other.log_ratio < (BACKWARD if other.best.backward else EXCHANGED):
+    other, rows = _other_wiring(log, thrusters, LEAST_COMMAND)
+    if other is not None and other.best.backward:
+        # Turned round, outputs drive axes that they hardly did as declared.
+        other, rows = _other_wiring(log, thrusters, 0.0)
+    if other is None:
         return
     stated = turned is not None or (log.vehicle and log.vehicle.commands.direction)
     if layout.frame is None or stated:
@@ -280,8 +270,33 @@ def _unstated(
     )
 
 
+def _other_wiring(
+    log: CheckedLog, thrusters: Thrusters, least: float
+) -> tuple[OtherWiring | None, list[int]]:
+    """Return what clearly explains the motion better than as declared, and the rows.
+
+    least: command of an axis, as declared, from which on it tells, in full commands.
+    """
+    motion = _level_motion(log, thrusters, least)
+    if motion is None:
+        return None, []
+    answers, impulse, rows = motion
+    other = turned_outputs(
+        answers,
+        impulse,
+        thrusters.allocation[rows],
+        thrusters.direction,
+        equally=EQUALLY,
+        worse=WORSE,
+    )
+    if other is None or float(np.max(other.share - other.own)) < LEAST_RISE:
+        return None, rows
+    clear = other.log_ratio >= (BACKWARD if other.best.backward else EXCHANGED)
+    return (other if clear else None), rows
+
+
 def _level_motion(
-    log: CheckedLog, thrusters: Thrusters
+    log: CheckedLog, thrusters: Thrusters, least: float
 ) -> tuple[list[WindowMotion], Array, list[int]] | None:
     """Return changes of surge, sway and yaw, impulses of thrusters, and the rows."""
     measured = motions(log)
@@ -291,7 +306,8 @@ def _level_motion(
         row
         for row, axis in HORIZONTAL.items()
         if axis in measured
-        and commands[row] > LEAST_COMMAND * np.abs(thrusters.allocation[row]).sum()
+        and np.abs(thrusters.allocation[row]).max() > LEAST_ALLOCATION
+        and commands[row] >= least * np.abs(thrusters.allocation[row]).sum()
         and float(measured[axis][1].std()) > SMALLEST_MOTION
     ]
     own: list[tuple[Array, Array]] = [measured[HORIZONTAL[row]][:2] for row in rows]
