@@ -273,17 +273,21 @@ def _term(
     value = measured - (_net_weight(axis, scaled, vehicle) if name == CONSTANT else 0.0)
     error = float(np.sqrt(forces.covariance[place, place]))
     ratio_sd = scaled.ratio_sd.get(axis, 0.0)
+    shifts = (
+        {INERTIA_RATIO: ratio_sd * abs(measured)}
+        if ratio_sd
+        else _thrust_shift(measured, scaled, vehicle)
+    )
+    verdict = item.verdict(name)
+    if verdict == IDENTIFIED and not stands_clear(value, error, shifts):
+        verdict = WEAK  # sure over an inertia that is not
     return TermCard(
         term=name,
         unit=unit_of(axis, name, scaled),
         value=value,
         standard_error=error or None,
-        verdict=cast(Verdict, item.verdict(name)),
-        assumed_shifts=(
-            {INERTIA_RATIO: ratio_sd * abs(measured)}
-            if ratio_sd
-            else _thrust_shift(measured, scaled, vehicle)
-        ),
+        verdict=cast(Verdict, verdict),
+        assumed_shifts=shifts,
     )
 
 

@@ -175,6 +175,26 @@ def test_a_time_constant_at_a_speed_is_surer_than_the_parts_of_its_drag() -> Non
     assert {item.verdict for item in other.partial.without_newtons} == {"weak"}
 
 
+def test_damping_in_newtons_is_no_surer_than_the_inertia_in_it() -> None:
+    """N_r / M is known to a part of a thousand, and M to its half: N_r was called identified."""
+    body, fitted = vehicle("bluerov2_heavy"), fits(False)
+    unsure = []
+    for item in fitted.fitted:
+        equation = item.equation
+        place = equation.names.index("force")
+        covariance = equation.covariance.copy()
+        covariance[place, place] += (0.5 * equation.value("force")) ** 2
+        unsure.append(replace(item, equation=replace(equation, covariance=covariance)))
+    before, card = card_of(fitted, body), card_of(replace(fitted, fitted=tuple(unsure)), body)
+    for axis, linear in (("Z", "w"), ("N", "r")):
+        sure, other = (
+            next(item for item in cards.axes[axis].terms if item.term == linear)
+            for cards in (before, card)
+        )
+        assert (sure.verdict, other.verdict) == ("identified", "weak")
+        assert abs(other.value or 0.0) < NORMAL_95 * (other.standard_error or 0.0) * 1.1
+
+
 def test_the_whole_constant_force_scales_with_the_thrust() -> None:
     body = vehicle("bluerov2_heavy")
     light = replace(body, displaced_mass_kg=body.displaced_mass_kg + 1.0)
