@@ -159,39 +159,31 @@ def depth_gains(
     euler: Array,
     t_velocity: Array,
     velocity: Array,
+    *,
+    arm_unknown: bool = False,
 ) -> AxisGains | None:
     """Return the gains of surge, sway and heave in the depth rate.
 
     d(z)/dt = -u sin(theta) + v cos(theta) sin(phi) + w cos(theta) cos(phi), each term
-    with its own gain, over windows of 1 s.
-    """
-    rates = down_at(t_velocity, t_attitude, euler) * velocity
-    shared = _rise_and_parts(t_depth, depth, t_attitude, t_velocity, rates)
-    return None if shared is None else fitted_gains(*shared)
-
-
-@kept
-def depth_gains_beside_arm(
-    t_depth: Array,
-    depth: Array,
-    t_attitude: Array,
-    euler: Array,
-    t_velocity: Array,
-    velocity: Array,
-) -> AxisGains | None:
-    """Return the gains of `depth_gains` where the depth sensor may be ahead or aside.
-
-    A hull that rolls and pitches lifts it by an arm times the change of down in body axes;
-    both arms are free. So heave that is the pitch of the hull alone has no gain.
+    with its own gain, over windows of 1 s. arm_unknown: the depth sensor may be ahead and
+    aside; a hull that rolls and pitches lifts it by arms, which are free, times the change
+    of down in body axes, so that heave that is the pitch of the hull alone has no gain.
     """
     rates = down_at(t_velocity, t_attitude, euler) * velocity
     shared = _rise_and_parts(t_depth, depth, t_attitude, t_velocity, rates)
     if shared is None:
         return None
+    rise, parts = shared
+    if not arm_unknown:
+        return fitted_gains(rise, parts)
     at = _windows_with_depth(t_depth, t_velocity, t_attitude)
     begin, end = (down_at(t, t_attitude, euler)[:, :2] for t in (at, at + WINDOW_S))
-    both = fitted_gains(shared[0], np.hstack([shared[1], end - begin]))
-    return None if both is None else replace(both, gain=both.gain[:3], sd=both.sd[:3])
+    both = fitted_gains(rise, np.hstack([parts, end - begin]))
+    return (
+        None
+        if both is None
+        else replace(both, gain=both.gain[:3], sd=both.sd[:3], own=both.own[:3])
+    )
 
 
 @kept

@@ -14,7 +14,6 @@ from auvid.hydro.identification.checks.motion_checks import (
     accelerometer_changes,
     depth_by_axes,
     depth_gains,
-    depth_gains_beside_arm,
     heave_zero,
     own_and_cross,
     position_gains,
@@ -428,7 +427,7 @@ def _depth(
     size = abs(float(gains.gain[best]))
     factor = 1.0 + limit("velocity_scale")
     most = SURE_SCALE if gains.explained > SURE_SHARE else factor
-    freed = _beside_arm(log) or gains
+    freed = _without_arm(log) or gains
     if _is_scaled(gains, best, most) and _is_scaled(freed, best, most):
         yield finding(
             "velocity_scale",
@@ -448,11 +447,11 @@ def _is_scaled(gains: AxisGains, axis: int, most: float) -> bool:
     return size - room > most or size + room < 1.0 / most
 
 
-def _beside_arm(log: CheckedLog) -> AxisGains | None:
-    """Return the gains beside free arms, where no vehicle file states the arms."""
+def _without_arm(log: CheckedLog) -> AxisGains | None:
+    """Return the gains with free arms, where no vehicle file states them."""
     if log.vehicle is not None:
         return None
-    return depth_gains_beside_arm(*log.depth_of_velocity(), *_poses(log))
+    return depth_gains(*log.depth_of_velocity(), *_poses(log), arm_unknown=True)
 
 
 def _far_too_small(log: CheckedLog, gains: AxisGains) -> Iterator[Finding]:

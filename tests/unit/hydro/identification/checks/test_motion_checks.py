@@ -14,7 +14,6 @@ from auvid.hydro.identification.checks.motion_checks import (
     BLOCK_ROWS,
     angles_at,
     depth_gains,
-    depth_gains_beside_arm,
     down_at,
     gains_by_lag,
     integrals,
@@ -127,7 +126,7 @@ def test_a_velocity_log_ahead_of_the_depth_sensor_is_no_scale_of_its_heave() -> 
     velocity[:, 2] = np.interp(T_VELOCITY, fine, heave)
     z = 0.02 * np.sin(1.7 * T_ATTITUDE)
     poses = (T_ATTITUDE, z, T_ATTITUDE, euler(T_ATTITUDE), T_VELOCITY, velocity)
-    plain, freed = depth_gains(*poses), depth_gains_beside_arm(*poses)
+    plain, freed = depth_gains(*poses), depth_gains(*poses, arm_unknown=True)
     assert plain is not None
     assert freed is not None
     assert plain.gain[2] + 4.0 * plain.sd[2] < 0.5
